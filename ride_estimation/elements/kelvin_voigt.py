@@ -1,0 +1,49 @@
+# Copyright 2026 ride_estimation contributors
+"""Linear spring and damper in parallel."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar, final
+
+import numpy as np
+
+from ride_estimation.elements.base import Array, ForceElement, parameter
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class KelvinVoigt(ForceElement):
+    """Kelvin-Voigt element, ``F = k x + c v``.
+
+    Source: document 003 eq. (3)-(5).
+    """
+
+    KIND: ClassVar[str] = "kelvin_voigt"
+
+    stiffness: float = parameter(
+        "N/m", key="stiffness_n_per_m", lower=0.0, upper=1e10, meaning="spring rate k", role="stiffness", source="003 (3)"
+    )
+    damping: float = parameter(
+        "N s/m", key="damping_n_s_per_m", lower=0.0, upper=1e8, meaning="viscous damping c", role="damping", source="003 (3)"
+    )
+
+    def initial(self) -> Array:
+        """Return an empty memory."""
+        return np.zeros(0)
+
+    def rate(self, s: Array, x: float, v: float) -> Array:
+        """Return an empty rate."""
+        return np.zeros(0)
+
+    def force(self, s: Array, x: float, v: float) -> float:
+        """Return ``k x + c v`` [N]."""
+        return self.stiffness * x + self.damping * v
+
+    def response(self, time_s: Array, x: Array) -> Array:
+        """Return the force over a uniformly sampled deflection; the rate is its central difference."""
+        return self.stiffness * x + self.damping * np.gradient(x, time_s)
+
+    def dynamic_stiffness(self, omega: float, amplitude: float) -> complex:
+        """Return ``k + i omega c`` [N/m] (document 003 eq. (4))."""
+        return complex(self.stiffness, omega * self.damping)

@@ -1,0 +1,58 @@
+# Copyright 2026 ride_estimation contributors
+"""Rotations and rigid-body kinematics in REP-103 axes (x forward, y left, z up, right-handed).
+
+Roll, pitch, yaw are intrinsic z-y'-x'' angles [rad]; positive pitch is nose down.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+AXES: tuple[str, ...] = ("x", "y", "z")
+COORDINATES: tuple[str, ...] = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+def skew(vector: ArrayLike) -> Array:
+    """Return the matrix S with ``S @ u == cross(vector, u)``.
+
+    Parameters
+    ----------
+    vector
+        Shape (3,).
+    """
+    x, y, z = np.asarray(vector, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), taking sensor or body components to parent components.
+
+    Parameters
+    ----------
+    roll, pitch, yaw
+        Angles [rad].
+    """
+    cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def point_motion_matrix(offset: ArrayLike) -> Array:
+    """Return the (3, 6) matrix that maps small rigid-body motion to the motion of a point.
+
+    ``u_point = u_reference + theta x offset``; the same matrix maps (a, alpha) to the linear part of the acceleration.
+
+    Parameters
+    ----------
+    offset
+        Point minus reference, shape (3,) [m].
+    """
+    return np.hstack([np.eye(3), -skew(offset)])

@@ -1,0 +1,2 @@
+# Copyright 2026 ride_estimation contributors
+"""Offline identification from records."""

@@ -1,0 +1,27 @@
+# Copyright 2026 ride_estimation contributors
+"""The one place of numba: compiled kernels where it is installed, the same plain Python where it is not.
+
+Set ``RIDE_ESTIMATION_DISABLE_JIT=1`` to force plain Python.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+#: True where kernels are compiled
+COMPILED: bool = importlib.util.find_spec("numba") is not None and os.environ.get("RIDE_ESTIMATION_DISABLE_JIT") != "1"
+
+
+def compile_kernel(function: F) -> F:
+    """Compile a numeric function of floats and arrays, cached on disk; return it unchanged without numba."""
+    if not COMPILED:
+        return function
+    import numba
+
+    compiled: F = numba.njit(cache=True, error_model="numpy")(function)
+    return compiled

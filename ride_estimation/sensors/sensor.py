@@ -1,0 +1,76 @@
+# Copyright 2026 ride_estimation contributors
+"""What is known of one sensor."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: kinds of sensor a vehicle file may declare -> (number of channels, unit of a sample)
+SENSOR_KINDS: dict[str, tuple[int, str]] = {
+    "accelerometer": (3, "m/s^2"),
+    "imu": (6, "m/s^2, rad/s"),
+    "displacement": (1, "m"),
+    "speed": (1, "m/s"),
+    "force": (3, "N"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensor:
+    """One sensor of a layout, checked by the vehicle file loader.
+
+    Attributes
+    ----------
+    name
+        Name in the vehicle file; the channel name everywhere inside.
+    kind
+        One of :data:`SENSOR_KINDS`. ``imu`` is an accelerometer whose angular velocity is used too. ``displacement`` is
+        one transducer along one axis of one mount (body side minus base side).
+    topic
+        ROS topic. Several displacement sensors share the topic of one JointState; ``element`` is their name in it.
+    body
+        Body the sensor sits on (``cab``, ``chassis``, ``seat``, any body of the vehicle file).
+    mount
+        Mount a chassis-side accelerometer or a displacement or force sensor belongs to, else empty.
+    axis
+        Axis of a displacement sensor (``x y z``), else empty.
+    position
+        [m], shape (3,), vehicle-file axes.
+    rotation
+        Shape (3, 3), takes sensor components to body components.
+    noise_std
+        Standard deviation of one sample [unit of the kind] (acceleration for ``imu``).
+    gyro_noise_std
+        [rad/s], for ``imu``.
+    full_scale
+        Largest magnitude the sensor can report [unit], ``inf`` where unknown.
+    coupling
+        ``dc`` (gravity is in the signal) or ``ac``.
+    trust_despite_minus_one
+        Use the data although the driver publishes covariance[0] == -1.
+    """
+
+    name: str
+    kind: str
+    topic: str
+    body: str
+    mount: str = ""
+    axis: str = ""
+    element: str = ""
+    position: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    rotation: Array = dataclasses.field(default_factory=lambda: np.eye(3))
+    noise_std: float = 0.02
+    gyro_noise_std: float = 0.001
+    full_scale: float = float("inf")
+    coupling: str = "dc"
+    trust_despite_minus_one: bool = False
+
+    @property
+    def channels(self) -> int:
+        """Return the number of values in one sample."""
+        return SENSOR_KINDS[self.kind][0]

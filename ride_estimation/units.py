@@ -1,0 +1,56 @@
+# Copyright 2026 ride_estimation contributors
+"""Units at the border: the key suffix of a file says the unit, inside everything is SI."""
+
+from __future__ import annotations
+
+import math
+
+#: suffix of a YAML key or CSV column -> (unit as printed, factor to SI)
+SUFFIXES: dict[str, tuple[str, float]] = {
+    "_n_s_per_m": ("N s/m", 1.0),
+    "_n_s_per_mm": ("N s/mm", 1.0e3),
+    "_n_per_m": ("N/m", 1.0),
+    "_n_per_mm": ("N/mm", 1.0e3),
+    "_n_per_m3": ("N/m^3", 1.0),
+    "_kgf_per_mm": ("kgf/mm", 9.80665e3),
+    "_kg_m2": ("kg m^2", 1.0),
+    "_kg_mm2": ("kg mm^2", 1.0e-6),
+    "_rad_per_s2": ("rad/s^2", 1.0),
+    "_rad_per_s": ("rad/s", 1.0),
+    "_deg_per_s": ("deg/s", math.pi / 180.0),
+    "_m_per_s2": ("m/s^2", 1.0),
+    "_g": ("g", 9.80665),
+    "_m_per_s": ("m/s", 1.0),
+    "_km_per_h": ("km/h", 1.0 / 3.6),
+    "_kg": ("kg", 1.0),
+    "_mm": ("mm", 1.0e-3),
+    "_m": ("m", 1.0),
+    "_kn": ("kN", 1.0e3),
+    "_n": ("N", 1.0),
+    "_n_m": ("N m", 1.0),
+    "_ms": ("ms", 1.0e-3),
+    "_s": ("s", 1.0),
+    "_hz": ("Hz", 1.0),
+    "_deg": ("deg", math.pi / 180.0),
+    "_rad": ("rad", 1.0),
+    "_pa": ("Pa", 1.0),
+    "_bar": ("bar", 1.0e5),
+    "_m2": ("m^2", 1.0),
+}
+
+
+def split_suffix(key: str) -> tuple[str, str, float]:
+    """Return (name without suffix, unit, factor to SI) of a key; unit is empty where the key has no suffix.
+
+    The longest matching suffix wins, so that ``stiffness_n_per_m`` is newton per metre and not metre.
+
+    Examples
+    --------
+    >>> split_suffix("stiffness_n_per_mm")
+    ('stiffness', 'N/mm', 1000.0)
+    """
+    for suffix in sorted(SUFFIXES, key=len, reverse=True):
+        if key.endswith(suffix) and len(key) > len(suffix):
+            unit, factor = SUFFIXES[suffix]
+            return key[: -len(suffix)], unit, factor
+    return key, "", 1.0
