@@ -1,11 +1,75 @@
-"""Package metadata; tools are configured in pyproject.toml."""
+# Copyright 2026 ride_estimation contributors
+"""Package metadata for pip and for colcon (ament_python); tools are configured in pyproject.toml."""
+
+from collections import defaultdict
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
+NAME = "ride_estimation"
+#: folders that are installed below share/ride_estimation as they are
+SHARED_FOLDERS = ("launch", "config", "bags")
+
+
+def data_files():
+    """List what goes to ``share/``: the ament index marker, the manifest, launch files, configuration, bundled runs."""
+    by_folder = defaultdict(list)
+    by_folder["share/ament_index/resource_index/packages"].append(f"resource/{NAME}")
+    by_folder[f"share/{NAME}"].append("package.xml")
+    for folder in SHARED_FOLDERS:
+        for path in sorted(Path(folder).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                by_folder[f"share/{NAME}/{path.parent.as_posix()}"].append(path.as_posix())
+    return sorted(by_folder.items())
+
+
+RUNTIME = [
+    "setuptools",
+    "numpy>=1.26",
+    "scipy>=1.11",
+    "filterpy>=2.0",
+    "rosbags>=0.11",
+    "pyyaml>=6.0",
+    "matplotlib>=3.6",
+    "numba>=0.60",
+]
+
+# Pinned: the newest unpinned wheels are of another ROS distribution.
+ROS = [
+    'ros-jazzy-rclpy; platform_machine == "x86_64"',
+    'ros-rclpy[fastrtps]==7.1.6; platform_machine == "x86_64"',
+    'ros-jazzy-common-interfaces; platform_machine == "x86_64"',
+]
+TEST = ["pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2", "rainflow>=3.2"]
+LINT = ["ruff>=0.6", "mypy>=1.11", "import-linter>=2.0", "types-PyYAML"]
+COLCON = ["colcon-common-extensions", "colcon-ros", "catkin_pkg", "setuptools<80"]
+
 setup(
-    name="ride_estimation",
+    name=NAME,
     version="0.1.0",
-    packages=find_packages(include=["ride_estimation", "ride_estimation.*"]),
-    install_requires=["setuptools", "numpy>=1.26", "scipy>=1.11", "filterpy>=2.0", "rosbags>=0.11", "pyyaml", "numba"],
-    entry_points={"console_scripts": ["ride-estimation = ride_estimation.cli.main:main"]},
+    description="Cab motion, inertial loads, mount parameters and attachment forces from accelerometers, live and from bags",
+    long_description=Path("README.md").read_text(encoding="utf-8") if Path("README.md").is_file() else "",
+    long_description_content_type="text/markdown",
+    maintainer="ride_estimation contributors",
+    maintainer_email="maintainers@example.com",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    data_files=data_files(),
+    zip_safe=False,
+    install_requires=RUNTIME,
+    extras_require={
+        "ros": ROS,
+        "test": TEST,
+        "lint": LINT,
+        "colcon": COLCON,
+        "dev": TEST + LINT,
+    },
+    entry_points={
+        "console_scripts": [
+            "ride-estimation = ride_estimation.cli.main:main",
+            "estimator_node = ride_estimation.nodes.estimator_node:main",
+            "replay_node = ride_estimation.nodes.replay_node:main",
+        ],
+    },
 )

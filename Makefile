@@ -1,0 +1,58 @@
+# Two commands for a new user: `make demo` and `make test`. Both create the virtual environment on first use.
+#
+#   make demo       install, replay the bundled recording, compare what was found with the truth
+#   make test       fast test suite            make test-all   everything, also the statistical tests
+#   make lint       ruff, mypy --strict, layer rules
+#   make bench      benchmarks                 make clean      remove build products (keeps the environment)
+#
+# PYTHON chooses the interpreter (3.11 or newer), VENV the folder of the environment, WORKERS the test processes.
+
+SHELL := /bin/bash
+VENV ?= .venv
+WORKERS ?= 2
+PYTEST_ARGS ?=
+
+# The first of these that runs; a version manager may have a python3.12 that only prints a message.
+CANDIDATES := python3.12 python3.11 python3.13 python3
+PYTHON ?= $(shell for p in $(CANDIDATES); do $$p -c 'import sys; sys.exit(sys.version_info[:2] < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
+
+# ROS from pip sets this guard per environment; an inherited one makes the child load the wrong libraries.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+
+BIN := $(VENV)/bin
+STAMPS := $(VENV)/.installed
+
+.PHONY: demo test test-all lint bench clean
+.DEFAULT_GOAL := demo
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer found; say which with: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+
+# One rule per set of extras; a stamp file remembers what is installed and setup.py decides when it is out of date.
+$(STAMPS)-%: setup.py | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$*]"
+	@touch $@
+
+demo: $(STAMPS)-ros
+	$(BIN)/ride-estimation demo --out out/demo
+
+test: $(STAMPS)-ros,test
+	$(BIN)/python -m pytest -q -m "not slow" -n $(WORKERS) $(PYTEST_ARGS)
+
+test-all: $(STAMPS)-ros,test
+	$(BIN)/python -m pytest -q -n $(WORKERS) $(PYTEST_ARGS)
+
+lint: $(STAMPS)-ros,test,lint
+	$(BIN)/ruff check ride_estimation test benchmarks launch setup.py
+	$(BIN)/mypy ride_estimation
+	$(BIN)/lint-imports
+
+bench: $(STAMPS)-ros,test
+	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+clean:
+	rm -rf build install log out *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
