@@ -1,0 +1,169 @@
+# Copyright 2026 ride_estimation contributors
+"""A bench record: displacement and force of one element on one uniform time base, checked before use."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+
+Array = NDArray[np.float64]
+
+#: fewest samples a record may have; below it no dynamic parameter has a meaning
+MIN_SAMPLES = 200
+#: largest departure of one time step from the mean step that still counts as uniform
+MAX_STEP_JITTER = 0.02
+#: plausible secant stiffness of mounts, bushings, jounce bumpers and dampers on a bench [N/m]
+PLAUSIBLE_STIFFNESS = (2.0e1, 5.0e8)
+#: share of samples at exactly the extreme value from which a channel counts as clipped
+CLIPPED_SHARE = 0.005
+
+
+@dataclasses.dataclass(frozen=True)
+class BenchRecord:
+    """Displacement and force of one element.
+
+    Attributes
+    ----------
+    name
+        Where the record comes from.
+    time_s
+        Uniform sample times [s], shape (N,).
+    displacement
+        Deflection [m], positive in extension, shape (N,).
+    force
+        Tension [N], shape (N,).
+    warnings
+        What was noticed while reading and checking.
+    """
+
+    name: str
+    time_s: Array
+    displacement: Array
+    force: Array
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def step_s(self) -> float:
+        """Return the sample time [s]."""
+        return float((self.time_s[-1] - self.time_s[0]) / (self.time_s.size - 1))
+
+    @property
+    def samples(self) -> int:
+        """Return N."""
+        return int(self.time_s.size)
+
+    def shifted(self, offset: float) -> BenchRecord:
+        """Return the record with ``offset`` [m] subtracted from the displacement."""
+        return dataclasses.replace(self, displacement=self.displacement - offset)
+
+
+def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) -> BenchRecord:
+    """Check a record; return it with warnings added and small time jitter removed.
+
+    Parameters
+    ----------
+    record
+        Record in SI.
+    allow_stiffness_outside
+        Accept a secant stiffness outside the plausible range (then a warning, not an error).
+
+    Raises
+    ------
+    InputDataError
+        Lengths that differ, too few samples, values that are not finite, time that runs backwards or is irregular,
+        displacement or force that does not move, a secant stiffness that betrays a wrong unit.
+    """
+    t, x, f = record.time_s, record.displacement, record.force
+    where = record.name
+    if not (t.shape == x.shape == f.shape) or t.ndim != 1:
+        raise InputDataError(f"{where}: time, displacement and force differ in length: {t.size}, {x.size}, {f.size}")
+    if t.size < MIN_SAMPLES:
+        raise InputDataError(f"{where}: too short: {t.size} samples, at least {MIN_SAMPLES} are needed")
+    _require_finite(where, time=t, displacement=x, force=f)
+    _require_uniform(where, t)
+    warnings = list(record.warnings)
+    if np.ptp(x) == 0.0:
+        raise InputDataError(f"{where}: displacement is constant ({x[0]:g} m): nothing can be identified from it")
+    if np.ptp(f) == 0.0:
+        raise InputDataError(f"{where}: force is constant ({f[0]:g} N): wrong column, or the load cell was not connected")
+    warnings += _clipping(where, "force", f)
+    warnings += _clipping(where, "displacement", x)
+    warnings += _stiffness_range(where, x, f, allow_stiffness_outside)
+    uniform = t[0] + np.arange(t.size) * ((t[-1] - t[0]) / (t.size - 1))
+    return dataclasses.replace(record, time_s=uniform, warnings=tuple(warnings))
+
+
+def _require_finite(where: str, **signals: Array) -> None:
+    for name, values in signals.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputDataError(
+                f"{where}: {name} has {bad.size} values that are not finite, the first at sample {bad[0]}; "
+                "repair or cut the record (nothing is filled in silently)"
+            )
+
+
+def _require_uniform(where: str, t: Array) -> None:
+    steps = np.diff(t)
+    back = np.flatnonzero(steps <= 0.0)
+    if back.size:
+        raise InputDataError(
+            f"{where}: time does not increase at {back.size} places, the first between sample {back[0]} "
+            f"({t[back[0]]:g} s) and {back[0] + 1} ({t[back[0] + 1]:g} s); sort the record and remove duplicates"
+        )
+    mean = float(np.mean(steps))
+    worst = int(np.argmax(np.abs(steps - mean)))
+    if abs(steps[worst] - mean) > MAX_STEP_JITTER * mean + 2.0 * np.spacing(np.abs(t).max()):
+        raise InputDataError(
+            f"{where}: irregular time: step {steps[worst]:g} s at sample {worst}, mean {mean:g} s "
+            f"(allowed {100 * MAX_STEP_JITTER:g} %); resample the record to a uniform rate first"
+        )
+
+
+def _clipping(where: str, name: str, values: Array) -> list[str]:
+    """Return a warning where many samples sit on one extreme for several samples in a row."""
+    found = []
+    for label, extreme in (("largest", values.max()), ("smallest", values.min())):
+        at = values == extreme
+        share = float(np.mean(at))
+        runs = np.flatnonzero(at[1:] & at[:-1]).size
+        neighbours = np.unique(values).size
+        if share > CLIPPED_SHARE and runs > 0.5 * at.sum() and neighbours > 50:
+            found.append(
+                f"{where}: {name} looks clipped: {100 * share:.2g} % of the samples sit on its {label} value "
+                f"{extreme:g}; these samples are left out of the fit"
+            )
+    return found
+
+
+def clipped_samples(record: BenchRecord) -> NDArray[np.bool_]:
+    """Return which samples of the force sit on a clipped extreme, shape (N,)."""
+    mask = np.zeros(record.samples, dtype=bool)
+    for warning in _clipping(record.name, "force", record.force):
+        extreme = record.force.max() if "largest" in warning else record.force.min()
+        mask |= record.force == extreme
+    return mask
+
+
+def _stiffness_range(where: str, x: Array, f: Array, allow: bool) -> list[str]:
+    secant = float(np.ptp(f) / np.ptp(x))
+    low, high = PLAUSIBLE_STIFFNESS
+    if low <= secant <= high:
+        return []
+    # three decades off in the direction of a forgotten mm -> m conversion
+    hint = (
+        "a displacement in millimetres given as metres, or a force in kN given as N, makes a mount look 1000 times softer"
+        if secant < low
+        else "a displacement in metres given as millimetres, or a force in N given as kN, makes a mount look 1000 times stiffer"
+    )
+    text = (
+        f"{where}: force range {np.ptp(f):g} N over displacement range {np.ptp(x):g} m is a stiffness of {secant:g} N/m, "
+        f"outside {low:g} to {high:g} N/m; {hint}. State the units (--displacement-unit, --force-unit)"
+    )
+    if allow:
+        return [text]
+    raise InputDataError(text + ", or pass --accept-stiffness if the value is right")

@@ -1,0 +1,98 @@
+# Copyright 2026 ride_estimation contributors
+"""Bench procedures of document 001 (rows 1-5 to 1-9, 1-20) against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification import free_decay, hysteresis_loop, static_tests
+
+
+def loop(frequency, force, amplitude=2e-3, cycles=3, per_cycle=2000):
+    t = np.linspace(0, cycles / frequency, cycles * per_cycle + 1)
+    w = 2 * np.pi * frequency
+    x, v = amplitude * np.sin(w * t), amplitude * w * np.cos(w * t)
+    return hysteresis_loop.analyse_loop(t, x, force(x, v), frequency)
+
+
+def test_a_viscous_loop_gives_k_and_c_exactly():
+    result = loop(2.0, lambda x, v: 1e5 * x + 800.0 * v)
+    assert result.stiffness == pytest.approx(1e5, rel=1e-5)  # linear interpolation of 2000 samples a cycle
+    assert result.damping == pytest.approx(800.0, rel=1e-5)
+    assert result.loss_energy == pytest.approx(np.pi * 2 * np.pi * 2.0 * 800.0 * 4e-6, rel=1e-5)
+
+
+def test_a_friction_loop_is_warned_of_with_the_factor_of_document_001():
+    loops = [loop(f, lambda x, v: 1e5 * x + 50.0 * np.sign(v)) for f in (0.02, 4.5)]
+    assert loops[0].damping / loops[1].damping == pytest.approx(225.0, rel=1e-3)
+    warning = hysteresis_loop.viscous_check(loops)
+    assert "omega^-1.00" in warning
+    assert "225 times" in warning
+
+
+def test_two_viscous_loops_are_not_warned_of():
+    assert hysteresis_loop.viscous_check([loop(f, lambda x, v: 1e5 * x + 800.0 * v) for f in (0.02, 4.5)]) == ""
+
+
+def test_constant_speed_loop_area_is_4cvx():
+    c, v, x = 700.0, 0.05, 0.01
+    # ramps: force +cv on the way out, -cv on the way back, each over 2X
+    position = np.concatenate([np.linspace(-x, x, 501), np.linspace(x, -x, 501)])
+    force = np.concatenate([np.full(501, c * v), np.full(501, -c * v)])
+    area = abs(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(position)))
+    assert hysteresis_loop.constant_speed_loss(c, v, x) == pytest.approx(area, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("n", "x"), [(10, np.linspace(0, 1, 10)), (400, np.zeros(400)), (400, np.full(400, np.nan))]
+)
+def test_unusable_loops_are_refused(n, x):
+    with pytest.raises(InputDataError):
+        hysteresis_loop.analyse_loop(np.arange(n) * 0.01, x, x, 1.0)
+
+
+def test_axle_loads_balance_the_moments():
+    front, rear = static_tests.axle_loads(80_000.0, 0.9, 2.2)
+    assert front + rear == pytest.approx(80_000.0, rel=1e-14)
+    assert front * 2.2 == pytest.approx(80_000.0 * 0.9, rel=1e-14)  # moments about the rear axle
+
+
+def test_tyre_stiffness_comes_back_to_the_noise():
+    rng = np.random.default_rng(1)
+    rise = np.linspace(0, 0.05, 12)
+    pull = (2 * 4.0e5 * rise) * 2.2 / 3.0
+    load = static_tests.lifting_load(1.0, 3.0, 2.2) * pull + rng.normal(0, 100.0, rise.size)
+    result = static_tests.tyre_stiffness_from_lift(load, rise)
+    assert abs(result.stiffness - 4.0e5) < 4 * result.std
+    assert result.std == pytest.approx(100.0 / (2 * 0.0545), rel=0.5)  # N/m; sigma / (2 sqrt(Sxx)), 12 points scatter
+
+
+@pytest.mark.parametrize("zeta", [0.01, 0.057, 0.2])
+def test_free_decay_gives_the_damping_ratio(zeta):
+    w, rate = 2 * np.pi * 1.7, 500.0
+    t = np.arange(0, 12, 1 / rate)
+    y = np.exp(-zeta * w * t) * np.cos(w * math.sqrt(1 - zeta**2) * t)
+    result = free_decay.analyse_decay(y, rate)
+    assert result.damping_ratio == pytest.approx(zeta, abs=1e-3)
+    assert result.frequency_hz == pytest.approx(1.7 * math.sqrt(1 - zeta**2), rel=2e-3)
+
+
+def test_a_linear_decay_of_friction_shows_in_the_spread():
+    rate = 500.0
+    t = np.arange(0, 6, 1 / rate)
+    y = np.maximum(1 - t / 6.5, 0) * np.cos(2 * np.pi * 1.7 * t)
+    assert free_decay.analyse_decay(y, rate).spread > 0.2
+
+
+def test_drop_test_damping_needs_the_inertia_about_the_pivot():
+    pivot_inertia, arm, static_load = 9_000.0, 2.2, 15_500.0
+    right = free_decay.damping_constant(0.06, 8e5, free_decay.effective_mass(pivot_inertia, arm))
+    printed = free_decay.damping_constant(0.06, 8e5, static_load / 9.80665)
+    ratio = (static_load / 9.80665) / (pivot_inertia / arm**2)
+    assert printed / right == pytest.approx(math.sqrt(ratio), rel=1e-12)
+
+
+def test_the_report_line_says_by_which_factor_stiffness_over_mass_is_off():
+    assert "1.86 times" in static_tests.stiffness_ratio(1.1, 1.5)
