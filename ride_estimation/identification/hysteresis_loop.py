@@ -112,6 +112,7 @@ def viscous_check(loops: list[LoopResult]) -> str:
         return ""
     ratio = low.damping / high.damping
     return (
-        f"equivalent damping falls as omega^{slope:.2f} (viscous: 0, friction: -1): the value at {low.omega / 2 / math.pi:.3g} Hz "
+        f"equivalent damping falls as omega^{slope:.2f} (viscous: 0, friction: -1): the value at "
+        f"{low.omega / 2 / math.pi:.3g} Hz "
         f"is {ratio:.3g} times that at {high.omega / 2 / math.pi:.3g} Hz and must not be used as a viscous constant"
     )

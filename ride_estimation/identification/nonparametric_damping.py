@@ -44,7 +44,7 @@ def spectrum_ratio(damped: ArrayLike, undamped: ArrayLike) -> Array:
 
     It shows a notch at the bounce mode for every damper and must not be used to choose one.
     """
-    return np.abs(np.asarray(damped)) / np.abs(np.asarray(undamped))
+    return np.asarray(np.abs(np.asarray(damped)) / np.abs(np.asarray(undamped)))
 
 
 @dataclasses.dataclass(frozen=True)

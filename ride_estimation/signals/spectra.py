@@ -180,7 +180,7 @@ def _peak_frequencies(spectrum: Spectrum, prominence: float) -> Array:
         neighbourhood = density[max(lower, 1) : max(upper, lower + 3)]
         if density[i] >= prominence * np.median(neighbourhood):
             keep.append(i)
-    return spectrum.frequency_hz[np.array(keep, dtype=int)]
+    return np.asarray(spectrum.frequency_hz[np.array(keep, dtype=int)])
 
 
 def spectrum_correlation(measured: ArrayLike, modelled: ArrayLike, rate_hz: float, block: int) -> float:
