@@ -38,6 +38,35 @@ SUFFIXES: dict[str, tuple[str, float]] = {
     "_m2": ("m^2", 1.0),
 }
 
+#: printed unit -> SI unit of the same dimension, where it is not SI itself
+SI_UNITS: dict[str, str] = {
+    "N s/mm": "N s/m", "N/mm": "N/m", "kgf/mm": "N/m", "kg mm^2": "kg m^2", "deg/s": "rad/s", "g": "m/s^2", "km/h": "m/s",
+    "mm": "m", "kN": "N", "ms": "s", "deg": "rad", "bar": "Pa",
+}
+
+
+def si_unit(unit: str) -> str:
+    """Return the SI unit of the dimension of a printed unit.
+
+    Examples
+    --------
+    >>> si_unit("kgf/mm")
+    'N/m'
+    """
+    return SI_UNITS.get(unit, unit)
+
+
+def suffixes_of(unit: str) -> tuple[str, ...]:
+    """Return the key suffixes whose values convert to an SI unit, SI first.
+
+    Examples
+    --------
+    >>> suffixes_of("rad")
+    ('_rad', '_deg')
+    """
+    found = [(factor != 1.0, suffix) for suffix, (printed, factor) in SUFFIXES.items() if si_unit(printed) == unit]
+    return tuple(suffix for _, suffix in sorted(found, key=lambda item: item[0]))
+
 
 def split_suffix(key: str) -> tuple[str, str, float]:
     """Return (name without suffix, unit, factor to SI) of a key; unit is empty where the key has no suffix.

@@ -1,0 +1,336 @@
+# Copyright 2026 ride_estimation contributors
+"""Reading a YAML document field by field so that every mistake is found in one pass.
+
+A field is addressed by its name without unit; the key in the file carries the unit (``stiffness_n_per_m``,
+``stiffness_n_per_mm``) and the value comes out in SI.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.units import si_unit, split_suffix, suffixes_of
+from ride_estimation.vehicles.vehicle import Prior
+
+Array = NDArray[np.float64]
+
+QUANTITY_KEYS = ("value", "std", "relative_std", "range", "source")
+
+
+def read_yaml(path: Path) -> Mapping[str, Any]:
+    """Return the mapping a YAML file holds.
+
+    Raises
+    ------
+    ConfigurationError
+        Missing or unreadable file, broken YAML, duplicate keys, or a document that is no mapping.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigurationError("the file does not exist", where=str(path)) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"the file cannot be read: {error}", where=str(path)) from error
+    try:
+        twice = list(_keys_given_twice(yaml.compose(text, Loader=yaml.SafeLoader)))
+        document = yaml.safe_load(text)
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise ConfigurationError(f"not valid YAML: {' '.join(str(error).split())}", where=str(path)) from error
+    if twice:
+        raise ConfigurationError(twice, where=str(path))
+    if not isinstance(document, dict):
+        raise ConfigurationError("the document must be a mapping of keys to values", where=str(path))
+    return document
+
+
+def _keys_given_twice(node: Any) -> Iterator[str]:
+    """Yield a problem per key that a mapping holds twice; plain YAML keeps the last one silently."""
+    if isinstance(node, yaml.MappingNode):
+        seen: set[str] = set()
+        for key, value in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    yield f"key {key.value!r} is given twice, the second time in line {key.start_mark.line + 1}"
+                seen.add(key.value)
+            yield from _keys_given_twice(value)
+    elif isinstance(node, yaml.SequenceNode):
+        for value in node.value:
+            yield from _keys_given_twice(value)
+
+
+def as_number(value: Any) -> float | None:
+    """Return a finite float, or None; ``4e5``, which YAML 1.1 calls a text, is a number here."""
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError:
+            return None
+    if not isinstance(value, (int, float)) or not math.isfinite(value):
+        return None
+    return float(value)
+
+
+class Section:
+    """One mapping of a document; every getter notes its mistake in ``problems`` and returns None (or the default).
+
+    Parameters
+    ----------
+    mapping
+        The YAML mapping.
+    path
+        Where it is in the document, for messages (``mounts.front_left``).
+    problems
+        Shared list that collects one sentence per mistake.
+    """
+
+    def __init__(self, mapping: Any, path: str, problems: list[str]) -> None:
+        self.path = path
+        self.problems = problems
+        self._used: set[str] = set()
+        self._known: set[str] = set()
+        if not isinstance(mapping, Mapping):
+            self.note("", f"a mapping of keys to values is needed; given {mapping!r}")
+            mapping = {}
+        self._mapping: Mapping[str, Any] = {str(key): value for key, value in mapping.items()}
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._mapping
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Return the keys in file order."""
+        return tuple(self._mapping)
+
+    def where(self, key: str) -> str:
+        """Return the full path of a key."""
+        return ".".join(part for part in (self.path, key) if part)
+
+    def note(self, key: str, problem: str) -> None:
+        """Add a mistake."""
+        where = self.where(key)
+        self.problems.append(f"{where}: {problem}" if where else problem)
+
+    def raw(self, key: str, *, required: bool = False, meaning: str = "") -> Any:
+        """Return the value as YAML gave it, None where absent."""
+        self._used.add(key)
+        self._known.add(key)
+        if key not in self._mapping:
+            if required:
+                self.note(key, f"missing{f' ({meaning})' if meaning else ''}")
+            return None
+        return self._mapping[key]
+
+    def section(self, key: str, *, required: bool = False, meaning: str = "") -> Section | None:
+        """Return a nested mapping."""
+        value = self.raw(key, required=required, meaning=meaning)
+        return None if value is None else Section(value, self.where(key), self.problems)
+
+    def sections(self, key: str, *, required: bool = False, meaning: str = "") -> dict[str, Section]:
+        """Return the mappings inside a mapping, by name."""
+        parent = self.section(key, required=required, meaning=meaning)
+        if parent is None:
+            return {}
+        return {name: Section(parent.raw(name), parent.where(name), self.problems) for name in parent.keys}
+
+    def text(self, key: str, default: str | None = "", *, allowed: Iterable[str] = (), meaning: str = "") -> str | None:
+        """Return a text; ``default=None`` makes it required; ``allowed`` lists the choices."""
+        value = self.raw(key, required=default is None, meaning=meaning)
+        if value is None:
+            return default
+        choices = tuple(allowed)
+        if not isinstance(value, str):
+            self.note(key, f"{value!r} is not a text" + (f"; allowed: {', '.join(choices)}" if choices else ""))
+            return default
+        if choices and value not in choices:
+            self.note(key, f"{value!r} is unknown; allowed: {', '.join(choices)}{suggestion(value, choices)}")
+            return default
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        """Return true or false."""
+        value = self.raw(key)
+        if value is None:
+            return default
+        if not isinstance(value, bool):
+            self.note(key, f"{value!r} is not true or false")
+            return default
+        return value
+
+    def unit_key(self, name: str, unit: str, *, required: bool = False, meaning: str = "") -> tuple[str, float] | None:
+        """Return (key in the file, factor to SI) of the field ``name`` given in any unit of the dimension of ``unit``."""
+        suffixes = suffixes_of(unit)
+        allowed = tuple(name + suffix for suffix in suffixes)
+        self._known.update(allowed)
+        found = []
+        for key in self._mapping:
+            base, printed, factor = split_suffix(key)
+            if key == name or (base == name and printed):
+                self._used.add(key)
+                if si_unit(printed) == unit:
+                    found.append((key, factor))
+                else:
+                    given = f"unit {printed}" if printed else "no unit in the key"
+                    self.note(key, f"{given}; allowed: {', '.join(allowed)}")
+                    required = False
+        if len(found) > 1:
+            self.note(name, f"given more than once: {', '.join(key for key, _ in found)}")
+        if not found:
+            if required:
+                self.note(allowed[0], f"missing{f' ({meaning})' if meaning else ''} [{unit}]")
+            return None
+        return found[0]
+
+    def number(
+        self,
+        name: str,
+        unit: str,
+        *,
+        required: bool = False,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+        meaning: str = "",
+    ) -> float | None:
+        """Return a plain number in SI."""
+        located = self.unit_key(name, unit, required=required, meaning=meaning)
+        if located is None:
+            return None
+        key, factor = located
+        value = as_number(self._mapping[key])
+        if value is None:
+            self.note(key, f"{self._mapping[key]!r} is not a finite number [{unit}]")
+            return None
+        return self._bounded(key, value * factor, unit, lower, upper)
+
+    def quantity(
+        self,
+        name: str,
+        unit: str,
+        *,
+        required: bool = False,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+        meaning: str = "",
+    ) -> Prior | None:
+        """Return a number or ``{value, std | relative_std, range, source}`` in SI."""
+        located = self.unit_key(name, unit, required=required, meaning=meaning)
+        if located is None:
+            return None
+        key, factor = located
+        prior = quantity_from(self._mapping[key], self.where(key), unit, factor, self.problems)
+        if prior is None or self._bounded(key, prior.value, unit, lower, upper) is None:
+            return None
+        return prior
+
+    def plain(self, key: str, *, lower: float = -math.inf, upper: float = math.inf) -> float | None:
+        """Return a number without unit."""
+        value = self.raw(key)
+        if value is None:
+            return None
+        number = as_number(value)
+        if number is None:
+            self.note(key, f"{value!r} is not a finite number")
+            return None
+        return self._bounded(key, number, "", lower, upper)
+
+    def vector(self, name: str, unit: str, *, required: bool = False, limit: float = math.inf, meaning: str = "") -> Array | None:
+        """Return three numbers in SI, shape (3,)."""
+        located = self.unit_key(name, unit, required=required, meaning=meaning)
+        if located is None:
+            return None
+        key, factor = located
+        return self.three(key, self._mapping[key], unit, factor, limit)
+
+    def three(self, key: str, value: Any, unit: str, factor: float, limit: float = math.inf) -> Array | None:
+        """Return ``value`` as three finite numbers in SI, shape (3,)."""
+        numbers = [as_number(v) for v in value] if isinstance(value, Sequence) and not isinstance(value, str) else []
+        if len(numbers) != 3 or any(v is None for v in numbers):
+            self.note(key, f"{value!r} is not a list of three finite numbers [{unit}]")
+            return None
+        vector = np.array(numbers, dtype=float) * factor
+        if np.max(np.abs(vector)) > limit:
+            worst = vector[np.argmax(np.abs(vector))]
+            allowed = f"-{limit:g} to {limit:g} {unit}"
+            self.note(key, f"{worst:g} {unit} is impossible; allowed: {allowed} (is the unit in the key right?)")
+            return None
+        return vector
+
+    def finish(self) -> None:
+        """Report the keys nobody asked for."""
+        for key in self._mapping:
+            if key not in self._used:
+                known = sorted(self._known)
+                self.note(key, f"unknown key; allowed: {', '.join(known)}{suggestion(key, known)}")
+
+    def _bounded(self, key: str, value: float, unit: str, lower: float, upper: float) -> float | None:
+        if lower <= value <= upper:
+            return value
+        unit = f" {unit}" if unit else ""
+        self.note(key, f"{value:g}{unit} is outside {lower:g} to {upper:g}{unit}")
+        return None
+
+
+def suggestion(word: str, choices: Iterable[str]) -> str:
+    """Return `` (did you mean ...?)`` where one of the choices is close."""
+    close = difflib.get_close_matches(word, list(choices), n=1, cutoff=0.75)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def quantity_from(value: Any, where: str, unit: str, factor: float, problems: list[str]) -> Prior | None:
+    """Return a quantity of the file as a Prior in SI, or None after noting what is wrong with it.
+
+    Parameters
+    ----------
+    value
+        A number, or a mapping with ``value`` and any of ``std``, ``relative_std``, ``range``, ``source``.
+    where
+        Path for messages.
+    unit, factor
+        SI unit and factor from the unit of the file.
+    problems
+        List the mistakes are added to.
+    """
+    number = as_number(value)
+    if number is not None:
+        return Prior(number * factor)
+    if not isinstance(value, Mapping):
+        problems.append(f"{where}: {value!r} is not a finite number or {{value, std | relative_std, range, source}} [{unit}]")
+        return None
+    before = len(problems)
+    section = Section(value, where, problems)
+    centre = section.plain("value")
+    if centre is None and "value" not in section:
+        section.note("value", f"missing [{unit}]")
+    std = section.plain("std", lower=1e-300)
+    relative = section.plain("relative_std", lower=1e-300)
+    if std is not None and relative is not None:
+        section.note("", "std and relative_std are both given; one is allowed")
+    bounds = section.raw("range")
+    low, high = -math.inf, math.inf
+    if bounds is not None:
+        pair = [as_number(v) for v in bounds] if isinstance(bounds, list) else []
+        if len(pair) != 2 or pair[0] is None or pair[1] is None or pair[0] > pair[1]:
+            section.note("range", f"{bounds!r} is not [lowest, highest]")
+        else:
+            low, high = pair[0], pair[1]
+            if centre is not None and not low <= centre <= high:
+                section.note("value", f"{centre:g} is outside its own range {low:g} to {high:g}")
+    source = section.text("source", "")
+    section.finish()
+    if len(problems) > before or centre is None:
+        return None
+    if relative is not None:
+        std = relative * abs(centre)
+    return Prior(
+        centre * factor, None if std is None else std * factor, low * factor, high * factor, source or ""
+    )

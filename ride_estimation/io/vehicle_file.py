@@ -1,0 +1,201 @@
+# Copyright 2026 ride_estimation contributors
+"""Vehicle files: YAML to :class:`~ride_estimation.vehicles.vehicle.Vehicle` and back, all mistakes reported at once.
+
+Schema: ``config/vehicles/truck_cab.yaml`` shows it with comments.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.io.document import Section, read_yaml
+from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, stiffness_unit_problems
+from ride_estimation.io.vehicle_sensors import read_force_references, read_sensors, topic_problems
+from ride_estimation.sensors.layout import LayoutCheck, check_layout
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.vehicle import STANDARD_GRAVITY, Body, ForceReference, Mount, Prior, Vehicle
+
+SCHEMA = "ride_estimation/vehicle/1"
+
+
+def load_vehicle(path: str | Path) -> Vehicle:
+    """Load and check a vehicle file.
+
+    Parameters
+    ----------
+    path
+        YAML file of schema ``ride_estimation/vehicle/1``.
+
+    Raises
+    ------
+    ConfigurationError
+        All mistakes at once: field, value given, what is allowed.
+    """
+    path = Path(path)
+    document = read_yaml(path)
+    vehicle = vehicle_from_mapping(document, where=str(path))
+    return dataclasses.replace(vehicle, checksum=hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def vehicle_from_mapping(document: Any, where: str = "vehicle") -> Vehicle:
+    """Build a vehicle from the mapping of a vehicle file.
+
+    Parameters
+    ----------
+    document
+        Mapping as YAML gives it.
+    where
+        Name for messages.
+
+    Raises
+    ------
+    ConfigurationError
+        All mistakes at once.
+    """
+    problems: list[str] = []
+    top = Section(document, "", problems)
+    top.text("schema", None, allowed=(SCHEMA,), meaning=f"must be {SCHEMA}")
+    name = top.text("name", None, meaning="a short name of the vehicle")
+    description = top.text("description", "")
+    gravity = top.number("gravity", "m/s^2", lower=0.0, upper=30.0)
+    bodies = read_bodies(top.sections("bodies", required=True, meaning="at least one rigid body"), problems)
+    mounts = read_mounts(top.sections("mounts", required=True, meaning="at least one mount"), bodies, problems)
+    sensors = read_sensors(top.sections("sensors"), bodies, mounts, problems)
+    references = read_force_references(top, bodies, mounts, sensors)
+    top.finish()
+    problems += topic_problems(sensors)
+    if not problems:
+        problems += stiffness_unit_problems(bodies, mounts)
+    if problems:
+        raise ConfigurationError(problems, where=where)
+    return Vehicle(
+        name=name or "",
+        bodies=bodies,
+        mounts=mounts,
+        sensors=sensors,
+        force_references=references,
+        gravity=STANDARD_GRAVITY if gravity is None else gravity,
+        description=description or "",
+    )
+
+
+def body_layout(vehicle: Vehicle, body: str) -> LayoutCheck:
+    """Judge the accelerometer layout on one body of a vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        The vehicle.
+    body
+        Name of one of its bodies.
+    """
+    sensors = [s for s in vehicle.sensors.values() if s.body == body]
+    return check_layout(sensors, vehicle.bodies[body].cg, vehicle.bodies[body].coordinates)
+
+
+def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
+    """Write a vehicle file that loads again to an equal vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        The vehicle.
+    path
+        File to write.
+    """
+    text = yaml.safe_dump(vehicle_to_mapping(vehicle), sort_keys=False, allow_unicode=True, width=120)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def vehicle_to_mapping(vehicle: Vehicle) -> dict[str, Any]:
+    """Return the YAML form of a vehicle, SI units."""
+    document: dict[str, Any] = {"schema": SCHEMA, "name": vehicle.name}
+    if vehicle.description:
+        document["description"] = vehicle.description
+    document["gravity_m_per_s2"] = float(vehicle.gravity)
+    document["bodies"] = {name: _body_mapping(body) for name, body in vehicle.bodies.items()}
+    document["mounts"] = {name: _mount_mapping(mount) for name, mount in vehicle.mounts.items()}
+    document["sensors"] = {name: _sensor_mapping(sensor) for name, sensor in vehicle.sensors.items()}
+    if vehicle.force_references:
+        document["force_references"] = [_reference_mapping(reference) for reference in vehicle.force_references]
+    return document
+
+
+def _quantity(prior: Prior) -> Any:
+    extra: dict[str, Any] = {}
+    if prior.std is not None:
+        extra["std"] = float(prior.std)
+    if np.isfinite(prior.lower) and np.isfinite(prior.upper):
+        extra["range"] = [float(prior.lower), float(prior.upper)]
+    if prior.source:
+        extra["source"] = prior.source
+    return {"value": float(prior.value), **extra} if extra else float(prior.value)
+
+
+def _body_mapping(body: Body) -> dict[str, Any]:
+    mapping: dict[str, Any] = {"mass_kg": _quantity(body.mass)}
+    cg = [float(v) for v in body.cg]
+    mapping["cg_m"] = cg if body.cg_std is None else {"value": cg, "std": [float(v) for v in body.cg_std]}
+    i = body.inertia
+    mapping["inertia_kg_m2"] = {
+        "ixx": float(i[0, 0]), "iyy": float(i[1, 1]), "izz": float(i[2, 2]),
+        "ixy": float(i[0, 1]), "ixz": float(i[0, 2]), "iyz": float(i[1, 2]),
+    }
+    if body.inertia_relative_std is not None:
+        mapping["inertia_kg_m2"]["relative_std"] = float(body.inertia_relative_std)
+    mapping["degrees_of_freedom"] = list(body.coordinates)
+    if body.source:
+        mapping["source"] = body.source
+    return mapping
+
+
+def _mount_mapping(mount: Mount) -> dict[str, Any]:
+    axes: dict[str, Any] = {}
+    for axis, element in mount.elements.items():
+        mapping = element.to_mapping()
+        for p in element.parameters():
+            prior = mount.priors.get((axis, p.name))
+            if prior is not None and isinstance(mapping.get(p.key), float):
+                mapping[p.key] = _quantity(dataclasses.replace(prior, value=mapping[p.key]))
+        axes[axis] = mapping
+    return {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+
+
+def _sensor_mapping(sensor: Sensor) -> dict[str, Any]:
+    unit = {"displacement": "m", "speed": "m_per_s", "force": "n"}.get(sensor.kind, "m_per_s2")
+    mapping: dict[str, Any] = {"kind": sensor.kind, "topic": sensor.topic, "body": sensor.body}
+    for key in ("mount", "axis", "element"):
+        if getattr(sensor, key):
+            mapping[key] = getattr(sensor, key)
+    mapping["position_m"] = [float(v) for v in sensor.position]
+    if not np.array_equal(sensor.rotation, np.eye(3)):
+        mapping["rotation_matrix"] = [[float(v) for v in row] for row in sensor.rotation]
+    mapping[f"noise_{unit}"] = float(sensor.noise_std)
+    if sensor.kind == "imu":
+        mapping["gyro_noise_rad_per_s"] = float(sensor.gyro_noise_std)
+    if np.isfinite(sensor.full_scale):
+        mapping[f"full_scale_{unit}"] = float(sensor.full_scale)
+    mapping["coupling"] = sensor.coupling
+    if sensor.trust_despite_minus_one:
+        mapping["trust_despite_minus_one"] = True
+    return mapping
+
+
+def _reference_mapping(reference: ForceReference) -> dict[str, Any]:
+    mapping: dict[str, Any] = {"kind": reference.kind}
+    for key in ("body", "mount", "axis", "sensor"):
+        if getattr(reference, key):
+            mapping[key] = getattr(reference, key)
+    suffix = {
+        "mass": "mass_kg", "position": "position_m", "pressure": "pressure_pa", "area": "area_m2", "force_std": "force_std_n",
+    }
+    for key, value in reference.details.items():
+        mapping[suffix.get(key, key)] = [float(v) for v in value] if key == "position" else float(value)
+    return mapping

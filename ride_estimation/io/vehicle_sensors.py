@@ -1,0 +1,194 @@
+# Copyright 2026 ride_estimation contributors
+"""The measuring half of a vehicle file: sensors and force references."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.frames import AXES, rotation_from_rpy
+from ride_estimation.io.document import Section, as_number
+from ride_estimation.io.vehicle_mechanics import FARTHEST
+from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
+from ride_estimation.vehicles.vehicle import Body, ForceReference, Mount
+
+Array = NDArray[np.float64]
+
+#: unit of noise and full scale, default noise (one sample, standard deviation) by kind
+_KIND_DEFAULTS: dict[str, tuple[str, float]] = {
+    "accelerometer": ("m/s^2", 0.02),
+    "imu": ("m/s^2", 0.02),
+    "displacement": ("m", 1e-4),
+    "speed": ("m/s", 0.1),
+    "force": ("N", 20.0),
+}
+REFERENCE_KINDS = ("known_mass", "known_stiffness", "load_cell", "air_spring_pressure", "known_added_mass")
+
+
+def read_sensors(
+    sections: Mapping[str, Section], bodies: Mapping[str, Body], mounts: Mapping[str, Mount], problems: list[str]
+) -> dict[str, Sensor]:
+    """Return the sensors that could be read; mistakes are added to ``problems``."""
+    bases = {m.base for m in mounts.values()} - set(bodies)
+    sensors: dict[str, Sensor] = {}
+    for name, section in sections.items():
+        before = len(problems)
+        sensor = _read_sensor(name, section, bodies, mounts, bases)
+        section.finish()
+        if sensor is not None and len(problems) == before:
+            sensors[name] = sensor
+    return sensors
+
+
+def _read_sensor(
+    name: str, section: Section, bodies: Mapping[str, Body], mounts: Mapping[str, Mount], bases: set[str]
+) -> Sensor | None:
+    kind = section.text("kind", None, allowed=SENSOR_KINDS, meaning=f"one of {', '.join(SENSOR_KINDS)}")
+    if kind is None:
+        for key in section.keys:
+            section.raw(key)
+        return None
+    unit, default_noise = _KIND_DEFAULTS[kind]
+    needs_mount = kind in ("displacement", "force")
+    mount_name = section.text("mount", None if needs_mount else "", allowed=mounts, meaning="the mount it measures")
+    mount = mounts.get(mount_name or "")
+    axis = section.text("axis", None, allowed=AXES, meaning="x, y or z") if kind == "displacement" else ""
+    body = _read_body(section, kind, mount, bodies, bases)
+    default_topic = {
+        "displacement": "/mounts/displacement", "speed": "/vehicle/speed", "force": f"/mounts/{mount_name}/force_measured",
+    }
+    topic = section.text("topic", default_topic.get(kind), meaning="ROS topic")
+    if topic is not None and (not topic.strip("/") or any(c.isspace() for c in topic)):
+        section.note("topic", f"{topic!r} is not a topic name")
+    motion = kind in ("accelerometer", "imu")
+    position = section.vector("position", "m", required=motion, limit=FARTHEST, meaning="place of the sensor")
+    noise = section.number("noise", unit, lower=1e-12, upper=1e6, meaning="standard deviation of one sample")
+    gyro = section.number("gyro_noise", "rad/s", lower=1e-12, upper=10.0) if kind == "imu" else None
+    full_scale = section.number("full_scale", unit, lower=1e-9)
+    element = (section.text("element", f"{mount_name}_{axis}") if kind == "displacement" else "") or ""
+    coupling = section.text("coupling", "dc", allowed=("dc", "ac"))
+    fallback = mount.position if mount is not None else np.zeros(3)
+    return Sensor(
+        name=name,
+        kind=kind,
+        topic=(topic or "") if (topic or "").startswith("/") else f"/{topic}",
+        body=body or "",
+        mount=mount_name or "",
+        axis=axis or "",
+        element=element,
+        position=fallback.copy() if position is None else position,
+        rotation=_read_rotation(section),
+        noise_std=default_noise if noise is None else noise,
+        gyro_noise_std=0.001 if gyro is None else gyro,
+        full_scale=float("inf") if full_scale is None else full_scale,
+        coupling=coupling or "dc",
+        trust_despite_minus_one=section.flag("trust_despite_minus_one", False),
+    )
+
+
+def _read_body(section: Section, kind: str, mount: Mount | None, bodies: Mapping[str, Body], bases: set[str]) -> str | None:
+    """Return the body of a sensor and check that it fits its mount."""
+    if kind == "speed":
+        return section.text("body", "chassis")
+    default = mount.body if mount is not None and kind in ("displacement", "force") else None
+    allowed = (*bodies, *sorted(bases | {"chassis"}))
+    body = section.text("body", default, allowed=allowed, meaning="the body it sits on")
+    if mount is not None and body and body not in (mount.body, mount.base):
+        section.note("body", f"{body!r} is not a side of mount {mount.name!r}, which joins {mount.body!r} and {mount.base!r}")
+    return body
+
+
+def _read_rotation(section: Section) -> Array:
+    """Return the rotation from sensor to body axes, from roll-pitch-yaw angles or a matrix; identity by default."""
+    angles = section.vector("rotation", "rad", limit=2.0 * np.pi + 1e-9)
+    matrix = section.raw("rotation_matrix")
+    if matrix is None:
+        return np.eye(3) if angles is None else rotation_from_rpy(*angles)
+    if angles is not None:
+        section.note("rotation_matrix", "given beside rotation angles; one of them is allowed")
+    rows = matrix if isinstance(matrix, list) else []
+    numbers = [[as_number(v) for v in row] if isinstance(row, list) else [] for row in rows]
+    if [len(row) for row in numbers] != [3, 3, 3] or any(v is None for row in numbers for v in row):
+        section.note("rotation_matrix", f"{matrix!r} is not three rows of three finite numbers")
+        return np.eye(3)
+    rotation = np.array(numbers, dtype=float)
+    if np.max(np.abs(rotation @ rotation.T - np.eye(3))) > 1e-3:
+        section.note("rotation_matrix", "rows are not orthogonal unit vectors (sensor axes to body axes)")
+        return np.eye(3)
+    if np.linalg.det(rotation) < 0.0:
+        section.note("rotation_matrix", "left-handed (determinant -1): one axis has the wrong sign")
+        return np.eye(3)
+    return rotation
+
+
+def topic_problems(sensors: Mapping[str, Sensor]) -> list[str]:
+    """Return one problem per pair of sensors that would read the same data."""
+    problems = []
+    owner: dict[tuple[str, str], Sensor] = {}
+    for sensor in sensors.values():
+        key = (sensor.topic, sensor.element)
+        other = owner.setdefault(key, sensor)
+        if other is not sensor:
+            what = f"element {sensor.element!r} of topic" if sensor.element else "topic"
+            problems.append(f"sensors.{sensor.name}.topic: {what} {sensor.topic!r} is already used by sensor {other.name!r}")
+        elif any(s.kind != sensor.kind and s.topic == sensor.topic for s in owner.values()):
+            problems.append(f"sensors.{sensor.name}.topic: {sensor.topic!r} is used by sensors of different kinds")
+    return problems
+
+
+def read_force_references(
+    top: Section, bodies: Mapping[str, Body], mounts: Mapping[str, Mount], sensors: Mapping[str, Sensor]
+) -> tuple[ForceReference, ...]:
+    """Return what anchors forces in absolute terms; mistakes are noted in ``top``."""
+    entries = top.raw("force_references")
+    if entries is None:
+        return ()
+    if not isinstance(entries, list):
+        top.note("force_references", f"{entries!r} is not a list")
+        return ()
+    references = []
+    for index, entry in enumerate(entries):
+        section = Section(entry, f"force_references[{index}]", top.problems)
+        before = len(top.problems)
+        reference = _read_reference(section, bodies, mounts, sensors)
+        section.finish()
+        if reference is not None and len(top.problems) == before:
+            references.append(reference)
+    return tuple(references)
+
+
+def _read_reference(
+    section: Section, bodies: Mapping[str, Body], mounts: Mapping[str, Mount], sensors: Mapping[str, Sensor]
+) -> ForceReference | None:
+    kind = section.text("kind", None, allowed=REFERENCE_KINDS, meaning=f"one of {', '.join(REFERENCE_KINDS)}")
+    if kind is None:
+        for key in section.keys:
+            section.raw(key)
+        return None
+    body = mount = axis = sensor = ""
+    details: dict[str, Any] = {}
+    if kind in ("known_mass", "known_added_mass"):
+        body = section.text("body", None, allowed=bodies, meaning="the body") or ""
+    else:
+        mount = section.text("mount", None, allowed=mounts, meaning="the mount") or ""
+    if kind in ("known_stiffness", "air_spring_pressure"):
+        axis = section.text("axis", "z" if kind == "air_spring_pressure" else None, allowed=AXES, meaning="x, y or z") or ""
+        if mount in mounts and axis and axis not in mounts[mount].elements:
+            section.note("axis", f"mount {mount!r} has no force element on axis {axis!r}")
+    if kind == "load_cell":
+        cells = [s.name for s in sensors.values() if s.kind == "force"]
+        sensor = section.text("sensor", None, allowed=cells, meaning="a sensor of kind force") or ""
+    if kind == "known_added_mass":
+        details["mass"] = section.number("mass", "kg", required=True, lower=-1e6, upper=1e6, meaning="mass added")
+        details["position"] = section.vector("position", "m", limit=FARTHEST)
+        details["from_s"] = section.number("from", "s", required=True, lower=0.0, meaning="when, since the start of the run")
+        details["to_s"] = section.number("to", "s", lower=0.0)
+    if kind == "air_spring_pressure":
+        details["pressure"] = section.number("pressure", "Pa", required=True, lower=0.0, upper=1e8, meaning="gauge, at rest")
+        details["area"] = section.number("area", "m^2", required=True, lower=1e-6, upper=10.0, meaning="effective area")
+        details["force_std"] = section.number("force_std", "N", lower=1e-9)
+    details["relative_std"] = section.plain("relative_std", lower=1e-9, upper=10.0)
+    return ForceReference(kind, body, mount, axis, sensor, {k: v for k, v in details.items() if v is not None})
