@@ -16,7 +16,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.elements import terms as kernel
+from ride_estimation.elements.terms import Term
+from ride_estimation.errors import ConfigurationError, InputDataError
 
 Array = NDArray[np.float64]
 
@@ -154,16 +156,32 @@ class ForceElement(abc.ABC):
         return s
 
     @abc.abstractmethod
+    def terms(self) -> tuple[Term, ...]:
+        """Return the primitives this element is the sum of; what simulations and estimators evaluate."""
+
+    @classmethod
+    @abc.abstractmethod
+    def example(cls) -> Self:
+        """Return a typical element, for documentation and contract tests."""
+
     def response(self, time_s: Array, x: Array) -> Array:
-        """Return the force [N] over a whole signal, the fast path.
+        """Return the force [N] over a whole signal, starting at rest at the first sample.
 
         Parameters
         ----------
         time_s
             Uniform sample times [s], shape (N,).
         x
-            Deflection [m], shape (N,); the rate is the one consistent with it.
+            Deflection [m], shape (N,); the rate is its central difference.
+
+        Raises
+        ------
+        InputDataError
+            Fewer than two samples, samples that are not finite, or times that are not uniform and increasing.
         """
+        step = uniform_step(time_s, x)
+        codes, params = kernel.pack_terms(self.terms())
+        return kernel.response(codes, params, x, np.gradient(x, step), step)
 
     def dynamic_stiffness(self, omega: float, amplitude: float) -> complex | None:
         """Return the first-harmonic complex stiffness K' + iK'' [N/m] in closed form, or None where there is none.
@@ -181,3 +199,24 @@ class ForceElement(abc.ABC):
         """Return the energy lost per cycle [J], or None where there is no closed form."""
         stiffness = self.dynamic_stiffness(omega, amplitude)
         return None if stiffness is None else math.pi * amplitude**2 * stiffness.imag
+
+
+def uniform_step(time_s: Array, x: Array) -> float:
+    """Return the step [s] of a uniformly sampled signal.
+
+    Raises
+    ------
+    InputDataError
+        Shapes differ, fewer than two samples, values not finite, or steps that differ by more than 1 %.
+    """
+    if time_s.shape != x.shape or time_s.ndim != 1 or time_s.size < 2:
+        raise InputDataError(f"time and deflection need one equal shape (N,), N >= 2; given {time_s.shape} and {x.shape}")
+    if not (np.all(np.isfinite(time_s)) and np.all(np.isfinite(x))):
+        raise InputDataError("time or deflection has samples that are not finite")
+    steps = np.diff(time_s)
+    step = float(time_s[-1] - time_s[0]) / (time_s.size - 1)
+    if step <= 0.0 or float(np.max(np.abs(steps - step))) > 0.01 * step:
+        raise InputDataError(
+            f"time is not uniform and increasing: mean step {step:g} s, steps from {steps.min():g} to {steps.max():g} s"
+        )
+    return step

@@ -9,6 +9,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from ride_estimation.elements.base import Array, ForceElement, parameter
+from ride_estimation.elements.terms import ELASTIC, Term
 
 
 @final
@@ -40,9 +41,14 @@ class KelvinVoigt(ForceElement):
         """Return ``k x + c v`` [N]."""
         return self.stiffness * x + self.damping * v
 
-    def response(self, time_s: Array, x: Array) -> Array:
-        """Return the force over a uniformly sampled deflection; the rate is its central difference."""
-        return self.stiffness * x + self.damping * np.gradient(x, time_s)
+    def terms(self) -> tuple[Term, ...]:
+        """Return the one primitive."""
+        return (Term(ELASTIC, (self.stiffness, 0.0, self.damping)),)
+
+    @classmethod
+    def example(cls) -> KelvinVoigt:
+        """Return the bushing of document 003, Table 1."""
+        return cls(stiffness=60e3, damping=2387.0)
 
     def dynamic_stiffness(self, omega: float, amplitude: float) -> complex:
         """Return ``k + i omega c`` [N/m] (document 003 eq. (4))."""

@@ -1,0 +1,196 @@
+# Copyright 2026 ride_estimation contributors
+"""The primitives every force element is a sum of, and the one compiled kernel that evaluates them.
+
+Sign as everywhere: deflection x and tension F positive in extension. ``term_force`` is pure; ``term_commit`` updates the
+memory in place and returns the force of the accepted point, so a fixed-step integrator may use the commit alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.elements import kernels_memory as memory
+from ride_estimation.elements import kernels_static as static
+from ride_estimation.jit import compile_kernel
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+#: least number of parameter columns of packed terms; terms with tables need more, see :func:`pack_terms`
+PARAMETER_COUNT = 8
+#: floats of memory per term; the first two are the committed deflection and rate
+STATE_SIZE = 12
+
+# Codes and their parameters, SI.
+ELASTIC = 0  #: k, k3, c: ``k x + k3 x^3 + c v``
+MAXWELL = 1  #: k, Omega = k / c: ``m' = -Omega m + k v``
+BERG_FRICTION = 2  #: f_max, x_2, dead band
+DAHL = 3  #: f_c, sigma, exponent, dead band
+CONTACT = 4  #: side, gap, half width of the entry, k, k3, c
+CONTACT_MAXWELL = 5  #: side, contact point, half width, k, Omega; pushes only, forgets when it leaves contact
+POWER_SPRING = 6  #: k, x_ref, exponent, rounding: ``k x_ref sign(x) |x / x_ref|^n``
+POWER_DAMPER = 7  #: c, v_ref, exponent, rounding: ``c v_ref sign(v) |v / v_ref|^n``
+ASYMMETRIC_DAMPER = 8  #: c in extension (v > 0), c in compression (v < 0)
+STRIBECK = 9  #: kinetic force, static force, Stribeck speed, rounding speed
+
+# Memory slots that terms with their own input use instead of the deflection.
+_FRICTION_TURN_X = 3
+_FRICTION_EXTREME_X = 5
+
+
+class Term(NamedTuple):
+    """One primitive: its code and its parameters in the order given beside the code."""
+
+    code: int
+    parameters: tuple[float, ...]
+
+
+def pack_terms(terms: Iterable[Term]) -> tuple[Codes, Array]:
+    """Return codes, shape (T,), and parameters, shape (T, P), padded with zeros; P is at least ``PARAMETER_COUNT``."""
+    listed = tuple(terms)
+    width = max([PARAMETER_COUNT, *(len(t.parameters) for t in listed)])
+    codes = np.array([t.code for t in listed], dtype=np.int64)
+    params = np.zeros((len(listed), width))
+    for i, term in enumerate(listed):
+        params[i, : len(term.parameters)] = term.parameters
+    return codes, params
+
+
+def initial_states(codes: Codes, params: Array, x0: float = 0.0) -> Array:
+    """Return the memories of terms that rest, without stored force, at the deflection x0 [m], shape (T, STATE_SIZE)."""
+    states = np.zeros((len(codes), STATE_SIZE))
+    for i in range(len(codes)):
+        term_rest(int(codes[i]), params[i], states[i], x0)
+    return states
+
+
+@compile_kernel
+def term_rest(code: int, p: Array, s: Array, x0: float) -> None:
+    """Set the memory of one term to rest at the deflection x0."""
+    s[:] = 0.0
+    s[0] = x0
+    if code == CONTACT_MAXWELL:
+        s[0] = static.penetration(x0, p[0], p[1], p[2])
+    elif code in (BERG_FRICTION, DAHL):
+        s[_FRICTION_TURN_X] = x0
+        s[_FRICTION_EXTREME_X] = x0
+
+
+@compile_kernel
+def term_force(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
+    """Return the tension [N] of one term at the deflection x [m] and rate v [m/s], a time h [s] after its memory s."""
+    if code == ELASTIC:
+        return float(x * (p[0] + p[1] * x * x) + p[2] * v)
+    if code == MAXWELL:
+        return memory.maxwell_trial(s, x, h, p[0], p[1])
+    if code == BERG_FRICTION:
+        return memory.berg_trial(s, x, p[0], p[1])
+    if code == DAHL:
+        return memory.dahl_trial(s, x, p[0], p[1], p[2])
+    if code == CONTACT_MAXWELL:
+        u = static.penetration(x, p[0], p[1], p[2])
+        if u <= 0.0:
+            return 0.0
+        return float(p[0] * max(memory.maxwell_trial(s, u, h, p[3], p[4]), 0.0))
+    return _memoryless_force(code, p, x, v)
+
+
+@compile_kernel
+def _memoryless_force(code: int, p: Array, x: float, v: float) -> float:
+    """Return the tension [N] of a term that needs no memory."""
+    if code == CONTACT:
+        return static.contact_force(x, v, p[0], p[1], p[2], p[3], p[4], p[5])
+    if code == POWER_SPRING:
+        return float(p[0] * static.signed_power(x, p[1], p[2], p[3]))
+    if code == POWER_DAMPER:
+        return float(p[0] * static.signed_power(v, p[1], p[2], p[3]))
+    if code == ASYMMETRIC_DAMPER:
+        return float(p[0] * v if v > 0.0 else p[1] * v)
+    if code == STRIBECK:
+        return static.stribeck_force(v, p[0], p[1], p[2], p[3])
+    return np.nan
+
+
+@compile_kernel
+def term_commit(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
+    """Accept the point (x, v) a time h [s] after the memory s: update s in place and return the tension [N]."""
+    if code == ELASTIC:
+        s[0] = x
+        s[1] = v
+        return float(x * (p[0] + p[1] * x * x) + p[2] * v)
+    if code == MAXWELL:
+        return memory.maxwell_commit(s, x, v, h, p[0], p[1])
+    if code == BERG_FRICTION:
+        return memory.berg_commit(s, x, v, p[0], p[1], p[2])
+    if code == DAHL:
+        return memory.dahl_commit(s, x, v, p[0], p[1], p[2], p[3])
+    if code == CONTACT_MAXWELL:
+        u = static.penetration(x, p[0], p[1], p[2])
+        if u <= 0.0:
+            term_rest(code, p, s, x)
+            return 0.0
+        return float(p[0] * max(memory.maxwell_commit(s, u, v, h, p[3], p[4]), 0.0))
+    s[0] = x
+    s[1] = v
+    return _memoryless_force(code, p, x, v)
+
+
+@compile_kernel
+def terms_force(codes: Codes, params: Array, states: Array, x: float, v: float, h: float) -> float:
+    """Return the summed tension [N] of terms at one deflection; changes nothing."""
+    total = 0.0
+    for i in range(codes.shape[0]):
+        total += term_force(codes[i], params[i], states[i], x, v, h)
+    return total
+
+
+@compile_kernel
+def terms_commit(codes: Codes, params: Array, states: Array, x: float, v: float, h: float) -> float:
+    """Accept one deflection for all terms: update their memories in place and return the summed tension [N]."""
+    total = 0.0
+    for i in range(codes.shape[0]):
+        total += term_commit(codes[i], params[i], states[i], x, v, h)
+    return total
+
+
+@compile_kernel
+def run(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float) -> Array:
+    """Return the tension [N] over a signal; ``states`` is advanced to its end. The first sample is a step of length 0."""
+    force = np.zeros(x.shape[0])
+    for t in range(codes.shape[0]):
+        code = codes[t]
+        p = params[t]
+        s = states[t]
+        step = 0.0
+        for i in range(x.shape[0]):
+            force[i] += term_commit(code, p, s, x[i], v[i], step)
+            step = h
+    return force
+
+
+def response(codes: Codes, params: Array, x: Array, v: Array, h: float, states: Array | None = None) -> Array:
+    """Return the tension [N] of terms over a uniformly sampled signal.
+
+    Parameters
+    ----------
+    codes, params
+        From :func:`pack_terms`.
+    x, v
+        Deflection [m] and rate [m/s], shape (N,).
+    h
+        Step [s].
+    states
+        Memories to start from, advanced in place; at rest at ``x[0]`` where None.
+
+    Returns
+    -------
+    Array
+        Shape (N,).
+    """
+    if states is None:
+        states = initial_states(codes, params, float(x[0]) if x.size else 0.0)
+    return run(codes, params, states, np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(v, dtype=float), h)
