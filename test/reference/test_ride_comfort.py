@@ -1,0 +1,97 @@
+# Copyright 2026 ride_estimation contributors
+"""Weightings against the tables of ISO 2631-1:1997 and the derived values against hand calculation."""
+
+import csv
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ride_estimation.assessment import ride_comfort as rc
+from ride_estimation.errors import InputDataError
+
+# ISO 2631-1:1997 Table 3, factor x 1000 at nominal third-octave centres [Hz] (Wd at 10 Hz is misprinted there and left out)
+TABLE = {
+    "Wk": {1.0: 482, 2.0: 531, 4.0: 967, 8.0: 1036, 16.0: 768, 31.5: 405, 63.0: 186, 80.0: 132},
+    "Wd": {1.0: 1011, 2.0: 890, 4.0: 512, 8.0: 253, 16.0: 125, 31.5: 63.2, 63.0: 29.5},
+}
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_analogue_weighting_matches_the_printed_table(name):
+    for frequency, factor in TABLE[name].items():
+        assert 1000 * rc.WEIGHTINGS[name].gain(frequency) == pytest.approx(factor, rel=0.01)  # rounding of centres and table
+
+
+@pytest.mark.parametrize("name", sorted(rc.WEIGHTINGS))
+def test_digital_weighting_follows_the_analogue_one_in_the_ride_band(name):
+    rate = 1000.0
+    for frequency in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 31.5):
+        t = np.arange(0, 20 + 20 / frequency, 1 / rate)
+        w = rc.WeightedSignal(name, rate).feed(np.sin(2 * np.pi * frequency * t))
+        tail = w[-int(round(8 / frequency) * rate) :]
+        gain = math.sqrt(2 * np.mean(tail**2))
+        exact = float(rc.WEIGHTINGS[name].gain(frequency))
+        assert gain == pytest.approx(exact, rel=0.02)  # 0.17 dB, bilinear error at 31.5 of 1000 Hz is 0.1 dB
+
+
+def test_chunks_equal_one_pass_to_the_last_bit():
+    y = np.random.default_rng(1).standard_normal(5000)
+    whole = rc.WeightedSignal("Wk", 500.0).feed(y)
+    stream = rc.WeightedSignal("Wk", 500.0)
+    assert np.array_equal(np.concatenate([stream.feed(part) for part in np.array_split(y, 37)]), whole)
+
+
+def test_exposure_of_a_vertical_sine_by_hand():
+    rate, amplitude, frequency = 1000.0, 1.0, 5.0
+    t = np.arange(0, 60, 1 / rate)
+    a = np.zeros((t.size, 3))
+    a[:, 2] = amplitude * np.sin(2 * np.pi * frequency * t)
+    result = rc.assess(a, rate, 4 * 3600.0, "seat")
+    aw = amplitude / math.sqrt(2) * float(rc.WEIGHTINGS["Wk"].gain(frequency))
+    assert result.axes[2].weighted_rms == pytest.approx(aw, rel=0.005)
+    assert result.a8 == pytest.approx(aw / math.sqrt(2), rel=0.005)  # half of eight hours
+    assert result.axes[2].vibration_dose == pytest.approx(aw * (1.5 * 60) ** 0.25, rel=0.01)  # rms quad of a sine is 1.5 aw^4
+    assert result.minutes_to_action == pytest.approx(480 * (0.5 / aw) ** 2, rel=0.01)
+    assert result.axes[2].crest_factor == pytest.approx(math.sqrt(2), rel=0.1)
+    assert result.location == "seat"
+
+
+def test_the_dominant_axis_carries_the_horizontal_factor():
+    rate = 500.0
+    t = np.arange(0, 30, 1 / rate)
+    a = np.zeros((t.size, 3))
+    a[:, 0] = np.sin(2 * np.pi * 1.0 * t)
+    result = rc.assess(a, rate, rc.EXPOSURE_REFERENCE_S, "cab floor")
+    assert result.a8 == pytest.approx(1.4 * result.axes[0].weighted_rms, rel=1e-12)
+    assert result.vector_sum == pytest.approx(result.axes[0].weighted_rms, rel=1e-9)
+
+
+def test_rates_below_400_hz_and_bad_shapes_are_refused():
+    with pytest.raises(InputDataError, match="at least 400 Hz"):
+        rc.WeightedSignal("Wk", 250.0)
+    with pytest.raises(InputDataError, match="triaxial"):
+        rc.assess(np.zeros((2000, 2)), 500.0, 3600.0, "seat")
+    with pytest.raises(InputDataError, match="Wx"):
+        rc.WeightedSignal("Wx", 500.0)
+
+
+def test_weightings_agree_with_a_public_table_where_it_is_present():
+    root = Path(os.environ.get("RIDE_ESTIMATION_REAL_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+    path = root / "iso2631_weighting_tables" / "iso-2631-filter-01.csv"
+    if not path.is_file():
+        pytest.skip("public weighting table not present (RIDE_ESTIMATION_REAL_DATA)")
+    compared = 0
+    with path.open(newline="") as stream:
+        for row in csv.DictReader(stream):
+            frequency = float(row["frequency_hz"])
+            exact = 10 ** (round(10 * math.log10(frequency)) / 10)
+            for column, name in (("vertical_acceleration_z", "Wk"), ("translational_acceleration_xy", "Wd")):
+                value = float(row[column])
+                misprint = name == "Wd" and round(frequency) in (2, 10)
+                if 0.5 <= frequency <= 100 and value > 0 and not misprint:
+                    assert 1000 * rc.WEIGHTINGS[name].gain(exact) == pytest.approx(value, rel=0.02)
+                    compared += 1
+    assert compared > 40
