@@ -41,10 +41,10 @@ demo: $(STAMPS)-ros
 	$(BIN)/ride-estimation demo --out out/demo
 
 test: $(STAMPS)-ros,test
-	$(BIN)/python -m pytest -q -m "not slow" -n $(WORKERS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n $(WORKERS) $(PYTEST_ARGS)
 
 test-all: $(STAMPS)-ros,test
-	$(BIN)/python -m pytest -q -n $(WORKERS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
 lint: $(STAMPS)-ros,test,lint
 	$(BIN)/ruff check ride_estimation test benchmarks launch setup.py

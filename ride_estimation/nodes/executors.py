@@ -1,0 +1,74 @@
+# Copyright 2026 ride_estimation contributors
+"""Executors the nodes may run on, and the main loop that ends cleanly on signals (docs/decisions/002-executor.md)."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+#: names a user may choose
+EXECUTORS: tuple[str, ...] = ("events", "single")
+
+#: Finite on purpose: without a timeout the events executor of rclpy 7.1 spins in a busy loop that ignores signals.
+WAIT_S = 0.2
+
+
+def make_executor(name: str, context: Context | None = None) -> Executor:
+    """Return the executor of that name; ``events`` falls back to ``single`` where this rclpy has none.
+
+    Parameters
+    ----------
+    name
+        One of :data:`EXECUTORS`.
+    context
+        The context of the nodes, None for the default one.
+    """
+    if name == "events":
+        try:
+            from rclpy.experimental.events_executor import EventsExecutor  # rclpy before 7.1.4 has none
+        except ImportError:
+            return SingleThreadedExecutor(context=context)
+        return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
+
+
+def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], args: Sequence[str] | None = None) -> int:
+    """Create a node, spin it until a signal or a shutdown, and leave cleanly; return the exit code.
+
+    SIGINT arrives twice under ``ros2 launch`` and the context is already down when ``spin_once`` raises, so signals are
+    ignored while the node is destroyed and nothing is logged after the loop.
+
+    Parameters
+    ----------
+    factory
+        Makes the node after ``rclpy.init``.
+    executor_name
+        Which executor the node wants.
+    args
+        Command line for rclpy, None for ``sys.argv``.
+    """
+    rclpy.init(args=args)
+    node: Node | None = None
+    executor: Executor | None = None
+    try:
+        node = factory()
+        executor = make_executor(executor_name(node))
+        executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=WAIT_S)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if executor is not None:
+            executor.shutdown(timeout_sec=WAIT_S)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
