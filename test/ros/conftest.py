@@ -1,0 +1,110 @@
+# Copyright 2026 ride_estimation contributors
+"""Each ROS test has its own context and its own domain; nothing sleeps, waits end on a condition or a deadline."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="ROS is not installed (pip install -e '.[ros]')")
+
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import Executor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+
+from ride_estimation.nodes.executors import make_executor  # noqa: E402
+
+DEADLINE_S = 10.0
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """Own a DDS domain for the length of a test, also against other processes on this machine."""
+    for offset in range(100):
+        number = 1 + (os.getpid() * 7 + offset) % 100
+        lock = (Path(tempfile.gettempdir()) / f"ride_estimation_domain_{number}.lock").open("w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        try:
+            yield number
+        finally:
+            lock.close()
+        return
+    raise RuntimeError("no free DDS domain between 1 and 100")
+
+
+class Ros:
+    """One context with one executor and the nodes of a test.
+
+    Parameters
+    ----------
+    domain
+        DDS domain.
+    executor
+        Name of the executor.
+    """
+
+    def __init__(self, domain: int, executor: str) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context, args=[], domain_id=domain)
+        self.executor: Executor = make_executor(executor, self.context)
+        self.nodes: list[Node] = []
+
+    def add(self, node: Node) -> Node:
+        """Put a node on the executor."""
+        self.executor.add_node(node)
+        self.nodes.append(node)
+        return node
+
+    def until(self, condition: Callable[[], bool], deadline_s: float = DEADLINE_S) -> None:
+        """Spin until the condition holds; fail at the deadline."""
+        end = time.monotonic() + deadline_s
+        while not condition():
+            if time.monotonic() > end:
+                raise AssertionError(f"condition did not hold within {deadline_s} s")
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def call(self, service: str, kind: type, request: object | None = None) -> object:
+        """Call a service and return its response."""
+        client_node = next((n for n in self.nodes if n.get_name() == "caller"), None)
+        if client_node is None:
+            client_node = self.add(Node("caller", context=self.context, use_global_arguments=False))
+        client = client_node.create_client(kind, service)
+        self.until(client.service_is_ready)
+        future = client.call_async(kind.Request() if request is None else request)
+        self.until(future.done)
+        client_node.destroy_client(client)
+        return future.result()
+
+    def close(self) -> None:
+        """Destroy everything."""
+        for node in self.nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
+        self.context.try_shutdown()
+
+
+@pytest.fixture(params=["single", "events"])
+def ros(request: pytest.FixtureRequest, domain: int) -> Iterator[Ros]:
+    """Return a context per executor the node may run on."""
+    world = Ros(domain, request.param)
+    yield world
+    world.close()
+
+
+@pytest.fixture
+def ros_single(domain: int) -> Iterator[Ros]:
+    """Return a context on the default executor of rclpy."""
+    world = Ros(domain, "single")
+    yield world
+    world.close()
