@@ -1,0 +1,195 @@
+# Copyright 2026 ride_estimation contributors
+"""Mount stiffness from rigid-body modes (document 000 eq. (6)-(11), corrected) and how far measured modes can be reached."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import optimize
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.frames import AXES
+from ride_estimation.vehicles.assembly import assemble
+from ride_estimation.vehicles.modes import MODE_NAMES, linearise, undamped_modes
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: a mode that misses its measured frequency by more than this after the fit is "not reachable"
+REACHED = 0.01
+
+
+def equivalent_stiffness(frequency_hz: float, mass: float, mounts: int) -> float:
+    """Return the stiffness per mount ``k = m (2 pi f)^2 / n`` [N/m] of a translational mode (eq. (6)-(8) inverted)."""
+    if frequency_hz <= 0.0 or mass <= 0.0 or mounts < 1:
+        raise InputDataError("frequency, mass and number of mounts must be positive")
+    return mass * (2.0 * math.pi * frequency_hz) ** 2 / mounts
+
+
+@dataclasses.dataclass(frozen=True)
+class UncoupledModes:
+    """Closed-form modes and why they may not hold.
+
+    Attributes
+    ----------
+    frequency_hz
+        By mode name: fore-aft, lateral, bounce, roll, pitch, yaw.
+    doubts
+        Conditions of the closed form the layout breaks; empty where it is exact up to gravity.
+    """
+
+    frequency_hz: dict[str, float]
+    doubts: tuple[str, ...]
+
+
+def uncoupled_modes(mass: float, inertia: ArrayLike, arms: ArrayLike, stiffness: ArrayLike) -> UncoupledModes:
+    """Return the six uncoupled rigid-body frequencies (document 000 eq. (6)-(11), yaw (11) corrected).
+
+    ``f_x = sqrt(sum k_x / m) / 2 pi`` ..., ``f_yaw = sqrt(sum (k_x a_y^2 + k_y a_x^2) / J_z) / 2 pi``. They hold only when the
+    mounts lie level with the CG and symmetric about it; otherwise the eigenvalue problem is the answer.
+
+    Parameters
+    ----------
+    mass
+        [kg].
+    inertia
+        Jxx, Jyy, Jzz about the CG [kg m^2], shape (3,).
+    arms
+        Mounts minus CG [m], shape (M, 3).
+    stiffness
+        k_x, k_y, k_z per mount [N/m], shape (M, 3).
+    """
+    j, a, k = np.asarray(inertia, float), np.asarray(arms, float), np.asarray(stiffness, float)
+    if mass <= 0.0 or np.any(j <= 0.0) or a.shape != k.shape or a.ndim != 2 or a.shape[1] != 3:
+        raise InputDataError("mass and inertia must be positive, arms and stiffness both of shape (mounts, 3)")
+    rotational = np.array(
+        [
+            np.sum(k[:, 1] * a[:, 2] ** 2 + k[:, 2] * a[:, 1] ** 2) / j[0],
+            np.sum(k[:, 0] * a[:, 2] ** 2 + k[:, 2] * a[:, 0] ** 2) / j[1],
+            np.sum(k[:, 0] * a[:, 1] ** 2 + k[:, 1] * a[:, 0] ** 2) / j[2],
+        ]
+    )
+    squared = np.concatenate([k.sum(axis=0) / mass, rotational])
+    names = ("fore-aft", "lateral", "bounce", "roll", "pitch", "yaw")
+    doubts = []
+    span = float(np.max(np.abs(a[:, :2])))
+    height = float(np.max(np.abs(a[:, 2])))
+    if height > 0.01 * span:
+        doubts.append(f"mounts lie up to {height:.3g} m off the CG plane: roll and pitch couple with lateral and fore-aft")
+    for axis, plane in ((2, 0), (2, 1), (0, 1), (1, 0)):
+        centre = float(np.sum(k[:, axis] * a[:, plane]) / np.sum(k[:, axis]))
+        if abs(centre) > 0.01 * span:
+            doubts.append(f"the centre of k_{AXES[axis]} lies {centre:.3g} m off the CG along {AXES[plane]}: modes couple")
+    return UncoupledModes(dict(zip(names, (np.sqrt(squared) / (2.0 * math.pi)).tolist())), tuple(doubts))
+
+
+@dataclasses.dataclass(frozen=True)
+class ModeRow:
+    """One line of a mode table: name, measured and model frequency [Hz], error of the model in percent."""
+
+    name: str
+    measured_hz: float
+    model_hz: float
+    error_percent: float
+
+
+def compare_modes(measured_hz: Mapping[str, float], model_hz: Mapping[str, float]) -> tuple[ModeRow, ...]:
+    """Return the error of each model mode against its measurement, like Table 3 of document 000."""
+    missing = set(measured_hz) - set(model_hz)
+    if missing:
+        raise InputDataError(f"the model has no mode named {', '.join(sorted(missing))}; it has {', '.join(sorted(model_hz))}")
+    return tuple(
+        ModeRow(name, value, model_hz[name], 100.0 * (model_hz[name] / value - 1.0)) for name, value in measured_hz.items()
+    )
+
+
+def labelled_frequencies(vehicle: Vehicle) -> dict[str, float]:
+    """Return the undamped frequencies of a one-body vehicle by mode name [Hz], each name given to one mode.
+
+    Names go to modes by the assignment with the largest total share of kinetic energy, so that two coupled modes never
+    carry the same name.
+    """
+    found = undamped_modes(linearise(assemble(vehicle)))
+    keys = [key for key in found[0].energy_share]
+    share = np.array([[mode.energy_share[key] for key in keys] for mode in found])
+    rows, columns = optimize.linear_sum_assignment(-share)
+    return {MODE_NAMES[keys[c][1]]: found[r].frequency_hz for r, c in zip(rows, columns)}
+
+
+@dataclasses.dataclass(frozen=True)
+class StiffnessFit:
+    """Result of fitting mount stiffness to measured modes.
+
+    Attributes
+    ----------
+    factors
+        Axis -> factor on the stiffness of all mounts along it.
+    modes
+        Comparison after the fit.
+    reachable
+        True where every measured mode is met within 1 %.
+    statement
+        The result in words.
+    """
+
+    factors: dict[str, float]
+    modes: tuple[ModeRow, ...]
+    reachable: bool
+    statement: str
+
+
+def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> StiffnessFit:
+    """Scale the stiffness of all mounts per axis so that the modes of a one-body vehicle meet measured ones.
+
+    Least squares on log frequency with labels by energy share; document 000 tunes by hand.
+
+    Parameters
+    ----------
+    measured_hz
+        Frequencies by mode name [Hz]; at least one.
+
+    Raises
+    ------
+    InputDataError
+        Unknown mode name or frequency that is not positive.
+    """
+    if not measured_hz or any(not value > 0.0 for value in measured_hz.values()):
+        raise InputDataError("at least one measured mode with a positive frequency is needed")
+    compare_modes(measured_hz, labelled_frequencies(vehicle))
+    axes = [a for a in AXES if any(a in m.elements for m in vehicle.mounts.values())]
+
+    def residual(log_factors: Array) -> Array:
+        found = labelled_frequencies(_scaled(vehicle, dict(zip(axes, np.exp(log_factors)))))
+        return np.array([math.log(max(found[name], 1e-3) / value) for name, value in measured_hz.items()])
+
+    starts = (np.zeros(len(axes)), np.full(len(axes), 0.7), np.full(len(axes), -0.7))
+    best = min(
+        (optimize.least_squares(residual, s, bounds=(-7.0, 7.0), diff_step=1e-5) for s in starts), key=lambda r: float(r.cost)
+    )
+    factors = dict(zip(axes, np.exp(best.x).tolist()))
+    rows = compare_modes(measured_hz, labelled_frequencies(_scaled(vehicle, factors)))
+    missed = [row for row in rows if abs(row.error_percent) > 100.0 * REACHED]
+    if missed:
+        worst = max(missed, key=lambda row: abs(row.error_percent))
+        statement = (
+            "not reachable: with this geometry, mass and inertia no common stiffness per axis meets all measured modes; "
+            f"{len(missed)} of {len(rows)} stay off, worst {worst.name} at {worst.model_hz:.3g} Hz instead of "
+            f"{worst.measured_hz:.3g} Hz ({worst.error_percent:+.1f} %). Check mount positions, CG height and inertia"
+        )
+    else:
+        statement = f"all {len(rows)} measured modes are met within {100 * REACHED:.0f} %"
+    return StiffnessFit(factors, rows, not missed, statement)
+
+
+def _scaled(vehicle: Vehicle, factors: Mapping[str, float]) -> Vehicle:
+    changes = {}
+    for mount in vehicle.mounts.values():
+        for axis, element in mount.elements.items():
+            values = {p.name: getattr(element, p.name) for p in element.parameters() if p.role == "stiffness"}
+            if axis in factors and values:
+                changes[(mount.name, axis)] = element.replace(**{n: v * factors[axis] for n, v in values.items()})
+    return vehicle.replace_elements(changes)
