@@ -232,7 +232,9 @@ class Section:
             return None
         return prior
 
-    def plain(self, key: str, *, lower: float = -math.inf, upper: float = math.inf) -> float | None:
+    def plain(
+        self, key: str, *, lower: float = -math.inf, upper: float = math.inf, positive: bool = False
+    ) -> float | None:
         """Return a number without unit."""
         value = self.raw(key)
         if value is None:
@@ -240,6 +242,9 @@ class Section:
         number = as_number(value)
         if number is None:
             self.note(key, f"{value!r} is not a finite number")
+            return None
+        if positive and number <= 0.0:
+            self.note(key, f"{number:g} must be positive")
             return None
         return self._bounded(key, number, "", lower, upper)
 
@@ -311,8 +316,8 @@ def quantity_from(value: Any, where: str, unit: str, factor: float, problems: li
     centre = section.plain("value")
     if centre is None and "value" not in section:
         section.note("value", f"missing [{unit}]")
-    std = section.plain("std", lower=1e-300)
-    relative = section.plain("relative_std", lower=1e-300)
+    std = section.plain("std", positive=True)
+    relative = section.plain("relative_std", positive=True)
     if std is not None and relative is not None:
         section.note("", "std and relative_std are both given; one is allowed")
     bounds = section.raw("range")

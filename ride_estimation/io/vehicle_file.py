@@ -17,7 +17,7 @@ import yaml
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.document import Section, read_yaml
 from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, stiffness_unit_problems
-from ride_estimation.io.vehicle_sensors import read_force_references, read_sensors, topic_problems
+from ride_estimation.io.vehicle_sensors import Names, read_force_references, read_sensors, topic_problems
 from ride_estimation.sensors.layout import LayoutCheck, check_layout
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import STANDARD_GRAVITY, Body, ForceReference, Mount, Prior, Vehicle
@@ -65,10 +65,14 @@ def vehicle_from_mapping(document: Any, where: str = "vehicle") -> Vehicle:
     name = top.text("name", None, meaning="a short name of the vehicle")
     description = top.text("description", "")
     gravity = top.number("gravity", "m/s^2", lower=0.0, upper=30.0)
-    bodies = read_bodies(top.sections("bodies", required=True, meaning="at least one rigid body"), problems)
-    mounts = read_mounts(top.sections("mounts", required=True, meaning="at least one mount"), bodies, problems)
-    sensors = read_sensors(top.sections("sensors"), bodies, mounts, problems)
-    references = read_force_references(top, bodies, mounts, sensors)
+    body_sections = top.sections("bodies", required=True, meaning="at least one rigid body")
+    mount_sections = top.sections("mounts", required=True, meaning="at least one mount")
+    sensor_sections = top.sections("sensors")
+    bodies = read_bodies(body_sections, problems)
+    mounts = read_mounts(mount_sections, tuple(body_sections), problems)
+    names = Names(tuple(body_sections), tuple(mount_sections), tuple(sensor_sections), mounts)
+    sensors = read_sensors(sensor_sections, names, problems)
+    references = read_force_references(top, names, sensors)
     top.finish()
     problems += topic_problems(sensors)
     if not problems:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -139,12 +139,12 @@ def _check_inertia(section: Section, tensor: Array, mass: float) -> None:
         section.note("", f"a radius of gyration of {worst:.3g} m is impossible for {mass:g} kg; allowed: {allowed} ({hint}?)")
 
 
-def read_mounts(sections: Mapping[str, Section], bodies: Mapping[str, Body], problems: list[str]) -> dict[str, Mount]:
-    """Return the mounts that could be read; mistakes are added to ``problems``."""
+def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], problems: list[str]) -> dict[str, Mount]:
+    """Return the mounts that could be read; mistakes are added to ``problems``; ``bodies`` are the names declared."""
     mounts: dict[str, Mount] = {}
     for name, section in sections.items():
         position = section.vector("position", "m", required=True, limit=FARTHEST, meaning="attachment point")
-        body = section.text("body", None, allowed=bodies if bodies else (), meaning="the body it carries")
+        body = section.text("body", None, allowed=bodies, meaning="the body it carries")
         base = section.text("base", None, meaning="another body, or a name such as chassis or road")
         if body and body == base:
             section.note("base", f"{base!r} is the body itself; a mount joins two different bodies")
@@ -201,13 +201,14 @@ def read_element(entry: Any, where: str, problems: list[str], priors: dict[str, 
     if isinstance(entry, Mapping) and "kind" not in entry and isinstance(entry.get("element"), Mapping):
         entry = entry["element"]
     plain = _plain_numbers(entry, where, problems, priors)
-    if plain is None or len(problems) > before:
+    if plain is None:
         return None
     try:
-        return element_from_mapping(plain)
+        element = element_from_mapping(plain)
     except ConfigurationError as error:
         problems.extend(f"{where}.{problem}" for problem in error.problems)
         return None
+    return element if len(problems) == before else None
 
 
 def _plain_numbers(
@@ -235,8 +236,9 @@ def _plain_numbers(
             prior = quantity_from(value, path, p.unit, 1.0 if target == key else factor, problems)
             if target in result:
                 problems.append(f"{path}: given more than once")
+            # a stand-in within bounds lets the element report its other mistakes in the same pass
+            result[target] = p.lower if prior is None else prior.value
             if prior is not None:
-                result[target] = prior.value
                 priors[prefix + p.name] = prior
         elif isinstance(value, Mapping) and "kind" in value:
             result[key] = _plain_numbers(value, path, problems, priors, f"{prefix}{key}.")
@@ -267,7 +269,8 @@ def stiffness_unit_problems(bodies: Mapping[str, Body], mounts: Mapping[str, Mou
         if not MOUNT_FREQUENCY[0] <= frequency <= MOUNT_FREQUENCY[1]:
             problems.append(
                 f"mounts of {body.name}: vertical stiffness {stiffness:.4g} N/m in all under {body.mass.value:g} kg is "
-                f"{frequency:.3g} Hz; possible: {MOUNT_FREQUENCY[0]:g} to {MOUNT_FREQUENCY[1]:g} Hz (N/mm given as N/m, or the mass in t?)"
+                f"{frequency:.3g} Hz; possible: {MOUNT_FREQUENCY[0]:g} to {MOUNT_FREQUENCY[1]:g} Hz "
+                "(N/mm given as N/m, or the mass in t?)"
             )
     return problems
 

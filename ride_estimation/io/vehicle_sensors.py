@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,7 +14,7 @@ from ride_estimation.frames import AXES, rotation_from_rpy
 from ride_estimation.io.document import Section, as_number
 from ride_estimation.io.vehicle_mechanics import FARTHEST
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
-from ride_estimation.vehicles.vehicle import Body, ForceReference, Mount
+from ride_estimation.vehicles.vehicle import ForceReference, Mount
 
 Array = NDArray[np.float64]
 
@@ -28,24 +29,42 @@ _KIND_DEFAULTS: dict[str, tuple[str, float]] = {
 REFERENCE_KINDS = ("known_mass", "known_stiffness", "load_cell", "air_spring_pressure", "known_added_mass")
 
 
-def read_sensors(
-    sections: Mapping[str, Section], bodies: Mapping[str, Body], mounts: Mapping[str, Mount], problems: list[str]
-) -> dict[str, Sensor]:
+@dataclasses.dataclass(frozen=True)
+class Names:
+    """What the file declares, so that one broken entry does not make every reference to it a mistake.
+
+    Attributes
+    ----------
+    bodies, mounts, sensors
+        Declared names.
+    readable_mounts
+        Mounts that could be read.
+    """
+
+    bodies: tuple[str, ...]
+    mounts: tuple[str, ...]
+    sensors: tuple[str, ...]
+    readable_mounts: Mapping[str, Mount]
+
+    @property
+    def bases(self) -> tuple[str, ...]:
+        """Return the names of prescribed bases."""
+        return tuple(sorted(({m.base for m in self.readable_mounts.values()} | {"chassis"}) - set(self.bodies)))
+
+
+def read_sensors(sections: Mapping[str, Section], names: Names, problems: list[str]) -> dict[str, Sensor]:
     """Return the sensors that could be read; mistakes are added to ``problems``."""
-    bases = {m.base for m in mounts.values()} - set(bodies)
     sensors: dict[str, Sensor] = {}
     for name, section in sections.items():
         before = len(problems)
-        sensor = _read_sensor(name, section, bodies, mounts, bases)
+        sensor = _read_sensor(name, section, names)
         section.finish()
         if sensor is not None and len(problems) == before:
             sensors[name] = sensor
     return sensors
 
 
-def _read_sensor(
-    name: str, section: Section, bodies: Mapping[str, Body], mounts: Mapping[str, Mount], bases: set[str]
-) -> Sensor | None:
+def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
     kind = section.text("kind", None, allowed=SENSOR_KINDS, meaning=f"one of {', '.join(SENSOR_KINDS)}")
     if kind is None:
         for key in section.keys:
@@ -53,10 +72,10 @@ def _read_sensor(
         return None
     unit, default_noise = _KIND_DEFAULTS[kind]
     needs_mount = kind in ("displacement", "force")
-    mount_name = section.text("mount", None if needs_mount else "", allowed=mounts, meaning="the mount it measures")
-    mount = mounts.get(mount_name or "")
+    mount_name = section.text("mount", None if needs_mount else "", allowed=names.mounts, meaning="the mount it measures")
+    mount = names.readable_mounts.get(mount_name or "")
     axis = section.text("axis", None, allowed=AXES, meaning="x, y or z") if kind == "displacement" else ""
-    body = _read_body(section, kind, mount, bodies, bases)
+    body = _read_body(section, kind, mount, names)
     default_topic = {
         "displacement": "/mounts/displacement", "speed": "/vehicle/speed", "force": f"/mounts/{mount_name}/force_measured",
     }
@@ -89,13 +108,12 @@ def _read_sensor(
     )
 
 
-def _read_body(section: Section, kind: str, mount: Mount | None, bodies: Mapping[str, Body], bases: set[str]) -> str | None:
+def _read_body(section: Section, kind: str, mount: Mount | None, names: Names) -> str | None:
     """Return the body of a sensor and check that it fits its mount."""
     if kind == "speed":
         return section.text("body", "chassis")
     default = mount.body if mount is not None and kind in ("displacement", "force") else None
-    allowed = (*bodies, *sorted(bases | {"chassis"}))
-    body = section.text("body", default, allowed=allowed, meaning="the body it sits on")
+    body = section.text("body", default, allowed=(*names.bodies, *names.bases), meaning="the body it sits on")
     if mount is not None and body and body not in (mount.body, mount.base):
         section.note("body", f"{body!r} is not a side of mount {mount.name!r}, which joins {mount.body!r} and {mount.base!r}")
     return body
@@ -139,9 +157,7 @@ def topic_problems(sensors: Mapping[str, Sensor]) -> list[str]:
     return problems
 
 
-def read_force_references(
-    top: Section, bodies: Mapping[str, Body], mounts: Mapping[str, Mount], sensors: Mapping[str, Sensor]
-) -> tuple[ForceReference, ...]:
+def read_force_references(top: Section, names: Names, sensors: Mapping[str, Sensor]) -> tuple[ForceReference, ...]:
     """Return what anchors forces in absolute terms; mistakes are noted in ``top``."""
     entries = top.raw("force_references")
     if entries is None:
@@ -153,16 +169,14 @@ def read_force_references(
     for index, entry in enumerate(entries):
         section = Section(entry, f"force_references[{index}]", top.problems)
         before = len(top.problems)
-        reference = _read_reference(section, bodies, mounts, sensors)
+        reference = _read_reference(section, names, sensors)
         section.finish()
         if reference is not None and len(top.problems) == before:
             references.append(reference)
     return tuple(references)
 
 
-def _read_reference(
-    section: Section, bodies: Mapping[str, Body], mounts: Mapping[str, Mount], sensors: Mapping[str, Sensor]
-) -> ForceReference | None:
+def _read_reference(section: Section, names: Names, sensors: Mapping[str, Sensor]) -> ForceReference | None:
     kind = section.text("kind", None, allowed=REFERENCE_KINDS, meaning=f"one of {', '.join(REFERENCE_KINDS)}")
     if kind is None:
         for key in section.keys:
@@ -171,12 +185,13 @@ def _read_reference(
     body = mount = axis = sensor = ""
     details: dict[str, Any] = {}
     if kind in ("known_mass", "known_added_mass"):
-        body = section.text("body", None, allowed=bodies, meaning="the body") or ""
+        body = section.text("body", None, allowed=names.bodies, meaning="the body") or ""
     else:
-        mount = section.text("mount", None, allowed=mounts, meaning="the mount") or ""
+        mount = section.text("mount", None, allowed=names.mounts, meaning="the mount") or ""
     if kind in ("known_stiffness", "air_spring_pressure"):
         axis = section.text("axis", "z" if kind == "air_spring_pressure" else None, allowed=AXES, meaning="x, y or z") or ""
-        if mount in mounts and axis and axis not in mounts[mount].elements:
+        elements = names.readable_mounts[mount].elements if mount in names.readable_mounts else None
+        if elements is not None and axis and axis not in elements:
             section.note("axis", f"mount {mount!r} has no force element on axis {axis!r}")
     if kind == "load_cell":
         cells = [s.name for s in sensors.values() if s.kind == "force"]

@@ -1,0 +1,85 @@
+# Copyright 2026 ride_estimation contributors
+"""Displacement (JointState) and force (WrenchStamped) of one mount axis from a bag, on the stamps of the displacement."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.typesys import Stores, get_typestore
+
+from ride_estimation.errors import InputDataError
+
+Array = NDArray[np.float64]
+
+
+def read_bag_columns(path: Path, mount: str, axis: str) -> dict[str, Array]:
+    """Return time, displacement and tension of one mount axis.
+
+    The wrench is the force ON the body BY the mount, so the tension is its negative. Force samples are interpolated
+    linearly to the displacement stamps.
+
+    Parameters
+    ----------
+    path
+        Bag folder or file.
+    mount
+        Mount name, or empty where the bag has only one joint.
+    axis
+        ``x``, ``y`` or ``z``; empty: from the joint name, else ``z``.
+
+    Raises
+    ------
+    InputDataError
+        Unreadable bag, no such joint, no force, no overlap.
+    """
+    joints: dict[str, list[tuple[int, float]]] = {}
+    wrenches: dict[str, list[tuple[int, float, float, float]]] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            wanted = [c for c in reader.connections if c.msgtype.endswith(("/JointState", "/WrenchStamped"))]
+            for connection, _, raw in reader.messages(connections=wanted):
+                _collect(connection, reader.deserialize(raw, connection.msgtype), joints, wrenches)
+    except (AnyReaderError, OSError, ValueError, KeyError) as error:
+        raise InputDataError(f"{path}: not a readable bag ({error})") from error
+    joint = _choose(path, "JointState joint", joints, f"{mount}_{axis}" if mount and axis else mount)
+    topic = _choose(path, "WrenchStamped topic", wrenches, f"/{mount}/" if mount else "")
+    component = "xyz".index(axis or (joint[-1] if joint[-2:] in ("_x", "_y", "_z") else "z"))
+    moves = np.array(sorted(joints[joint]), dtype=float)
+    loads = np.array(sorted(wrenches[topic]), dtype=float)
+    origin = moves[0, 0]
+    keep = (moves[:, 0] >= loads[0, 0]) & (moves[:, 0] <= loads[-1, 0])
+    if keep.sum() < 2:
+        raise InputDataError(f"{path}: displacement and force do not overlap in time")
+    stamps = moves[keep, 0]
+    return {
+        "time_s": (stamps - origin) * 1e-9,
+        "displacement_m": moves[keep, 1],
+        "force_n": -np.interp(stamps, loads[:, 0], loads[:, 1 + component]),
+    }
+
+
+def _collect(
+    connection: Any, message: Any, joints: dict[str, list[tuple[int, float]]],
+    wrenches: dict[str, list[tuple[int, float, float, float]]],
+) -> None:
+    stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+    if connection.msgtype.endswith("/JointState"):
+        for name, position in zip(message.name, message.position, strict=False):
+            joints.setdefault(name, []).append((stamp, float(position)))
+    else:
+        f = message.wrench.force
+        wrenches.setdefault(connection.topic, []).append((stamp, float(f.x), float(f.y), float(f.z)))
+
+
+def _choose(path: Path, what: str, found: dict[str, Any], wanted: str) -> str:
+    names = [n for n in found if wanted in n]
+    if len(names) != 1:
+        raise InputDataError(
+            f"{path}: {len(names)} candidates for the {what}{f' {wanted!r}' if wanted else ''}; "
+            f"available: {', '.join(sorted(found)) or 'none'}; choose with --mount and --axis"
+        )
+    return names[0]

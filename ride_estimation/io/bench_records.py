@@ -1,0 +1,257 @@
+# Copyright 2026 ride_estimation contributors
+"""Read bench records of displacement and force: CSV, npz, MATLAB files and bags, units stated by column name or option."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import re
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.record import BenchRecord, check_record
+from ride_estimation.units import SUFFIXES
+
+Array = NDArray[np.float64]
+
+#: names a column may have, without unit
+SYNONYMS: dict[str, tuple[str, ...]] = {
+    "time": ("time", "t", "timestamp", "tout"),
+    "displacement": ("displacement", "disp", "deflection", "stroke", "travel", "x", "dist", "position"),
+    "force": ("force", "load", "f", "forc", "fz"),
+}
+#: unit names that may be stated, by quantity -> factor to SI
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "displacement": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "cm": 1e-2, "in": 0.0254},
+    "force": {"N": 1.0, "kN": 1e3, "daN": 10.0, "kgf": 9.80665, "lbf": 4.4482216152605},
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class ReadOptions:
+    """How columns and units of a record are found.
+
+    Attributes
+    ----------
+    time, displacement, force
+        Column names (or 1-based numbers of a CSV without header); empty: found by name.
+    time_unit, displacement_unit, force_unit
+        Units; empty: from the column name.
+    rate_hz
+        Sample rate where the record has no time column.
+    zero
+        ``auto``, ``mean``, ``start`` or ``none``: what deflection counts as zero.
+    sign
+        ``tension`` (force positive in extension) or ``compression`` (both positive in compression: no change), or
+        ``opposed`` (the force column has the opposite sign of the displacement).
+    mount, axis
+        Joint ``<mount>_<axis>`` of a bag.
+    accept_stiffness
+        Accept an implausible secant stiffness.
+    """
+
+    time: str = ""
+    displacement: str = ""
+    force: str = ""
+    time_unit: str = ""
+    displacement_unit: str = ""
+    force_unit: str = ""
+    rate_hz: float = 0.0
+    zero: str = "auto"
+    sign: str = "tension"
+    mount: str = ""
+    axis: str = ""
+    accept_stiffness: bool = False
+
+
+def read_bench_record(path: Path, options: ReadOptions | None = None) -> BenchRecord:
+    """Read and check one record.
+
+    Parameters
+    ----------
+    path
+        ``.csv``/``.txt``/``.tsv``, ``.npz``, ``.mat``, or a bag (folder, ``.mcap``, ``.db3``, ``.bag``).
+    options
+        Columns and units.
+
+    Raises
+    ------
+    InputDataError
+        Missing file, columns not found, units not stated, or what :func:`check_record` refuses.
+    """
+    options = options or ReadOptions()
+    path = Path(path)
+    if not path.exists():
+        raise InputDataError(f"{path}: no such file")
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in (".mcap", ".db3", ".bag"):
+        from ride_estimation.io.bags_bench import read_bag_columns
+
+        columns = read_bag_columns(path, options.mount, options.axis)
+    elif suffix == ".npz":
+        columns = _npz_columns(path)
+    elif suffix == ".mat":
+        columns = _mat_columns(path)
+    else:
+        columns = _csv_columns(path)
+    record = _assemble(path.name or str(path), columns, options)
+    return check_record(record, allow_stiffness_outside=options.accept_stiffness)
+
+
+def _npz_columns(path: Path) -> dict[str, Array]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {k: np.atleast_1d(archive[k]).astype(float).squeeze() for k in archive.files if archive[k].dtype.kind in "fiu"}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputDataError(f"{path}: not a readable npz file ({error})") from error
+
+
+def _mat_columns(path: Path) -> dict[str, Array]:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path)
+    except (OSError, ValueError, NotImplementedError, TypeError) as error:
+        raise InputDataError(f"{path}: not a readable MATLAB 5 file ({error})") from error
+    return {
+        k: v.astype(float).ravel()
+        for k, v in content.items()
+        if isinstance(v, np.ndarray) and v.dtype.kind in "fiu" and v.ndim == 2 and 1 in v.shape and v.size > 1
+    }
+
+
+def _csv_columns(path: Path) -> dict[str, Array]:
+    try:
+        text = path.read_text(encoding="utf-8-sig", errors="strict")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputDataError(f"{path}: not a readable text file ({error}); allowed: csv, npz, mat, bag") from error
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise InputDataError(f"{path}: the file is empty")
+    sample = lines[min(len(lines) - 1, 2)]
+    delimiter = next((d for d in (";", "\t", ",") if d in sample), None)
+    rows = [line.split() for line in lines] if delimiter is None else list(csv.reader(lines, delimiter=delimiter))
+    if delimiter == ";":
+        rows = [[cell.replace(",", ".") for cell in row] for row in rows]
+    header = [] if _is_numeric(rows[0]) else [cell.strip() for cell in rows[0]]
+    body = rows[1:] if header else rows
+    width = len(header) if header else len(body[0]) if body else 0
+    while header and header[-1] == "":
+        header.pop()
+    names = header or [str(i + 1) for i in range(width)]
+    wrong = [i for i, row in enumerate(body) if len(row) < len(names)]
+    if wrong:
+        raise InputDataError(
+            f"{path}: {len(wrong)} rows have fewer than {len(names)} cells, the first at data row {wrong[0] + 1}: {body[wrong[0]]}"
+        )
+    return {name: _column(path, name, [row[i] for row in body]) for i, name in enumerate(names)}
+
+
+def _is_numeric(row: list[str]) -> bool:
+    try:
+        [float(cell) for cell in row if cell.strip()]
+    except ValueError:
+        return False
+    return True
+
+
+def _column(path: Path, name: str, cells: list[str]) -> Array:
+    try:
+        return np.array([cell if cell.strip() else "nan" for cell in cells], dtype=float)
+    except ValueError:
+        return np.full(len(cells), np.nan)
+
+
+def _assemble(where: str, columns: Mapping[str, Array], options: ReadOptions) -> BenchRecord:
+    problems: list[str] = []
+    displacement, x_factor = _quantity("displacement", columns, options.displacement, options.displacement_unit, problems)
+    force, f_factor = _quantity("force", columns, options.force, options.force_unit, problems)
+    if options.rate_hz > 0.0:
+        time: str | None = None
+        t_factor = 1.0
+    else:
+        time, t_factor = _quantity("time", columns, options.time, options.time_unit or "", problems)
+        if time is None:
+            problems[-1] += "; or state --rate HZ"
+    if not problems and displacement == force:
+        problems.append(f"displacement and force are both read from column {displacement!r}")
+    if problems or displacement is None or force is None:
+        raise InputDataError(f"{where}: " + "\n  - ".join(problems))
+    x, f = columns[displacement] * x_factor, columns[force] * f_factor
+    if x.ndim != 1 or f.ndim != 1:
+        raise InputDataError(f"{where}: columns {displacement!r} and {force!r} must be one-dimensional")
+    t = np.arange(x.size) / options.rate_hz if time is None else columns[time] * t_factor
+    if options.sign == "opposed":
+        f = -f
+    warnings: list[str] = []
+    x = _zeroed(where, x, options.zero, warnings)
+    return BenchRecord(where, np.asarray(t, dtype=float), x, np.asarray(f, dtype=float), tuple(warnings))
+
+
+def _zeroed(where: str, x: Array, zero: str, warnings: list[str]) -> Array:
+    finite = x[np.isfinite(x)]
+    if finite.size == 0 or zero == "none":
+        return x
+    if zero == "start":
+        return x - finite[0]
+    middle = 0.5 * (finite.max() + finite.min())
+    half = 0.5 * float(np.ptp(finite))
+    if zero == "mean":
+        return x - float(np.mean(finite))
+    # a record whose zero lies at or beyond its edge but that does not start at rest there is one with a transducer offset
+    if half > 0.0 and abs(middle) > half * 1.02 and abs(finite[0]) > 0.05 * half:
+        warnings.append(
+            f"{where}: displacement runs from {finite.min():g} to {finite.max():g} m and never passes zero: its mean was "
+            "subtracted (--zero none keeps it)"
+        )
+        return x - float(np.mean(finite))
+    return x
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """Return (bare lower-case name, unit) of a column name: ``force_kn``, ``Force [kN]``, ``Force (kN)``."""
+    bracket = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*([^\])]+?)\s*[\])]\s*", name)
+    if bracket:
+        return bracket.group(1).lower().replace(" ", "_"), bracket.group(2)
+    lower = name.strip().lower().replace(" ", "_")
+    for suffix in sorted(SUFFIXES, key=len, reverse=True):
+        if lower.endswith(suffix) and len(lower) > len(suffix):
+            return lower[: -len(suffix)], SUFFIXES[suffix][0]
+    return lower, ""
+
+
+def _quantity(
+    quantity: str, columns: Mapping[str, Array], wanted: str, stated: str, problems: list[str]
+) -> tuple[str | None, float]:
+    """Find one column and its factor to SI; add a problem where it cannot be found or has no unit."""
+    available = ", ".join(columns) or "none"
+    if wanted:
+        if wanted not in columns:
+            problems.append(f"{quantity}: no column {wanted!r}; available: {available}")
+            return None, 1.0
+        found = wanted
+    else:
+        matches = [c for c in columns if _split_unit(c)[0] in SYNONYMS[quantity]]
+        if len(matches) != 1:
+            what = "no column looks like it" if not matches else f"several columns could be it ({', '.join(matches)})"
+            problems.append(f"{quantity}: {what}; name it with --{quantity}; available: {available}")
+            return None, 1.0
+        found = matches[0]
+    unit = stated or _split_unit(found)[1] or ("s" if quantity == "time" else "")
+    table = {u.lower(): f for u, f in UNITS[quantity].items()}
+    if not unit:
+        problems.append(
+            f"{quantity}: the unit of column {found!r} is not stated; name the column e.g. {quantity}_"
+            f"{'mm' if quantity == 'displacement' else 'kn'} or pass --{quantity}-unit ({', '.join(UNITS[quantity])})"
+        )
+        return None, 1.0
+    if unit.lower() not in table:
+        problems.append(f"{quantity}: unit {unit!r} of column {found!r} is unknown; allowed: {', '.join(UNITS[quantity])}")
+        return None, 1.0
+    return found, table[unit.lower()]
