@@ -1,0 +1,293 @@
+# Copyright 2026 ride_estimation contributors
+"""The columns whose weighted sum is the force, their sensitivities, and the Gram matrix of all of them in one pass.
+
+The force of the overlay models is ``F = sum_j a_j B_j(t; theta)``: linear in stiffness, damping and friction force, and
+nonlinear only in the rates of the Maxwell cells and the friction displacement. Reversals depend on the displacement
+alone. Columns, in this order::
+
+    x  x^3  v                                   (those that the layout names)
+    m_i(x; O_i)         Maxwell cells           dm = -O m dt + dx          (document 003 eq. (8), (17), (18))
+    phi(x; x2)          friction, unit force    Berg (003 eq. (9)) or Dahl
+    dm_i/dlog O_i, dphi/dlog x2                 exact sensitivities
+    1                   force offset
+    F                   measured force
+
+Maxwell cells use the exact update for a displacement that is linear between samples. Friction is evaluated branch by
+branch from its reversal.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ride_estimation.identification.bench.reversals import Motion
+from ride_estimation.jit import COMPILED, compile_kernel
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FRICTION_NONE, FRICTION_BERG, FRICTION_DAHL = 0, 1, 2
+#: samples per block of the fused pass: the block of columns stays in the first-level cache
+_BLOCK = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Which columns a model has.
+
+    Attributes
+    ----------
+    spring, cubic, viscous
+        Columns x, x^3, v.
+    cells
+        Number of Maxwell cells.
+    friction
+        ``FRICTION_NONE``, ``FRICTION_BERG`` or ``FRICTION_DAHL``.
+    """
+
+    spring: bool = True
+    cubic: bool = False
+    viscous: bool = False
+    cells: int = 0
+    friction: int = FRICTION_NONE
+
+    @property
+    def static(self) -> int:
+        """Return the number of columns without memory."""
+        return int(self.spring) + int(self.cubic) + int(self.viscous)
+
+    @property
+    def linear(self) -> int:
+        """Return the number of linear coefficients."""
+        return self.static + self.nonlinear
+
+    @property
+    def nonlinear(self) -> int:
+        """Return the number of nonlinear parameters."""
+        return self.cells + int(self.friction != FRICTION_NONE)
+
+    @property
+    def columns(self) -> int:
+        """Return the number of columns including sensitivities, offset and force."""
+        return self.linear + self.nonlinear + 2
+
+
+@compile_kernel
+def _friction_point(kind: int, a: float, u: float, length: float) -> tuple[float, float, float]:
+    """Return unit friction along a branch and its derivatives by log(length) and by the start value a."""
+    if kind == 1:
+        rest = length * (1.0 - a)
+        total = rest + u
+        y = a + u * (1.0 - a) / total
+        return y, -u * (1.0 - a) * rest / (total * total), 1.0 - (u / total) ** 2
+    decay = np.exp(-u / length)
+    return 1.0 - (1.0 - a) * decay, -(1.0 - a) * decay * u / length, decay
+
+
+@compile_kernel
+def branch_states(kind: int, length: float, anchors: Array, directions: Array, last: float) -> tuple[Array, Array]:
+    """Return unit friction at the start of each branch and its derivative by log(length), shapes (B,)."""
+    n = anchors.size
+    state, slope = np.zeros(n), np.zeros(n)
+    for b in range(n - 1):
+        d = directions[b]
+        y, dy, da = _friction_point(kind, d * state[b], d * (anchors[b + 1] - anchors[b]), length)
+        state[b + 1] = d * y
+        slope[b + 1] = d * (dy + da * d * slope[b])
+    return state, slope
+
+
+@compile_kernel
+def _friction_block(
+    kind: int, length: float, x: Array, lo: int, hi: int, start: int, branch: int, starts: IntArray, anchors: Array,
+    directions: Array, state: Array, slope: Array, out: Array, row: int, sensitivity_row: int,
+) -> int:
+    k = lo
+    while k < hi:
+        while starts[branch + 1] <= k:
+            branch += 1
+        end = min(hi, starts[branch + 1])
+        d, anchor = directions[branch], anchors[branch]
+        a, da = d * state[branch], d * slope[branch]
+        if kind == 1:
+            free = 1.0 - a
+            rest = length * free
+            for i in range(k, end):
+                u = max(d * (x[i] - anchor), 0.0)
+                share = u / (rest + u)
+                out[row, i - start] = d * (a + free * share)
+                out[sensitivity_row, i - start] = d * (da * (1.0 - share * share) - share * free * (1.0 - share))
+        else:
+            for i in range(k, end):
+                u = max(d * (x[i] - anchor), 0.0) / length
+                left = np.exp(-u)
+                out[row, i - start] = d * (1.0 - (1.0 - a) * left)
+                out[sensitivity_row, i - start] = d * (da * left - (1.0 - a) * left * u)
+        k = end
+    return branch
+
+
+@compile_kernel
+def gram_kernel(
+    x: Array, force: Array, weight: Array, h: float, spring: bool, cubic: bool, viscous: bool, rates: Array, kind: int,
+    length: float, starts: IntArray, anchors: Array, directions: Array, stop: int,
+) -> Array:
+    """Return the Gram matrix of all columns over samples 0 to stop in one pass, shape (C, C)."""
+    cells = rates.size
+    friction = 1 if kind > 0 else 0
+    static = int(spring) + int(cubic) + int(viscous)
+    linear = static + cells + friction
+    columns = linear + cells + friction + 2
+    gram = np.zeros((columns, columns))
+    block = np.zeros((columns, 256))
+    state, slope = branch_states(kind, length, anchors, directions, 0.0) if friction else (np.zeros(1), np.zeros(1))
+    m, dm = np.zeros(cells), np.zeros(cells)
+    decay, gain, ddecay, dgain = np.empty(cells), np.empty(cells), np.empty(cells), np.empty(cells)
+    for j in range(cells):
+        a = rates[j] * h
+        decay[j] = np.exp(-a)
+        gain[j] = -np.expm1(-a) / a
+        ddecay[j] = -a * decay[j]
+        dgain[j] = decay[j] - gain[j]
+    branch = 0
+    last = x.size - 1
+    for lo in range(0, stop, 256):
+        hi = min(lo + 256, stop)
+        n = hi - lo
+        row = 0
+        if spring:
+            for i in range(n):
+                block[row, i] = x[lo + i]
+            row += 1
+        if cubic:
+            for i in range(n):
+                block[row, i] = x[lo + i] ** 3
+            row += 1
+        if viscous:
+            for i in range(n):
+                k = lo + i
+                before, after = max(k - 1, 0), min(k + 1, last)
+                block[row, i] = (x[after] - x[before]) / (h * (after - before))
+            row += 1
+        for j in range(cells):
+            mj, dmj, e, g, de, dg = m[j], dm[j], decay[j], gain[j], ddecay[j], dgain[j]
+            for i in range(n):
+                k = lo + i
+                if k > 0:
+                    step = x[k] - x[k - 1]
+                    dmj = e * dmj + (de * mj + dg * step)
+                    mj = e * mj + g * step
+                block[row + j, i] = mj
+                block[linear + j, i] = dmj
+            m[j], dm[j] = mj, dmj
+        if friction:
+            branch = _friction_block(
+                kind, length, x, lo, hi, lo, branch, starts, anchors, directions, state, slope, block, linear - 1,
+                linear + cells,
+            )
+        for i in range(n):
+            block[columns - 2, i] = 1.0
+            block[columns - 1, i] = force[lo + i]
+        if weight.size > 0:
+            for c in range(columns):
+                for i in range(n):
+                    block[c, i] *= weight[lo + i]
+        for c in range(columns):
+            for i in range(n, 256):
+                block[c, i] = 0.0
+        gram += np.dot(block, block.T)
+    return gram
+
+
+def fused_gram(layout: Layout, motion: Motion, theta: Array, force: Array, stop: int, weight: Array | None = None) -> Array:
+    """Return the Gram matrix over samples 0 to ``stop`` by the compiled pass, shape (C, C).
+
+    Parameters
+    ----------
+    layout
+        Columns of the model.
+    motion
+        Displacement with its branches.
+    theta
+        Logarithms of Maxwell rates [1/s] and friction displacement [m], shape (Q,).
+    force
+        Measured force [N], shape (N,).
+    stop
+        First sample that is not used.
+    weight
+        Square roots of sample weights, shape (N,), or None.
+    """
+    values = np.exp(theta)
+    length = float(values[-1]) if layout.friction else 1.0
+    gram: Array = gram_kernel(
+        motion.x, force, np.empty(0) if weight is None else weight, motion.step_s, layout.spring, layout.cubic,
+        layout.viscous, values[: layout.cells], layout.friction, length, motion.starts, motion.anchors,
+        motion.directions, stop,
+    )
+    return gram
+
+
+def numpy_columns(layout: Layout, motion: Motion, theta: Array) -> Array:
+    """Return all columns but offset and force with numpy and scipy alone, shape (2Q + static, N)."""
+    values = np.exp(theta)
+    x, h = motion.x, motion.step_s
+    out = np.empty((layout.linear + layout.nonlinear, x.size))
+    row = 0
+    for wanted, make in ((layout.spring, lambda: x), (layout.cubic, lambda: x**3), (layout.viscous, lambda: np.gradient(x, h))):
+        if wanted:
+            out[row] = make()
+            row += 1
+    step = np.diff(x, prepend=x[0])
+    for j in range(layout.cells):
+        a = values[j] * h
+        e, g = np.exp(-a), -np.expm1(-a) / a
+        m = lfilter([g], [1.0, -e], step)
+        out[row + j] = m
+        previous = np.concatenate([[0.0], m[:-1]])
+        out[layout.linear + j] = lfilter([1.0], [1.0, -e], -a * e * previous + (e - g) * step)
+    if layout.friction:
+        out[layout.linear - 1], out[-1] = numpy_friction(layout.friction, motion, float(values[-1]))
+    return out
+
+
+def numpy_friction(kind: int, motion: Motion, length: float) -> tuple[Array, Array]:
+    """Return unit friction and its derivative by log(length), vectorised over branches, shapes (N,)."""
+    state, slope = branch_states(kind, length, motion.anchors, motion.directions, 0.0)
+    counts = np.diff(motion.starts)
+    d = np.repeat(motion.directions, counts)
+    u = np.maximum(d * (motion.x - np.repeat(motion.anchors, counts)), 0.0)
+    a = d * np.repeat(state, counts)
+    da = d * np.repeat(slope, counts)
+    free = 1.0 - a
+    if kind == FRICTION_BERG:
+        share = u / (length * free + u)
+        return d * (a + free * share), d * (da * (1.0 - share * share) - share * free * (1.0 - share))
+    u /= length
+    left = np.exp(-u)
+    return d * (1.0 - free * left), d * (da * left - free * left * u)
+
+
+def numpy_gram(layout: Layout, motion: Motion, theta: Array, force: Array, stop: int, weight: Array | None = None) -> Array:
+    """Return the same matrix as :func:`fused_gram` with numpy and scipy alone, shape (C, C)."""
+    columns = np.empty((layout.columns, stop))
+    columns[:-2] = numpy_columns(layout, motion, theta)[:, :stop]
+    columns[-2] = 1.0
+    columns[-1] = force[:stop]
+    if weight is not None:
+        columns *= weight[:stop]
+    gram: Array = columns @ columns.T
+    return gram
+
+
+#: the fused pass where kernels are compiled, else the numpy and scipy pass
+best_gram = fused_gram if COMPILED else numpy_gram
+
+
+def simulate(layout: Layout, motion: Motion, theta: Array, coefficients: Array) -> Array:
+    """Return the model force [N] without offset, shape (N,)."""
+    force: Array = coefficients @ numpy_columns(layout, motion, theta)[: layout.linear]
+    return force

@@ -1,0 +1,275 @@
+# Copyright 2026 ride_estimation contributors
+"""Time-domain identification of the overlay models by variable projection (document 003 eq. (25), (26))."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.identification.bench import columns as columns_module
+from ride_estimation.identification.bench.columns import Layout, numpy_columns, simulate
+from ride_estimation.identification.bench.models import BenchModel
+from ride_estimation.identification.bench.record import BenchRecord, clipped_samples
+from ride_estimation.identification.bench.reversals import Motion, find_motion
+from ride_estimation.identification.bench.variable_projection import (
+    VariableProjectionResult,
+    eliminate_offset,
+    minimise,
+)
+
+Array = NDArray[np.float64]
+GramFunction = Callable[..., Array]
+
+#: friction displacement is searched between these shares of the displacement range
+LENGTH_BOUNDS = (1.0e-4, 5.0)
+#: fewest samples of the decimated search
+_DECIMATED_SAMPLES = 4000
+#: how often a start that ended at a negative stiffness is moved
+_REPAIRS = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class PreparedRecord:
+    """A record with its branches, ready for passes.
+
+    Attributes
+    ----------
+    record
+        The checked record.
+    motion
+        Displacement with branches.
+    force
+        Measured force [N], contiguous.
+    stop
+        Samples used for the fit; the rest is held out.
+    weight
+        0 for clipped samples, 1 for others, or None where all count.
+    """
+
+    record: BenchRecord
+    motion: Motion
+    force: Array
+    stop: int
+    weight: Array | None = None
+
+    def decimated(self, factor: int) -> PreparedRecord:
+        """Return every ``factor``-th sample."""
+        weight = None if self.weight is None else np.ascontiguousarray(self.weight[::factor])
+        force = np.ascontiguousarray(self.force[::factor])
+        return dataclasses.replace(
+            self, motion=self.motion.decimated(factor), force=force, stop=-(-self.stop // factor), weight=weight
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class TimeDomainFit:
+    """Identified parameters of one model.
+
+    Attributes
+    ----------
+    model
+        The rung.
+    values
+        Reported parameters in SI, order of ``model.quantities``.
+    theta, coefficients
+        The searched form.
+    result
+        Outcome of the search (passes, bounds hit, Gram matrix).
+    samples
+        Number of fitted samples.
+    """
+
+    model: BenchModel
+    values: Array
+    theta: Array
+    coefficients: Array
+    result: VariableProjectionResult
+    samples: int
+
+    @property
+    def residual_std(self) -> float:
+        """Return the standard deviation of the residual [N]."""
+        return float(np.sqrt(self.result.cost / max(self.samples - self.model.parameter_count - 1, 1)))
+
+    def force(self, motion: Motion) -> Array:
+        """Return the model force [N] over a motion, without offset."""
+        return simulate(self.model.layout, motion, self.theta, self.coefficients)
+
+
+def prepare(record: BenchRecord, *, fit_share: float = 1.0, raw_reversals: bool = False) -> PreparedRecord:
+    """Find branches and clipped samples of a record.
+
+    Parameters
+    ----------
+    record
+        A checked record.
+    fit_share
+        Share of the record, from its start, that is fitted.
+    raw_reversals
+        Use every sign change of the raw displacement (for comparison).
+    """
+    motion = find_motion(record.displacement, record.step_s, raw=raw_reversals)
+    clipped = clipped_samples(record)
+    weight = np.where(clipped, 0.0, 1.0) if clipped.any() else None
+    stop = max(2, round(fit_share * record.samples))
+    return PreparedRecord(record, motion, np.ascontiguousarray(record.force, dtype=float), stop, weight)
+
+
+def total_gram(
+    layout: Layout, prepared: Sequence[PreparedRecord], theta: Array, gram: GramFunction | None = None
+) -> Array:
+    """Return the Gram matrix summed over records, each with its own force offset projected out."""
+    function = columns_module.best_gram if gram is None else gram
+    total: Array | None = None
+    for item in prepared:
+        one = eliminate_offset(function(layout, item.motion, theta, item.force, item.stop, item.weight))
+        total = one if total is None else total + one
+    if total is None:
+        raise ValueError("at least one record is needed")
+    return total
+
+
+def search_bounds(layout: Layout, prepared: Sequence[PreparedRecord]) -> tuple[Array, Array]:
+    """Return bounds of the logarithms: rates the records can show, friction lengths within their strokes."""
+    duration = max(p.stop * p.motion.step_s for p in prepared)
+    step = min(p.motion.step_s for p in prepared)
+    stroke = max(float(np.ptp(p.motion.x[: p.stop])) for p in prepared)
+    lower = [np.log(1.0 / duration)] * layout.cells
+    upper = [np.log(2.0 / step)] * layout.cells
+    if layout.friction:
+        lower.append(np.log(LENGTH_BOUNDS[0] * stroke))
+        upper.append(np.log(LENGTH_BOUNDS[1] * stroke))
+    return np.asarray(lower), np.asarray(upper)
+
+
+def start_points(layout: Layout, lower: Array, upper: Array, count: int) -> list[Array]:
+    """Return spread start values: rates in ascending order over the middle of their range, lengths in turn."""
+    if layout.nonlinear == 0:
+        return [np.empty(0)]
+    starts = []
+    for n in range(count):
+        shift = (n + 0.5) / count
+        theta = np.empty(layout.nonlinear)
+        for i in range(layout.cells):
+            share = 0.25 + 0.6 * (i + shift) / layout.cells
+            theta[i] = lower[i] + share * (upper[i] - lower[i])
+        if layout.friction:
+            theta[-1] = lower[-1] + (0.25 + 0.5 * ((n * 0.618) % 1.0)) * (upper[-1] - lower[-1])
+        starts.append(theta)
+    return starts
+
+
+def fit_time_domain(
+    model: BenchModel, prepared: Sequence[PreparedRecord], *, start: Array | None = None, starts: int = 6,
+    gram: GramFunction | None = None, decimate: bool = True,
+) -> TimeDomainFit:
+    """Identify one model from one or several records.
+
+    Parameters
+    ----------
+    model
+        The rung of the ladder.
+    prepared
+        Records with branches.
+    start
+        Logarithms to start from; None: several spread starts.
+    starts
+        Number of spread starts of the decimated search.
+    gram
+        Pass to use; None: the compiled one where numba is installed.
+    decimate
+        Search on a decimated record first.
+
+    Returns
+    -------
+    TimeDomainFit
+        Cells in ascending order of their rates.
+    """
+    lower, upper = search_bounds(model.layout, prepared)
+    points = start_points(model.layout, lower, upper, starts) if start is None else [np.asarray(start, dtype=float)]
+    factor = decimation(prepared, upper, model.layout) if decimate else 1
+    coarse = [p.decimated(factor) for p in prepared] if factor > 1 else list(prepared)
+    best: VariableProjectionResult | None = None
+    passes = 0
+    for point in points if model.layout.nonlinear else points[:1]:
+        found = _search_physical(model, coarse, point, lower, upper, gram)
+        passes += found.passes
+        if best is None or found.cost < best.cost:
+            best = found
+    if best is None:
+        raise ValueError("at least one start is needed")
+    if factor > 1:
+        best = _search_physical(model, list(prepared), best.theta, lower, upper, gram)
+    theta, coefficients = _ascending(model, best)
+    ordered = dataclasses.replace(
+        best, theta=theta, coefficients=coefficients, gram=total_gram(model.layout, prepared, theta, gram)
+        if not np.array_equal(theta, best.theta) else best.gram, passes=best.passes + passes,
+    )
+    samples = sum(p.stop if p.weight is None else int(p.weight[: p.stop].sum()) for p in prepared)
+    return TimeDomainFit(model, model.physical(theta, coefficients), theta, coefficients, ordered, samples)
+
+
+def decimation(prepared: Sequence[PreparedRecord], upper: Array, layout: Layout) -> int:
+    """Return by how much a search may be decimated: ten at most, and never below a few thousand samples."""
+    return int(np.clip(min(p.stop for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
+
+
+def _search_physical(
+    model: BenchModel, prepared: Sequence[PreparedRecord], start: Array, lower: Array, upper: Array,
+    gram: GramFunction | None,
+) -> VariableProjectionResult:
+    """Search without sign bounds first; move cells that end negative; hold what stays negative at zero."""
+    free = np.zeros(model.layout.linear, dtype=bool)
+
+    def evaluate(theta: Array) -> Array:
+        return total_gram(model.layout, prepared, theta, gram)
+
+    def run(theta: Array, positive: NDArray[np.bool_]) -> VariableProjectionResult:
+        return minimise(evaluate, theta, lower, upper, model.layout.linear, model.sensitivities, positive)
+
+    found = run(start, free)
+    repairs = 0
+    while repairs < _REPAIRS and np.any(found.coefficients[model.positive] < 0.0):
+        found = run(_moved(model, found, lower, upper, repairs), free)
+        repairs += 1
+    if np.any(found.coefficients[model.positive] < 0.0):
+        found = run(found.theta, model.positive)
+    return found
+
+
+def _moved(model: BenchModel, found: VariableProjectionResult, lower: Array, upper: Array, turn: int) -> Array:
+    """Return a start in which the cells with negative stiffness sit in the widest gap between the good rates."""
+    theta = found.theta.copy()
+    cells = model.layout.cells
+    negative = [i for i in range(cells) if found.coefficients[model.layout.static + i] < 0.0]
+    good = [theta[i] for i in range(cells) if i not in negative]
+    for i in negative:
+        edges = np.sort(np.concatenate([[lower[i], upper[i]], good]))
+        widths = np.diff(edges)
+        order = np.argsort(-widths)
+        gap = order[turn % order.size]
+        theta[i] = edges[gap] + 0.5 * widths[gap]
+        good.append(theta[i])
+    if model.layout.friction and found.coefficients[-1] < 0.0:
+        theta[-1] = lower[-1] + (0.2 + 0.2 * turn) * (upper[-1] - lower[-1])
+    return theta
+
+
+def _ascending(model: BenchModel, found: VariableProjectionResult) -> tuple[Array, Array]:
+    cells, static = model.layout.cells, model.layout.static
+    order = np.argsort(found.theta[:cells])
+    theta, coefficients = found.theta.copy(), found.coefficients.copy()
+    theta[:cells] = found.theta[:cells][order]
+    coefficients[static : static + cells] = found.coefficients[static : static + cells][order]
+    return theta, coefficients
+
+
+def full_jacobian(fit: TimeDomainFit, motion: Motion) -> Array:
+    """Return dF/d(coefficients, theta) over a motion, shape (P + Q, N)."""
+    layout = fit.model.layout
+    jacobian = numpy_columns(layout, motion, fit.theta)
+    jacobian[layout.linear :] *= fit.coefficients[fit.model.sensitivities][:, None]
+    return jacobian

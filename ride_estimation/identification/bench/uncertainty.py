@@ -1,0 +1,181 @@
+# Copyright 2026 ride_estimation contributors
+"""How sure the identified parameters are: standard deviations, correlation, effective samples, null direction."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.identification.bench.time_domain import PreparedRecord, TimeDomainFit, full_jacobian
+
+Array = NDArray[np.float64]
+
+#: a parameter whose relative standard deviation exceeds this cannot be told
+NOT_IDENTIFIABLE = 0.5
+#: blocks of the record from which the long-run covariance of the score is estimated
+_BLOCKS = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterStatus:
+    """One parameter as reported.
+
+    Attributes
+    ----------
+    name, unit, meaning
+        What it is.
+    value, std
+        SI.
+    status
+        ``valid``, ``at_bound`` or ``not_identifiable``.
+    reason
+        In words; empty where valid.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    value: float
+    std: float
+    status: str
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainty of one fit.
+
+    Attributes
+    ----------
+    parameters
+        Values with standard deviations and status.
+    correlation
+        Shape (P, P), order of the parameters.
+    effective_samples
+        Number of independent residuals.
+    white_std
+        Standard deviations a white residual would give (the Cramer-Rao bound for white noise), shape (P,).
+    condition
+        Condition number of the information matrix in relative parameters.
+    null_direction
+        The combination the record tells worst, in words.
+    """
+
+    parameters: tuple[ParameterStatus, ...]
+    correlation: Array
+    effective_samples: float
+    white_std: Array
+    condition: float
+    null_direction: str
+
+
+def effective_samples(residual: Array, max_lag_share: float = 0.1) -> float:
+    """Return the number of independent samples of a correlated residual.
+
+    ``N_eff = N / (1 + 2 sum rho_k^2)``, the equivalent number for second moments, with the sum cut at the first lag whose
+    autocorrelation lies inside the band ``2/sqrt(N)`` for ten lags in a row.
+    """
+    r = residual - np.mean(residual)
+    n = r.size
+    size = 1 << int(np.ceil(np.log2(2 * n)))
+    spectrum = np.fft.rfft(r, size)
+    rho = np.fft.irfft(spectrum * np.conj(spectrum), size)[: max(2, int(max_lag_share * n))]
+    if rho[0] <= 0.0:
+        return float(n)
+    rho = rho / rho[0]
+    quiet = np.abs(rho[1:]) < 2.0 / np.sqrt(n)
+    runs = np.convolve(quiet, np.ones(10), mode="valid") == 10
+    stop = int(np.argmax(runs)) if runs.any() else rho.size - 1
+    return float(np.clip(n / (1.0 + 2.0 * np.sum(rho[1 : stop + 1] ** 2)), 2.0, n))
+
+
+def _score_covariance(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> tuple[Array, Array, float]:
+    """Return information J'J, long-run covariance of J'r (sums over blocks) and effective samples."""
+    p = fit.model.parameter_count
+    information, meat, independent = np.zeros((p, p)), np.zeros((p, p)), 0.0
+    for item in prepared:
+        jacobian = full_jacobian(fit, item.motion)[:, : item.stop]
+        weight = np.ones(item.stop) if item.weight is None else item.weight[: item.stop]
+        jacobian = (jacobian - np.average(jacobian, axis=1, weights=weight)[:, None]) * weight
+        model = fit.force(item.motion)[: item.stop]
+        residual = (item.force[: item.stop] - model) * weight
+        residual = (residual - np.average(residual, weights=weight)) * weight
+        information += jacobian @ jacobian.T
+        independent += effective_samples(residual)
+        edges = np.linspace(0, item.stop, min(_BLOCKS, item.stop // 10) + 1).astype(int)[:-1]
+        sums = np.add.reduceat(jacobian * residual, edges, axis=1)
+        meat += sums @ sums.T
+    return information, meat, independent
+
+
+def uncertainty(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> Uncertainty:
+    """Return standard deviations (the larger of white and correlated residual), correlation and null direction.
+
+    Notes
+    -----
+    Correlated residuals (a model that is not quite right) make the white formula far too small, so the covariance is
+    ``(J'J)^-1 S (J'J)^-1`` with S from sums of the score over blocks of the record.
+    """
+    information, meat, independent = _score_covariance(fit, prepared)
+    searched_scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    scaled = information / np.outer(searched_scale, searched_scale)
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(searched_scale, searched_scale)
+    to_physical = fit.model.physical_jacobian(fit.theta, fit.coefficients)
+    white = to_physical @ inverse @ to_physical.T * fit.residual_std**2
+    robust = to_physical @ inverse @ meat @ inverse @ to_physical.T
+    white_std = np.sqrt(np.maximum(np.diag(white), 0.0))
+    robust_std = np.sqrt(np.maximum(np.diag(robust), 0.0))
+    std = np.maximum(white_std, robust_std)
+    chosen = robust if np.sum(robust_std) > np.sum(white_std) else white
+    diagonal = np.sqrt(np.maximum(np.diag(chosen), np.finfo(float).tiny))
+    correlation = chosen / np.outer(diagonal, diagonal)
+    magnitude = np.where(fit.values == 0.0, 1.0, np.abs(fit.values))
+    relative = white / np.outer(magnitude, magnitude)
+    eigenvalues, vectors = np.linalg.eigh(relative)
+    smallest = max(float(eigenvalues[0]), 1e-300)
+    condition = float(np.sqrt(max(float(eigenvalues[-1]), smallest) / smallest))
+    worst = float(np.max(std / magnitude))
+    return Uncertainty(
+        _statuses(fit, std), correlation, independent, white_std, condition,
+        _in_words(fit, vectors[:, -1], worst),
+    )
+
+
+def _statuses(fit: TimeDomainFit, std: Array) -> tuple[ParameterStatus, ...]:
+    lay = fit.model.layout
+    found = []
+    for i, quantity in enumerate(fit.model.quantities):
+        value, deviation = float(fit.values[i]), float(std[i])
+        status, reason = "valid", ""
+        part = _part_of(fit, i)
+        if part >= 0 and lay.static + part in fit.result.at_zero:
+            status, reason = "at_bound", "held at its bound 0: the record asks for a negative value"
+        elif part >= 0 and part in fit.result.at_bound:
+            status, reason = "at_bound", "its rate or length sits at the limit of what the record can show"
+        elif deviation > NOT_IDENTIFIABLE * abs(value):
+            status, reason = "not_identifiable", f"standard deviation is {100 * deviation / max(abs(value), 1e-300):.0f} % of the value"
+        found.append(ParameterStatus(quantity.name, quantity.unit, quantity.meaning, value, deviation, status, reason))
+    return tuple(found)
+
+
+def _part_of(fit: TimeDomainFit, index: int) -> int:
+    """Return which cell or friction a reported parameter belongs to, -1 for springs and dampers without memory."""
+    lay = fit.model.layout
+    return -1 if index < lay.static else (index - lay.static) // 2
+
+
+def _in_words(fit: TimeDomainFit, direction: Array, worst: float) -> str:
+    names = [q.name for q in fit.model.quantities]
+    if worst <= 0.05:
+        return "every parameter is told by the record; the worst has a relative standard deviation of " f"{100 * worst:.2g} %"
+    top = int(np.argmax(np.abs(direction)))
+    sign = np.sign(direction[top])
+    parts = [
+        f"{names[i].replace('_', ' ')} {'up' if sign * direction[i] > 0 else 'down'} {100 * abs(direction[i] / direction[top]):.0f} %"
+        for i in np.argsort(-np.abs(direction))
+        if abs(direction[i]) > 0.15 * abs(direction[top])
+    ]
+    return f"the record hardly tells this change: {', '.join(parts)} together (relative standard deviation {100 * worst:.2g} %)"

@@ -1,0 +1,212 @@
+# Copyright 2026 ride_estimation contributors
+"""Least squares with the linear parameters eliminated (variable projection), from Gram matrices alone.
+
+For ``F = B(theta) a`` the best ``a`` at given theta follows from the normal equations; the reduced problem in theta is
+solved by Levenberg-Marquardt with Kaufman's Jacobian ``J_j = -P a_j dB_j``, ``P`` the projector off the columns of B. All
+that is needed is the Gram matrix of ``[B, dB, F]``, one pass over the data per trial.
+
+Source: Golub and Pereyra 1973, Kaufman 1975; use for this problem: project notes, time-domain identification.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from ride_estimation.errors import InputDataError
+
+Array = NDArray[np.float64]
+
+#: relative fall of the cost below which the search has arrived
+COST_TOLERANCE = 1.0e-10
+#: change of log parameters below which the search has arrived
+STEP_TOLERANCE = 1.0e-6
+#: coefficients whose eigen-direction is weaker than this share of the strongest are not resolved
+RANK_TOLERANCE = 1.0e-12
+
+
+@dataclasses.dataclass(frozen=True)
+class Projection:
+    """Linear solution, cost and Kaufman quantities at one theta."""
+
+    coefficients: Array
+    cost: float
+    gradient: Array
+    hessian: Array
+    at_zero: tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class VariableProjectionResult:
+    """Outcome of one search.
+
+    Attributes
+    ----------
+    theta, coefficients
+        Nonlinear (logarithms) and linear parameters.
+    cost
+        Sum of squared residuals.
+    gram
+        Gram matrix at the solution, offset eliminated.
+    iterations, passes
+        Accepted steps, passes over the data.
+    at_zero
+        Linear parameters held at their bound 0.
+    at_bound
+        Nonlinear parameters at a bound.
+    """
+
+    theta: Array
+    coefficients: Array
+    cost: float
+    gram: Array
+    iterations: int
+    passes: int
+    at_zero: tuple[int, ...]
+    at_bound: tuple[int, ...]
+    converged: bool
+
+
+def eliminate_offset(gram: Array) -> Array:
+    """Return the Gram matrix with the constant column (the last but one) projected out."""
+    keep = np.r_[0 : gram.shape[0] - 2, gram.shape[0] - 1]
+    one = gram.shape[0] - 2
+    column = gram[keep, one]
+    reduced: Array = gram[np.ix_(keep, keep)] - np.outer(column, column) / gram[one, one]
+    return reduced
+
+
+def solve_linear(basis: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[Array, tuple[int, ...]]:
+    """Solve normal equations with some coefficients not below zero (active set); columns are scaled first."""
+    scale = np.sqrt(np.maximum(np.diag(basis), np.finfo(float).tiny))
+    a, b = basis / np.outer(scale, scale), target / scale
+    free = np.ones(b.size, dtype=bool)
+    for _ in range(2 * b.size):
+        solution = np.zeros(b.size)
+        index = np.flatnonzero(free)
+        solution[index] = _solve_symmetric(a[np.ix_(index, index)], b[index])
+        wrong = positive & free & (solution < 0.0)
+        if wrong.any():
+            free[int(np.argmin(np.where(wrong, solution, np.inf)))] = False
+            continue
+        pull = b - a @ solution
+        pull[free] = 0.0
+        release = int(np.argmax(pull))
+        if pull[release] <= 1e-12 * float(np.abs(b).max(initial=1e-300)):
+            break
+        # a released coefficient that turns negative again would cycle: leave it at its bound
+        trial = np.append(index, release)
+        if _solve_symmetric(a[np.ix_(trial, trial)], b[trial])[-1] <= 0.0:
+            break
+        free[release] = True
+    return solution / scale, tuple(int(i) for i in np.flatnonzero(~free))
+
+
+def _solve_symmetric(a: Array, b: Array) -> Array:
+    try:
+        factor = cho_factor(a, check_finite=False)
+        if np.min(np.abs(np.diag(factor[0]))) > 1e-6:
+            solved: Array = cho_solve(factor, b, check_finite=False)
+            return solved
+    except np.linalg.LinAlgError:
+        pass
+    values, vectors = np.linalg.eigh(a)
+    inverse = np.where(values > RANK_TOLERANCE * values[-1], 1.0 / np.maximum(values, 1e-300), 0.0)
+    pseudo: Array = vectors @ (inverse * (vectors.T @ b))
+    return pseudo
+
+
+def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive: NDArray[np.bool_]) -> Projection:
+    """Evaluate the reduced problem from a Gram matrix of [B, dB, F].
+
+    Parameters
+    ----------
+    gram
+        Shape (P + Q + 1, P + Q + 1).
+    linear
+        P.
+    sensitivities
+        Coefficient each sensitivity column belongs to, shape (Q,).
+    positive
+        Coefficients that may not fall below zero, shape (P,).
+    """
+    basis, target = gram[:linear, :linear], gram[:linear, -1]
+    coefficients, at_zero = solve_linear(basis, target, positive)
+    power = float(gram[-1, -1])
+    cost = power - 2.0 * float(coefficients @ target) + float(coefficients @ basis @ coefficients)
+    cost = max(cost, 1e-15 * power)
+    q = sensitivities.size
+    inner = gram[linear : linear + q, linear : linear + q]
+    cross = gram[linear : linear + q, :linear]
+    a = coefficients[sensitivities]
+    free = np.setdiff1d(np.arange(linear), np.asarray(at_zero, dtype=int))
+    scale = np.sqrt(np.maximum(np.diag(basis)[free], np.finfo(float).tiny))
+    scaled = basis[np.ix_(free, free)] / np.outer(scale, scale)
+    cross_free = cross[:, free] / scale
+    projected = inner - cross_free @ np.linalg.pinv(scaled, rcond=RANK_TOLERANCE, hermitian=True) @ cross_free.T
+    hessian = projected * np.outer(a, a)
+    gradient = -a * (gram[linear : linear + q, -1] - cross @ coefficients)
+    return Projection(coefficients, cost, gradient, hessian, at_zero)
+
+
+def minimise(
+    evaluate: Callable[[Array], Array], start: Array, lower: Array, upper: Array, linear: int,
+    sensitivities: NDArray[np.int64], positive: NDArray[np.bool_], *, max_passes: int = 60,
+) -> VariableProjectionResult:
+    """Minimise the reduced cost by Levenberg-Marquardt inside bounds.
+
+    Parameters
+    ----------
+    evaluate
+        theta -> Gram matrix of [B, dB, F].
+    start, lower, upper
+        Nonlinear parameters (logarithms), shape (Q,).
+    linear, sensitivities, positive
+        See :func:`project`.
+    max_passes
+        Limit of passes over the data.
+    """
+    theta = np.clip(start, lower, upper)
+    gram = evaluate(theta)
+    if not np.all(np.isfinite(gram)):
+        raise InputDataError("the record and the start values give no finite model force")
+    point = project(gram, linear, sensitivities, positive)
+    passes, iterations, damping, converged = 1, 0, 1e-3, theta.size == 0
+    while passes < max_passes and not converged:
+        held = ((theta <= lower) & (point.gradient > 0)) | ((theta >= upper) & (point.gradient < 0))
+        move = np.flatnonzero(~held)
+        if move.size == 0:
+            converged = True
+            break
+        h = point.hessian[np.ix_(move, move)]
+        diagonal = np.maximum(np.diag(h), 1e-12 * float(np.max(np.abs(np.diag(point.hessian)), initial=1e-300)))
+        diagonal = np.maximum(diagonal, 1e-300)
+        step = np.zeros(theta.size)
+        step[move] = -np.linalg.lstsq(h + damping * np.diag(diagonal), point.gradient[move], rcond=None)[0]
+        step = np.clip(step, -2.0, 2.0)
+        trial = np.clip(theta + step, lower, upper)
+        if float(np.max(np.abs(trial - theta))) < STEP_TOLERANCE:
+            converged = True
+            break
+        trial_gram = evaluate(trial)
+        trial_point = project(trial_gram, linear, sensitivities, positive)
+        passes += 1
+        if trial_point.cost < point.cost:
+            fall = (point.cost - trial_point.cost) / point.cost
+            small = float(np.max(np.abs(trial - theta))) < 1e-4
+            theta, gram, point = trial, trial_gram, trial_point
+            iterations += 1
+            damping = max(damping * 0.1, 1e-9)
+            converged = fall < COST_TOLERANCE or (small and fall < 1e-8)
+        else:
+            damping *= 10.0
+            converged = damping > 1e8
+    bound = np.flatnonzero((theta <= lower + 1e-9) | (theta >= upper - 1e-9))
+    return VariableProjectionResult(
+        theta, point.coefficients, point.cost, gram, iterations, passes, point.at_zero, tuple(int(i) for i in bound),
+        bool(converged),
+    )
