@@ -25,3 +25,26 @@ def compile_kernel(function: F) -> F:
 
     compiled: F = numba.njit(cache=True, error_model="numpy")(function)
     return compiled
+
+
+def compile_lean_kernel(function: F) -> F:
+    """Compile like :func:`compile_kernel` for a function that allocates nothing, without reference counting of arrays.
+
+    Counting references of array arguments costs more than a force law; a function that creates no array needs none.
+    """
+    if not COMPILED:
+        return function
+    import numba
+
+    compiled: F = numba.njit(cache=True, error_model="numpy", _nrt=False)(function)
+    return compiled
+
+
+def inline_kernel(function: F) -> F:
+    """Mark a function that allocates nothing for inlining into its compiled callers."""
+    if not COMPILED:
+        return function
+    import numba
+
+    compiled: F = numba.njit(cache=True, error_model="numpy", _nrt=False, inline="always")(function)
+    return compiled

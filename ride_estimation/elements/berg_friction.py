@@ -52,12 +52,12 @@ class BergFriction(ForceElement):
 
     def force(self, s: Array, x: float, v: float) -> float:
         """Return the friction force [N] at x, on the running branch or on the one that starts at the extreme."""
-        return kernels_memory.berg_trial(s, x, self.friction, self.half_stroke)
+        return kernels_memory.berg_trial(s.reshape(1, -1), 0, x, self.friction, self.half_stroke)
 
     def commit(self, s: Array, x: float, v: float) -> Array:
         """Return the memory after the accepted point x."""
         s = s.copy()
-        kernels_memory.berg_commit(s, x, v, self.friction, self.half_stroke, self.dead_band)
+        kernels_memory.berg_commit(s.reshape(1, -1), 0, x, v, self.friction, self.half_stroke, self.dead_band)
         return s
 
     def terms(self) -> tuple[Term, ...]:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from ride_estimation.jit import compile_kernel
+from ride_estimation.jit import compile_lean_kernel
 
 
-@compile_kernel
+@compile_lean_kernel
 def signed_power(value: float, reference: float, exponent: float, rounding: float) -> float:
     """Return ``r sign(u) |u / r|^n`` with the corner at zero rounded over ``rounding``.
 
@@ -25,7 +25,7 @@ def signed_power(value: float, reference: float, exponent: float, rounding: floa
     return result
 
 
-@compile_kernel
+@compile_lean_kernel
 def penetration(x: float, side: float, gap: float, half_width: float) -> float:
     """Return the smoothed penetration [m] past a stop, ``u = (e + p)^2 / (4 p)`` inside ``|e| < p``, ``e = side x - gap``.
 
@@ -40,7 +40,7 @@ def penetration(x: float, side: float, gap: float, half_width: float) -> float:
     return excess
 
 
-@compile_kernel
+@compile_lean_kernel
 def engagement(x: float, side: float, gap: float, half_width: float) -> float:
     """Return the slope of :func:`penetration` with respect to ``side x``, 0 (free) to 1 (fully in contact)."""
     excess = side * x - gap
@@ -51,7 +51,7 @@ def engagement(x: float, side: float, gap: float, half_width: float) -> float:
     return 1.0
 
 
-@compile_kernel
+@compile_lean_kernel
 def contact_force(
     x: float, v: float, side: float, gap: float, half_width: float, stiffness: float, cubic: float, damping: float
 ) -> float:
@@ -65,7 +65,7 @@ def contact_force(
     return side * push
 
 
-@compile_kernel
+@compile_lean_kernel
 def stribeck_force(v: float, kinetic: float, static: float, stribeck_speed: float, rounding_speed: float) -> float:
     """Return ``(f_k + (f_s - f_k) exp(-(v / v_s)^2)) tanh(v / v_0)`` [N]."""
     ratio = v / stribeck_speed

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements import kernels_memory as memory
 from ride_estimation.elements import kernels_static as static
-from ride_estimation.jit import compile_kernel
+from ride_estimation.jit import compile_lean_kernel, inline_kernel
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -64,112 +64,142 @@ def initial_states(codes: Codes, params: Array, x0: float = 0.0) -> Array:
     """Return the memories of terms that rest, without stored force, at the deflection x0 [m], shape (T, STATE_SIZE)."""
     states = np.zeros((len(codes), STATE_SIZE))
     for i in range(len(codes)):
-        term_rest(int(codes[i]), params[i], states[i], x0)
+        rest_at(int(codes[i]), params, states, i, x0)
     return states
 
 
-@compile_kernel
-def term_rest(code: int, p: Array, s: Array, x0: float) -> None:
-    """Set the memory of one term to rest at the deflection x0."""
-    s[:] = 0.0
-    s[0] = x0
+@inline_kernel
+def rest_at(code: int, params: Array, states: Array, i: int, x0: float) -> None:
+    """Set the memory of term i to rest at the deflection x0."""
+    for j in range(states.shape[1]):
+        states[i, j] = 0.0
+    states[i, 0] = x0
     if code == CONTACT_MAXWELL:
-        s[0] = static.penetration(x0, p[0], p[1], p[2])
+        states[i, 0] = static.penetration(x0, params[i, 0], params[i, 1], params[i, 2])
     elif code in (BERG_FRICTION, DAHL):
-        s[_FRICTION_TURN_X] = x0
-        s[_FRICTION_EXTREME_X] = x0
+        states[i, _FRICTION_TURN_X] = x0
+        states[i, _FRICTION_EXTREME_X] = x0
 
 
-@compile_kernel
-def term_force(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
-    """Return the tension [N] of one term at the deflection x [m] and rate v [m/s], a time h [s] after its memory s."""
-    if code == ELASTIC:
-        return float(x * (p[0] + p[1] * x * x) + p[2] * v)
-    if code == MAXWELL:
-        return memory.maxwell_trial(s, x, h, p[0], p[1])
-    if code == BERG_FRICTION:
-        return memory.berg_trial(s, x, p[0], p[1])
-    if code == DAHL:
-        return memory.dahl_trial(s, x, p[0], p[1], p[2])
-    if code == CONTACT_MAXWELL:
-        u = static.penetration(x, p[0], p[1], p[2])
-        if u <= 0.0:
-            return 0.0
-        return float(p[0] * max(memory.maxwell_trial(s, u, h, p[3], p[4]), 0.0))
-    return _memoryless_force(code, p, x, v)
-
-
-@compile_kernel
-def _memoryless_force(code: int, p: Array, x: float, v: float) -> float:
+@inline_kernel
+def _memoryless(code: int, p: Array, i: int, x: float, v: float) -> float:
     """Return the tension [N] of a term that needs no memory."""
     if code == CONTACT:
-        return static.contact_force(x, v, p[0], p[1], p[2], p[3], p[4], p[5])
+        return static.contact_force(x, v, p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5])
     if code == POWER_SPRING:
-        return float(p[0] * static.signed_power(x, p[1], p[2], p[3]))
+        return float(p[i, 0] * static.signed_power(x, p[i, 1], p[i, 2], p[i, 3]))
     if code == POWER_DAMPER:
-        return float(p[0] * static.signed_power(v, p[1], p[2], p[3]))
+        return float(p[i, 0] * static.signed_power(v, p[i, 1], p[i, 2], p[i, 3]))
     if code == ASYMMETRIC_DAMPER:
-        return float(p[0] * v if v > 0.0 else p[1] * v)
+        return float(p[i, 0] * v if v > 0.0 else p[i, 1] * v)
     if code == STRIBECK:
-        return static.stribeck_force(v, p[0], p[1], p[2], p[3])
+        return static.stribeck_force(v, p[i, 0], p[i, 1], p[i, 2], p[i, 3])
     return np.nan
 
 
-@compile_kernel
-def term_commit(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
-    """Accept the point (x, v) a time h [s] after the memory s: update s in place and return the tension [N]."""
+@inline_kernel
+def force_at(code: int, p: Array, s: Array, i: int, x: float, v: float, h: float) -> float:
+    """Return the tension [N] of term i at the deflection x [m] and rate v [m/s], a time h [s] after its memory."""
     if code == ELASTIC:
-        s[0] = x
-        s[1] = v
-        return float(x * (p[0] + p[1] * x * x) + p[2] * v)
+        return float(x * (p[i, 0] + p[i, 1] * x * x) + p[i, 2] * v)
     if code == MAXWELL:
-        return memory.maxwell_commit(s, x, v, h, p[0], p[1])
+        return memory.maxwell_trial(s, i, x, h, p[i, 0], p[i, 1])
     if code == BERG_FRICTION:
-        return memory.berg_commit(s, x, v, p[0], p[1], p[2])
+        return memory.berg_trial(s, i, x, p[i, 0], p[i, 1])
     if code == DAHL:
-        return memory.dahl_commit(s, x, v, p[0], p[1], p[2], p[3])
+        return memory.dahl_trial(s, i, x, p[i, 0], p[i, 1], p[i, 2])
     if code == CONTACT_MAXWELL:
-        u = static.penetration(x, p[0], p[1], p[2])
+        u = static.penetration(x, p[i, 0], p[i, 1], p[i, 2])
         if u <= 0.0:
-            term_rest(code, p, s, x)
             return 0.0
-        return float(p[0] * max(memory.maxwell_commit(s, u, v, h, p[3], p[4]), 0.0))
-    s[0] = x
-    s[1] = v
-    return _memoryless_force(code, p, x, v)
+        return float(p[i, 0] * max(memory.maxwell_trial(s, i, u, h, p[i, 3], p[i, 4]), 0.0))
+    return _memoryless(code, p, i, x, v)
 
 
-@compile_kernel
+@inline_kernel
+def commit_at(code: int, p: Array, s: Array, i: int, x: float, v: float, h: float) -> float:
+    """Accept the point (x, v) a time h [s] after the memory of term i: update it in place and return the tension [N]."""
+    if code == ELASTIC:
+        s[i, 0] = x
+        s[i, 1] = v
+        return float(x * (p[i, 0] + p[i, 1] * x * x) + p[i, 2] * v)
+    if code == MAXWELL:
+        return memory.maxwell_commit(s, i, x, v, h, p[i, 0], p[i, 1])
+    if code == BERG_FRICTION:
+        return memory.berg_commit(s, i, x, v, p[i, 0], p[i, 1], p[i, 2])
+    if code == DAHL:
+        return memory.dahl_commit(s, i, x, v, p[i, 0], p[i, 1], p[i, 2], p[i, 3])
+    if code == CONTACT_MAXWELL:
+        u = static.penetration(x, p[i, 0], p[i, 1], p[i, 2])
+        if u <= 0.0:
+            rest_at(code, p, s, i, x)
+            return 0.0
+        return float(p[i, 0] * max(memory.maxwell_commit(s, i, u, v, h, p[i, 3], p[i, 4]), 0.0))
+    s[i, 0] = x
+    s[i, 1] = v
+    return _memoryless(code, p, i, x, v)
+
+
+@compile_lean_kernel
 def terms_force(codes: Codes, params: Array, states: Array, x: float, v: float, h: float) -> float:
     """Return the summed tension [N] of terms at one deflection; changes nothing."""
     total = 0.0
     for i in range(codes.shape[0]):
-        total += term_force(codes[i], params[i], states[i], x, v, h)
+        total += force_at(codes[i], params, states, i, x, v, h)
     return total
 
 
-@compile_kernel
+@compile_lean_kernel
 def terms_commit(codes: Codes, params: Array, states: Array, x: float, v: float, h: float) -> float:
     """Accept one deflection for all terms: update their memories in place and return the summed tension [N]."""
     total = 0.0
     for i in range(codes.shape[0]):
-        total += term_commit(codes[i], params[i], states[i], x, v, h)
+        total += commit_at(codes[i], params, states, i, x, v, h)
     return total
 
 
-@compile_kernel
-def run(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float) -> Array:
-    """Return the tension [N] over a signal; ``states`` is advanced to its end. The first sample is a step of length 0."""
-    force = np.zeros(x.shape[0])
+@compile_lean_kernel
+def network_force(
+    codes: Codes, params: Array, states: Array, channel: Codes, x: Array, v: Array, h: float, force: Array
+) -> None:
+    """Write the tension of every channel into ``force``, shape (C,); term i acts on ``x[channel[i]]``. Changes no memory."""
+    force[:] = 0.0
+    for i in range(codes.shape[0]):
+        c = channel[i]
+        force[c] += force_at(codes[i], params, states, i, x[c], v[c], h)
+
+
+@compile_lean_kernel
+def network_commit(
+    codes: Codes, params: Array, states: Array, channel: Codes, x: Array, v: Array, h: float, force: Array
+) -> None:
+    """Accept the deflections of all channels: update every memory and write the tensions into ``force``, shape (C,)."""
+    force[:] = 0.0
+    for i in range(codes.shape[0]):
+        c = channel[i]
+        force[c] += commit_at(codes[i], params, states, i, x[c], v[c], h)
+
+
+@compile_lean_kernel
+def run(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float, force: Array) -> None:
+    """Add the tension over a signal to ``force``, shape (N,); the first sample is a step of length zero."""
     for t in range(codes.shape[0]):
-        code = codes[t]
-        p = params[t]
-        s = states[t]
         step = 0.0
         for i in range(x.shape[0]):
-            force[i] += term_commit(code, p, s, x[i], v[i], step)
+            force[i] += commit_at(codes[t], params, states, t, x[i], v[i], step)
             step = h
-    return force
+
+
+@compile_lean_kernel
+def term_force(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
+    """Return the tension [N] of one term given by its code, parameter row p and memory row s; changes nothing."""
+    return force_at(code, p.reshape(1, -1), s.reshape(1, -1), 0, x, v, h)
+
+
+@compile_lean_kernel
+def term_commit(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
+    """Accept a point of one term given by its rows: update s in place and return the tension [N]."""
+    return commit_at(code, p.reshape(1, -1), s.reshape(1, -1), 0, x, v, h)
 
 
 def response(codes: Codes, params: Array, x: Array, v: Array, h: float, states: Array | None = None) -> Array:
@@ -193,4 +223,6 @@ def response(codes: Codes, params: Array, x: Array, v: Array, h: float, states: 
     """
     if states is None:
         states = initial_states(codes, params, float(x[0]) if x.size else 0.0)
-    return run(codes, params, states, np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(v, dtype=float), h)
+    force = np.zeros(len(x))
+    run(codes, params, states, np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(v, dtype=float), h, force)
+    return force
