@@ -13,41 +13,45 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.elements.terms import commit_at, force_at
+from ride_estimation.elements.terms import ELASTIC, commit_at, force_at
 from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+Index = NDArray[np.uint32]
+Codes = NDArray[np.int64]
 
 
 class Structure(NamedTuple):
-    """The constant part of a model in compressed rows. Q coordinates, C components, T terms.
+    """The constant part of a model: sparse matrices as (columns, values) of equal row length, and its terms.
+
+    Q coordinates, C components, T terms, W the longest row of a matrix; shorter rows are padded with zeros.
 
     Attributes
     ----------
-    g_start, g_column, g_value
-        Rows of the deflection map.
-    m_start, m_column, m_value
-        Rows of the inverse mass matrix.
-    k_start, k_column, k_value
-        Rows of the geometric stiffness.
+    g_columns, g_values
+        Deflection map, shape (C, W).
+    t_columns, t_values
+        Its transpose, shape (Q, W).
+    k_columns, k_values
+        Geometric stiffness, shape (Q, W).
+    m_columns, m_values
+        Inverse mass matrix, shape (Q, W).
     term_start
         First term of each component, shape (C + 1,).
     codes
         Term codes, shape (T,).
     """
 
-    g_start: Index
-    g_column: Index
-    g_value: Array
-    m_start: Index
-    m_column: Index
-    m_value: Array
-    k_start: Index
-    k_column: Index
-    k_value: Array
+    g_columns: Index
+    g_values: Array
+    t_columns: Index
+    t_values: Array
+    k_columns: Index
+    k_values: Array
+    m_columns: Index
+    m_values: Array
     term_start: Index
-    codes: Index
+    codes: Codes
 
 
 class Input(NamedTuple):
@@ -77,33 +81,19 @@ class Output(NamedTuple):
     tension: Array
 
 
-class Work(NamedTuple):
-    """Scratch of one run: stage coordinates, rates, accelerations (Q), forces (Q), base (C), deflections, tensions (C)."""
-
-    q: Array
-    qd: Array
-    qdd: Array
-    force: Array
-    base: Array
-    base_rate: Array
-    deflection: Array
-    rate: Array
-    tension: Array
-
-
-def make_work(coordinates: int, components: int) -> Work:
-    """Return scratch for Q coordinates and C components."""
-    q = [np.zeros(coordinates) for _ in range(4)]
-    c = [np.zeros(components) for _ in range(5)]
-    return Work(*q, *c)
+def make_output(samples: int, coordinates: int, components: int) -> Output:
+    """Return empty results for N samples, Q coordinates and C components."""
+    return Output(
+        *(np.empty((samples, coordinates)) for _ in range(3)), *(np.empty((samples, components)) for _ in range(3))
+    )
 
 
 @compile_kernel
-def set_base(given: Input, work: Work, sample: int, fraction: float, sample_time: float) -> None:
-    """Set base displacement and velocity a fraction of a sample after ``sample`` by the cubic Hermite spline."""
-    last = given.displacement.shape[0] - 1
-    following = min(sample + 1, last)
-    s = fraction
+def set_base(
+    displacement: Array, velocity: Array, sample: int, s: float, sample_time: float, base: Array, base_rate: Array
+) -> None:
+    """Set base motion the share s of a sample after ``sample``: cubic Hermite spline through values and velocities."""
+    following = min(sample + 1, displacement.shape[0] - 1)
     h00 = (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s)
     h10 = s * (1.0 - s) * (1.0 - s) * sample_time
     h01 = s * s * (3.0 - 2.0 * s)
@@ -111,70 +101,90 @@ def set_base(given: Input, work: Work, sample: int, fraction: float, sample_time
     d00 = 6.0 * s * (s - 1.0) / sample_time
     d10 = (1.0 - s) * (1.0 - 3.0 * s)
     d11 = s * (3.0 * s - 2.0)
-    for c in range(work.base.shape[0]):
-        u0 = given.displacement[sample, c]
-        u1 = given.displacement[following, c]
-        v0 = given.velocity[sample, c]
-        v1 = given.velocity[following, c]
-        work.base[c] = h00 * u0 + h10 * v0 + h01 * u1 + h11 * v1
-        work.base_rate[c] = d00 * (u0 - u1) + d10 * v0 + d11 * v1
+    for c in range(base.shape[0]):
+        u0 = displacement[sample, c]
+        u1 = displacement[following, c]
+        v0 = velocity[sample, c]
+        v1 = velocity[following, c]
+        base[c] = h00 * u0 + h10 * v0 + h01 * u1 + h11 * v1
+        base_rate[c] = d00 * (u0 - u1) + d10 * v0 + d11 * v1
 
 
 @compile_kernel
-def set_load(given: Input, work: Work, sample: int, fraction: float) -> None:
+def set_load(load: Array, sample: int, s: float, force: Array) -> None:
     """Set the external force by linear interpolation."""
-    if given.load.shape[0] == 1:
-        for i in range(work.force.shape[0]):
-            work.force[i] = given.load[0, i]
+    if load.shape[0] == 1:
+        force[:] = load[0]
         return
-    following = min(sample + 1, given.load.shape[0] - 1)
-    for i in range(work.force.shape[0]):
-        work.force[i] = (1.0 - fraction) * given.load[sample, i] + fraction * given.load[following, i]
+    following = min(sample + 1, load.shape[0] - 1)
+    for i in range(force.shape[0]):
+        force[i] = (1.0 - s) * load[sample, i] + s * load[following, i]
 
 
 @compile_kernel
-def set_acceleration(
-    model: Structure, parameters: Array, states: Array, work: Work, h: float, commit: bool
+def set_tensions(
+    columns: Index,
+    values: Array,
+    term_start: Index,
+    codes: Codes,
+    parameters: Array,
+    states: Array,
+    q: Array,
+    qd: Array,
+    base: Array,
+    base_rate: Array,
+    deflection: Array,
+    rate: Array,
+    tension: Array,
+    h: float,
+    commit: bool,
 ) -> None:
-    """Set deflections, tensions and accelerations of the stage in ``work``; ``work.force`` holds the external force."""
-    for c in range(model.term_start.shape[0] - 1):
-        x = -work.base[c]
-        v = -work.base_rate[c]
-        for k in range(model.g_start[c], model.g_start[c + 1]):
-            x += model.g_value[k] * work.q[model.g_column[k]]
-            v += model.g_value[k] * work.qd[model.g_column[k]]
-        tension = 0.0
-        for t in range(model.term_start[c], model.term_start[c + 1]):
+    """Set deflection, rate and tension of every component a time h after the committed memories."""
+    for c in range(tension.shape[0]):
+        x = -base[c]
+        v = -base_rate[c]
+        for k in range(columns.shape[1]):
+            x += values[c, k] * q[columns[c, k]]
+            v += values[c, k] * qd[columns[c, k]]
+        total = 0.0
+        for t in range(term_start[c], term_start[c + 1]):
             if commit:
-                tension += commit_at(model.codes, parameters, states, t, x, v, h)
+                total += commit_at(codes, parameters, states, t, x, v, h)
+            elif codes[t] == ELASTIC:  # the commonest law, spared the call
+                total += x * (parameters[t, 0] + parameters[t, 1] * x * x) + parameters[t, 2] * v
             else:
-                tension += force_at(model.codes, parameters, states, t, x, v, h)
-        work.deflection[c] = x
-        work.rate[c] = v
-        work.tension[c] = tension
-        for k in range(model.g_start[c], model.g_start[c + 1]):
-            work.force[model.g_column[k]] -= model.g_value[k] * tension
-    for i in range(work.force.shape[0]):
-        for k in range(model.k_start[i], model.k_start[i + 1]):
-            work.force[i] -= model.k_value[k] * work.q[model.k_column[k]]
-    for i in range(work.qdd.shape[0]):
-        a = 0.0
-        for k in range(model.m_start[i], model.m_start[i + 1]):
-            a += model.m_value[k] * work.force[model.m_column[k]]
-        work.qdd[i] = a
+                total += force_at(codes, parameters, states, t, x, v, h)
+        deflection[c] = x
+        rate[c] = v
+        tension[c] = total
 
 
 @compile_kernel
-def record(out: Output, work: Work, sample: int) -> None:
-    """Copy the stage in ``work`` to the output."""
-    for i in range(work.q.shape[0]):
-        out.q[sample, i] = work.q[i]
-        out.qd[sample, i] = work.qd[i]
-        out.qdd[sample, i] = work.qdd[i]
-    for c in range(work.tension.shape[0]):
-        out.deflection[sample, c] = work.deflection[c]
-        out.rate[sample, c] = work.rate[c]
-        out.tension[sample, c] = work.tension[c]
+def set_accelerations(
+    t_columns: Index,
+    t_values: Array,
+    k_columns: Index,
+    k_values: Array,
+    m_columns: Index,
+    m_values: Array,
+    q: Array,
+    tension: Array,
+    force: Array,
+    qdd: Array,
+) -> None:
+    """Set ``qdd = M^-1 (force - G^T tension - K_g q)``; ``force`` holds the external force and is overwritten."""
+    for i in range(force.shape[0]):
+        total = force[i]
+        for k in range(t_columns.shape[1]):
+            total -= t_values[i, k] * tension[t_columns[i, k]]
+        for k in range(k_columns.shape[1]):
+            total -= k_values[i, k] * q[k_columns[i, k]]
+        force[i] = total
+    for i in range(qdd.shape[0]):
+        a = 0.0
+        for k in range(m_columns.shape[1]):
+            a += m_values[i, k] * force[m_columns[i, k]]
+        qdd[i] = a
 
 
 @compile_kernel
@@ -183,7 +193,6 @@ def integrate(
     parameters: Array,
     states: Array,
     given: Input,
-    work: Work,
     out: Output,
     q: Array,
     qd: Array,
@@ -197,41 +206,46 @@ def integrate(
     int
         Number of samples reached; smaller than N where the motion is no longer finite.
     """
-    size = q.shape[0]
+    gc, gv, tc, tv, kc, kv, mc, mv, term_start, codes = model
+    displacement, velocity, load = given
+    out_q, out_qd, out_qdd, out_x, out_v, out_tension = out
+    size, components = q.shape[0], displacement.shape[1]
     h = sample_time / substeps
-    q_sum = np.zeros(size)
-    v_sum = np.zeros(size)
-    for i in range(size):
-        work.q[i] = q[i]
-        work.qd[i] = qd[i]
-    set_base(given, work, 0, 0.0, sample_time)
-    set_load(given, work, 0, 0.0)
-    set_acceleration(model, parameters, states, work, 0.0, True)
-    record(out, work, 0)
-    for sample in range(given.displacement.shape[0] - 1):
+    # stage point and its acceleration, force, base; weighted sums of the slopes
+    sq, sv, sa, force = q.copy(), qd.copy(), np.zeros(size), np.zeros(size)
+    base, base_rate = np.zeros(components), np.zeros(components)
+    x, v, tension = np.zeros(components), np.zeros(components), np.zeros(components)
+    q_sum, v_sum = np.zeros(size), np.zeros(size)
+    set_base(displacement, velocity, 0, 0.0, sample_time, base, base_rate)
+    set_load(load, 0, 0.0, force)
+    set_tensions(gc, gv, term_start, codes, parameters, states, sq, sv, base, base_rate, x, v, tension, 0.0, True)
+    set_accelerations(tc, tv, kc, kv, mc, mv, sq, tension, force, sa)
+    for sample in range(displacement.shape[0]):
+        out_q[sample], out_qd[sample], out_qdd[sample] = sq, sv, sa
+        out_x[sample], out_v[sample], out_tension[sample] = x, v, tension
+        if not np.isfinite(sq.sum() + sv.sum()):
+            return sample
+        if sample == displacement.shape[0] - 1:
+            break
         for sub in range(substeps):
             for stage in range(4):
                 weight = h / 3.0 if stage in (1, 2) else h / 6.0
                 reach = 0.5 * h if stage < 2 else h
                 for i in range(size):
                     if stage == 0:
-                        q_sum[i] = q[i]
-                        v_sum[i] = qd[i]
-                    q_sum[i] += weight * work.qd[i]
-                    v_sum[i] += weight * work.qdd[i]
-                    # the next stage, or after the fourth slope the accepted point
-                    next_rate = qd[i] + reach * work.qdd[i] if stage < 3 else v_sum[i]
-                    work.q[i] = q[i] + reach * work.qd[i] if stage < 3 else q_sum[i]
-                    work.qd[i] = next_rate
-                    if stage == 3:
-                        q[i] = q_sum[i]
-                        qd[i] = v_sum[i]
-                fraction = (sub + reach / h) / substeps
+                        q_sum[i], v_sum[i] = q[i], qd[i]
+                    q_sum[i] += weight * sv[i]
+                    v_sum[i] += weight * sa[i]
+                    if stage < 3:
+                        sq[i], sv[i] = q[i] + reach * sv[i], qd[i] + reach * sa[i]
+                    else:
+                        q[i], qd[i], sq[i], sv[i] = q_sum[i], v_sum[i], q_sum[i], v_sum[i]
+                share = (sub + reach / h) / substeps
                 if stage in (0, 2):
-                    set_base(given, work, sample, fraction, sample_time)
-                set_load(given, work, sample, fraction)
-                set_acceleration(model, parameters, states, work, reach, stage == 3)
-        record(out, work, sample + 1)
-        if not np.isfinite(q.sum() + qd.sum()):
-            return sample + 1
-    return given.displacement.shape[0]
+                    set_base(displacement, velocity, sample, share, sample_time, base, base_rate)
+                set_load(load, sample, share, force)
+                set_tensions(
+                    gc, gv, term_start, codes, parameters, states, sq, sv, base, base_rate, x, v, tension, reach, stage == 3
+                )
+                set_accelerations(tc, tv, kc, kv, mc, mv, sq, tension, force, sa)
+    return displacement.shape[0]

@@ -30,7 +30,7 @@ from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.terms import initial_states, pack_terms
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.simulation.base_motion import BaseMotion
-from ride_estimation.simulation.kernel import Input, Output, Structure, integrate, make_work
+from ride_estimation.simulation.kernel import Input, Output, Structure, integrate, make_output
 from ride_estimation.simulation.response import Response
 from ride_estimation.vehicles.assembly import Assembly
 from ride_estimation.vehicles.modes import linearise, undamped_modes
@@ -106,9 +106,12 @@ class CompiledModel:
         self.substeps = choose_substeps(assembly, base_motion.rate_hz) if substeps is None else int(substeps)
         if self.substeps < 1:
             raise ConfigurationError(f"substeps: {substeps}; allowed: 1 or more")
-        self._mass_inverse = _rows(np.linalg.inv(assembly.mass_matrix))
-        self._deflection = _rows(assembly.deflection_map)
-        self._gravity = _rows(assembly.geometric_stiffness)
+        self._matrices = (
+            *_sparse(assembly.deflection_map),
+            *_sparse(assembly.deflection_map.T),
+            *_sparse(assembly.geometric_stiffness),
+            *_sparse(np.linalg.inv(assembly.mass_matrix)),
+        )
         self._input = self._make_input(load)
         self._elements = dict(zip(assembly.components, assembly.elements))
         self._packed: tuple[Structure, Array, Array] | None = None
@@ -154,9 +157,9 @@ class CompiledModel:
                 )
             elements[key] = element
         terms = [e.terms() for e in elements.values()]
-        start = np.cumsum([0, *(len(t) for t in terms)]).astype(np.int64)
+        start = np.cumsum([0, *(len(t) for t in terms)]).astype(np.uint32)
         codes, parameters = pack_terms(t for group in terms for t in group)
-        structure = Structure(*self._deflection, *self._mass_inverse, *self._gravity, start, codes)
+        structure = Structure(*self._matrices, start, codes)
         states = initial_states(codes, parameters)
         if not changes:
             self._packed = (structure, parameters, states.copy())
@@ -173,12 +176,9 @@ class CompiledModel:
         structure, parameters, states = self.pack(changes)
         size, components = len(self.assembly.coordinates), len(self.assembly.components)
         samples = self.base_motion.samples
-        out = Output(
-            *(np.empty((samples, size)) for _ in range(3)), *(np.empty((samples, components)) for _ in range(3))
-        )
+        out = make_output(samples, size, components)
         reached = integrate(
-            structure, parameters, states, self._input, make_work(size, components), out,
-            np.zeros(size), np.zeros(size), 1.0 / self.base_motion.rate_hz, self.substeps,
+            structure, parameters, states, self._input, out, np.zeros(size), np.zeros(size), 1.0 / self.base_motion.rate_hz, self.substeps,
         )
         if reached < samples:
             raise InputDataError(
@@ -204,15 +204,14 @@ def choose_substeps(assembly: Assembly, rate_hz: float) -> int:
     return int(np.clip(np.ceil(fastest / rate_hz / _STEP_PHASE), 1, _MOST_SUBSTEPS))
 
 
-def _rows(matrix: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Return the compressed rows (start, column, value) of a matrix."""
-    start = [0]
-    columns: list[int] = []
-    values: list[float] = []
-    for row in matrix:
-        scale = np.abs(row).max() if row.size else 0.0
-        for column in np.flatnonzero(np.abs(row) > 1e-14 * scale):
-            columns.append(int(column))
-            values.append(float(row[column]))
-        start.append(len(columns))
-    return np.array(start, dtype=np.int64), np.array(columns, dtype=np.int64), np.array(values, dtype=float)
+def _sparse(matrix: Array) -> tuple[NDArray[np.uint32], Array]:
+    """Return the columns and values of the nonzero entries, rows padded with zeros to equal length."""
+    scale = np.abs(matrix).max(axis=1, keepdims=True) if matrix.size else matrix
+    used = [np.flatnonzero(row) for row in np.abs(matrix) > 1e-14 * scale]
+    width = max((len(u) for u in used), default=0)
+    columns = np.zeros((len(matrix), width), dtype=np.uint32)
+    values = np.zeros((len(matrix), width))
+    for i, u in enumerate(used):
+        columns[i, : len(u)] = u
+        values[i, : len(u)] = matrix[i, u]
+    return columns, values
