@@ -1,0 +1,128 @@
+# Copyright 2026 ride_estimation contributors
+"""Identifiability of mount parameters (ride_models 4.5): ranks, the scale symmetry, bounds against an independent estimate."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.fisher import Excitation, identifiability
+from ride_estimation.identification.sensor_plan import plan
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
+
+ROOT = Path(__file__).parents[2]
+KNOWN = ("cab.mass", "cab.inertia")
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return load_vehicle(ROOT / "config" / "vehicles" / "truck_cab.yaml")
+
+
+def accelerometers(vehicle, *bodies):
+    return [s for s in vehicle.sensors.values() if s.kind == "accelerometer" and s.body in bodies]
+
+
+def test_independent_mount_bases_identify_every_stiffness_and_damping(truck):
+    result = identifiability(truck, accelerometers(truck, "cab", "chassis"), Excitation(), KNOWN)
+    assert (result.rank, len(result.names)) == (24, 24)
+    assert np.all(np.isfinite(result.relative_std))
+
+
+def test_a_rigid_frame_leaves_horizontal_stiffness_as_sums_only(truck):
+    result = identifiability(truck, accelerometers(truck, "cab", "chassis"), Excitation(twist_share=0.0), KNOWN)
+    assert result.rank == 18
+    bound = dict(zip(result.names, result.relative_std))
+    for mount in truck.mounts:
+        assert math.isfinite(bound[f"{mount}.z.stiffness"])
+        assert math.isinf(bound[f"{mount}.x.stiffness"])
+
+
+def test_without_an_anchor_exactly_one_direction_is_lost_and_it_is_the_common_scale(truck):
+    result = identifiability(truck, accelerometers(truck, "cab", "chassis"), Excitation())
+    assert result.rank == len(result.names) - 1
+    assert len(result.null_directions) == 1
+    assert "scale together" in result.null_directions[0]
+    for word in ("mass", "inertia", "stiffness", "damping"):
+        assert word in result.null_directions[0]
+
+
+def test_cab_accelerometers_alone_tell_nothing_without_the_base_motion(truck):
+    result = identifiability(truck, accelerometers(truck, "cab"), Excitation(), KNOWN)
+    assert result.rank == 0
+
+
+def test_the_plan_names_what_would_cure_the_missing_anchor(truck):
+    chosen = plan(truck, Excitation(), known=())
+    gaining = [o.name for o in chosen.options if o.gained]
+    assert any("load cell" in name for name in gaining)
+    assert any("weigh" in name for name in gaining)
+    assert not any("displacement" in name for name in gaining)
+
+
+def one_mass(k=300_000.0, c=20_000.0, m=2500.0):
+    body = Body("body", Prior(m), np.zeros(3), np.eye(3), coordinates=("z",))
+    mount = Mount("spring", np.zeros(3), "body", "axle", {"z": KelvinVoigt(k, c)})
+    sensors = {
+        "body": Sensor("body", "accelerometer", "/b", "body", noise_std=0.02),
+        "axle": Sensor("axle", "accelerometer", "/a", "axle", "spring", noise_std=1e-9),
+    }
+    return Vehicle("quarter", {"body": body}, {"spring": mount}, sensors, gravity=9.80665)
+
+
+def test_bounds_equal_the_scatter_of_an_independent_frequency_domain_fit():
+    """Second route: fit k/m and c/m to synthetic spectra (own formula, lstsq) and look at the scatter of 300 fits."""
+    vehicle = one_mass()
+    excitation = Excitation(roughness=64e-6, speed=10.0, duration_s=60.0, rate_hz=100.0, band_hz=(0.5, 20.0))
+    result = identifiability(vehicle, list(vehicle.sensors.values()), excitation, ("body.mass",))
+    bound = dict(zip(result.names, result.relative_std))
+    rng = np.random.default_rng(3)
+    f = np.arange(0.5, 20.0, 1 / 60.0)
+    w = 2 * np.pi * f
+    psd_u = 64e-6 * (f / 10.0 / 0.1) ** -2 / 10.0
+    # complex line amplitudes with E|u|^2 = S T / 2 in the convention of a Fourier sum scaled by sqrt(dt)
+    noise = math.sqrt(2 * 0.02**2 / 100.0)
+    errors = []
+    for _ in range(300):
+        u = np.sqrt(psd_u / 2) * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size)) * math.sqrt(60.0 * (1 / 60.0))
+
+        def response(k, c, u=u):
+            z = k + 1j * w * c
+            return -(w**2) * z / (z - w**2 * 2500.0) * u
+
+        y = response(3e5, 2e4) + noise / math.sqrt(2) * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
+        base = response(3e5, 2e4)
+        jac = np.column_stack([(response(3e5 * 1.0001, 2e4) - base) / 1e-4, (response(3e5, 2e4 * 1.0001) - base) / 1e-4])
+        stacked = np.vstack([jac.real, jac.imag])
+        errors.append(np.linalg.lstsq(stacked, np.concatenate([(y - base).real, (y - base).imag]), rcond=None)[0])
+    scatter = np.std(errors, axis=0)
+    assert bound["spring.z.stiffness"] == pytest.approx(scatter[0], rel=0.15)  # 300 fits: 4 % scatter, grid of 60 lines
+    assert bound["spring.z.damping"] == pytest.approx(scatter[1], rel=0.15)
+
+
+def test_mass_with_known_stiffness_is_identifiable_and_k_alone_is_not():
+    vehicle = one_mass()
+    sensors = list(vehicle.sensors.values())
+    anchored = identifiability(vehicle, sensors, Excitation(), ("spring.z.stiffness",))
+    assert anchored.rank == 2
+    assert dict(zip(anchored.names, anchored.relative_std))["body.mass"] < 0.01
+    free = identifiability(vehicle, sensors, Excitation())
+    assert free.rank == 2
+    assert len(free.names) == 3
+    assert free.null_directions == (
+        "3 parameters scale together without changing any signal: every damping, every mass, every stiffness",
+    )
+
+
+def test_bad_plans_are_refused(truck):
+    with pytest.raises(InputDataError, match="at least one sensor"):
+        identifiability(truck, [], Excitation())
+    with pytest.raises(InputDataError, match="unknown parameter"):
+        identifiability(truck, accelerometers(truck, "cab"), Excitation(), ("cab.colour",))
+    with pytest.raises(InputDataError, match="positive"):
+        identifiability(truck, accelerometers(truck, "cab"), Excitation(speed=0.0))
