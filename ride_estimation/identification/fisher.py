@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,7 +153,8 @@ def sensitivities(vehicle: Vehicle, sensors: Sequence[Sensor], excitation: Excit
         transfer.append(_transfer(assembly, sensors, f, None, 0.0) @ base_map)
         derivative.append(
             [
-                (_transfer(assembly, sensors, f, n, _STEP) - _transfer(assembly, sensors, f, n, -_STEP)) @ base_map / (2.0 * _STEP)
+                (_transfer(assembly, sensors, f, n, _STEP) - _transfer(assembly, sensors, f, n, -_STEP))
+                @ (base_map / (2.0 * _STEP))
                 for n in names
             ]
         )
@@ -219,7 +221,8 @@ def _base_map(assembly: Assembly, excitation: Excitation) -> ComplexArray:
         [point_motion_matrix(p - centre)[a] if a < 3 else np.eye(6)[a] for p, a in zip(points, axis)]
     )
     span = max(float(np.max(np.abs(points - centre))), 1.0)
-    scale = np.array([excitation.lateral_share, excitation.lateral_share, 1.0, 1.0 / span, 1.0 / span, excitation.lateral_share / span])
+    lateral = excitation.lateral_share
+    scale = np.array([lateral, lateral, 1.0, 1.0 / span, 1.0 / span, lateral / span])
     columns = [rigid * scale]
     if excitation.twist_share > 0.0:
         own = np.array([1.0 if a == 2 else excitation.lateral_share for a in axis])
@@ -263,8 +266,8 @@ def _scaled_mass(assembly: Assembly, body: str, quantity: str, factor: float) ->
 
 
 def _reading(
-    assembly: Assembly, sensor: Sensor, omega: float, motion: ComplexArray, base: Array, deflection: ComplexArray,
-    dynamic: ComplexArray,
+    assembly: Assembly, sensor: Sensor, omega: float, motion: NDArray[Any], base: Array, deflection: NDArray[Any],
+    dynamic: NDArray[Any],
 ) -> ComplexArray:
     """Return what one sensor reads per base displacement, shape (channels, C)."""
     vehicle = assembly.vehicle
@@ -282,11 +285,11 @@ def _reading(
         point = assembly.point_map(sensor.body, sensor.position) @ motion
         tilt = vehicle.gravity * np.array([-point[4], point[3], np.zeros(base.shape[0])])
         return np.asarray(sensor.rotation.T @ (-(omega**2) * point[:3] + tilt))
-    rows = np.zeros((3, base.shape[0]), dtype=complex)
+    at_base = np.zeros((3, base.shape[0]), dtype=complex)
     for number, (mount, axis) in enumerate(assembly.components):
         if mount == sensor.mount and axis in AXES:
-            rows[AXES.index(axis)] = -(omega**2) * base[number]
-    return np.asarray(sensor.rotation.T @ rows)
+            at_base[AXES.index(axis)] = -(omega**2) * base[number]
+    return np.asarray(sensor.rotation.T @ at_base)
 
 
 def _judge(names: tuple[str, ...], information: Array, seen: Array) -> Identifiability:
