@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ class Channel:
         Per value, shape (N, C) [unit^2], or None where the messages do not state it.
     arrival_ns
         Bag receive times, shape (N,), int64 [ns].
+    order
+        Place of every sample in the order of arrival of the whole run, shape (N,), or None: by ``arrival_ns``.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Channel:
     arrival_ns: IntArray
     variance: Array | None = None
     frame_id: str = ""
+    order: IntArray | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,6 +63,22 @@ class Recording:
     checksum: str = ""
     ignored: Mapping[str, int] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    def in_order(self) -> Iterator[tuple[int, int, list[float], list[float] | None]]:
+        """Yield (channel index, stamp [ns], values, variance or None) of every sample in order of arrival."""
+        channels = list(self.channels.values())
+        if not channels:
+            return
+        owner = np.concatenate([np.full(len(c.stamp_ns), i) for i, c in enumerate(channels)])
+        key = np.concatenate([c.arrival_ns if c.order is None else c.order for c in channels])
+        position = np.concatenate([np.arange(len(c.stamp_ns)) for c in channels])
+        by_arrival = np.argsort(key, kind="stable")
+        columns = [
+            (c.stamp_ns.tolist(), c.values.tolist(), None if c.variance is None else c.variance.tolist()) for c in channels
+        ]
+        for index, k in zip(owner[by_arrival].tolist(), position[by_arrival].tolist()):
+            stamps, values, variance = columns[index]
+            yield index, stamps[k], values[k], None if variance is None else variance[k]
 
 
 @dataclasses.dataclass(frozen=True)

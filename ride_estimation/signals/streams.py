@@ -1,0 +1,154 @@
+# Copyright 2026 ride_estimation contributors
+"""One stream of stamped samples: what is declared of it, its ring buffer, its counters, and the blocks it ends up in."""
+
+from __future__ import annotations
+
+import bisect
+import dataclasses
+from array import array
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NANOSECONDS = 1_000_000_000
+#: samples of a stream kept before the newest emitted tick, the support of the next interpolation
+KEEP = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class StreamSpec:
+    """What the aligner needs to know of one sensor.
+
+    Attributes
+    ----------
+    name
+        Sensor name.
+    channels
+        Values per sample.
+    waited_for
+        Whether a block waits for this stream. A slow auxiliary stream (vehicle speed) is not waited for: its last value
+        is held.
+    reference
+        Whether it may define rate and phase of the time base (accelerometers).
+    """
+
+    name: str
+    channels: int
+    waited_for: bool = True
+    reference: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class Block:
+    """Some ticks of the common time base.
+
+    Attributes
+    ----------
+    start_ns, step_ns
+        Stamp of the first tick and distance of ticks [ns].
+    values
+        Shape (T, sum of channels), finite everywhere (the last value is held where nothing is valid).
+    valid
+        Shape (T, streams).
+    restart
+        Not empty where the time base begins anew with this block: the reason in words.
+    """
+
+    start_ns: int
+    step_ns: int
+    values: Array
+    valid: NDArray[np.bool_]
+    restart: str = ""
+
+    @property
+    def stamps_ns(self) -> NDArray[np.int64]:
+        """Return the stamp of every tick, shape (T,) [ns]."""
+        return self.start_ns + self.step_ns * np.arange(len(self.values), dtype=np.int64)
+
+
+@dataclasses.dataclass(frozen=True)
+class StreamHealth:
+    """Counters of one stream since construction.
+
+    Attributes
+    ----------
+    accepted
+        Samples that entered the time base.
+    rejected
+        Reason -> samples that did not.
+    reordered
+        Accepted samples that came after a newer one.
+    gaps, longest_gap_s
+        Holes longer than the allowed number of periods, and the longest [s].
+    rate_hz
+        Rate of the accepted samples [Hz], 0 where unknown.
+    silent
+        Whether the stream is not waited for at present.
+    last_ns
+        Newest accepted stamp [ns].
+    """
+
+    accepted: int
+    rejected: Mapping[str, int]
+    reordered: int
+    gaps: int
+    longest_gap_s: float
+    rate_hz: float
+    silent: bool
+    last_ns: int
+
+
+class Stream:
+    """Ring buffer and clock state of one stream."""
+
+    __slots__ = (
+        "accepted", "after", "candidate", "candidate_from", "candidates", "end", "gaps", "last", "limit", "longest_gap", "newest",
+        "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance", "width",
+    )
+
+    def __init__(self, spec: StreamSpec) -> None:
+        self.spec = spec
+        self.width = spec.channels
+        self.rejected: Counter[str] = Counter()
+        self.accepted = 0
+        self.reordered = 0
+        self.gaps = 0
+        self.longest_gap = 0
+        self.variance: Sequence[float] | None = None
+        self.period = 0
+        self.last = 0
+        self.newest = 0  # newest accepted stamp of the run, for reports
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget samples and clock; counters stay."""
+        self.newest = self.last or self.newest
+        self.stamps = array("q")
+        self.values = array("d")
+        self.last = 0  # newest accepted stamp, 0 before the first
+        self.limit = 0  # largest step from it that needs no second look
+        self.end = 0  # two samples at or after this stamp make a block ready
+        self.after = 0  # how many there are
+        self.points = 1
+        self.silent = False
+        self.candidate = 0  # newest stamp on another clock
+        self.candidate_from = 0
+        self.candidates = 0  # consecutive samples there
+
+    def trim(self, before: int) -> None:
+        """Drop what no later tick can need: all but the last samples before a stamp."""
+        cut = bisect.bisect_left(self.stamps, before) - KEEP
+        if cut > 0:
+            del self.stamps[:cut]
+            del self.values[: cut * self.width]
+
+    def health(self) -> StreamHealth:
+        """Return the counters."""
+        return StreamHealth(
+            self.accepted, dict(self.rejected), self.reordered, self.gaps, self.longest_gap / NANOSECONDS,
+            NANOSECONDS / self.period if self.period else 0.0, self.silent or self.accepted == 0, self.last or self.newest,
+        )
