@@ -73,9 +73,9 @@ class Rung:
     gain_ci95: tuple[float, float] = (np.nan, np.nan)
 
 
-def residual_offset(measured: Array, modelled: Array, weight: Array | None = None) -> float:
+def residual_offset(measured: Array, modelled: Array) -> float:
     """Return the force offset of a stretch, the mean of its residual [N] (load-cell zero and preload)."""
-    return float(np.average(measured - modelled, weights=weight))
+    return float(np.mean(measured - modelled))
 
 
 def evaluate(fit: TimeDomainFit, prepared: Sequence[PreparedRecord], validation: Sequence[PreparedRecord]) -> Rung:
@@ -83,27 +83,25 @@ def evaluate(fit: TimeDomainFit, prepared: Sequence[PreparedRecord], validation:
     measured, modelled, held = [], [], []
     for item in prepared:
         force = fit.force(item.motion)
-        keep = np.ones(item.stop, dtype=bool) if item.weight is None else item.weight[: item.stop] > 0
-        offset = residual_offset(item.force[: item.stop][keep], force[: item.stop][keep])
-        measured.append(item.force[: item.stop][keep])
-        modelled.append(force[: item.stop][keep] + offset)
-        if item.stop < item.force.size - 100 and not validation:
-            held.append(_held_out(item, force, slice(item.stop, None), offset, " (held-out stretch)"))
+        keep = item.fitted
+        offset = residual_offset(item.force[keep], force[keep])
+        measured.append(item.force[keep])
+        modelled.append(force[keep] + offset)
+        if item.held_out is not None:
+            held.append(_held_out(item, force + offset, item.held_out, " (held-out stretches)"))
     for item in validation:
         force = fit.force(item.motion)
-        held.append(_held_out(item, force, slice(None), residual_offset(item.force, force, item.weight), ""))
+        keep = item.fitted
+        held.append(_held_out(item, force + residual_offset(item.force[keep], force[keep]), keep, ""))
     all_measured, all_modelled = np.concatenate(measured), np.concatenate(modelled)
     fitted = {norm: nrmse(all_measured, all_modelled, norm) for norm in NORMS}
     errors = np.concatenate([(h.measured - h.modelled) / np.std(h.measured) for h in held])
     return Rung(fit, fitted, tuple(held), float(np.mean(errors**2)))
 
 
-def _held_out(item: PreparedRecord, force: Array, part: slice, offset: float, suffix: str) -> HeldOut:
-    keep = np.ones(item.force.size, dtype=bool) if item.weight is None else item.weight > 0
-    index = np.flatnonzero(keep[part]) + (part.start or 0)
+def _held_out(item: PreparedRecord, force: Array, keep: NDArray[np.bool_], suffix: str) -> HeldOut:
     return HeldOut(
-        item.record.name + suffix, item.record.time_s[index], item.record.displacement[index], item.force[index],
-        force[index] + offset,
+        item.record.name + suffix, item.record.time_s[keep], item.record.displacement[keep], item.force[keep], force[keep]
     )
 
 

@@ -27,6 +27,8 @@ GramFunction = Callable[..., Array]
 LENGTH_BOUNDS = (1.0e-4, 5.0)
 #: fewest samples of the decimated search
 _DECIMATED_SAMPLES = 4000
+#: number of stretches a single record gives to validation
+HELD_OUT_STRETCHES = 8
 #: how often a start that ended at a negative stiffness is moved
 _REPAIRS = 4
 
@@ -43,24 +45,30 @@ class PreparedRecord:
         Displacement with branches.
     force
         Measured force [N], contiguous.
-    stop
-        Samples used for the fit; the rest is held out.
     weight
-        0 for clipped samples, 1 for others, or None where all count.
+        1 for samples that are fitted, 0 for clipped and held-out ones; None where all count.
+    held_out
+        Samples kept for validation, shape (N,); None where there are none.
     """
 
     record: BenchRecord
     motion: Motion
     force: Array
-    stop: int
     weight: Array | None = None
+    held_out: NDArray[np.bool_] | None = None
+
+    @property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Return which samples are fitted, shape (N,)."""
+        return np.ones(self.force.size, dtype=bool) if self.weight is None else self.weight > 0.0
 
     def decimated(self, factor: int) -> PreparedRecord:
         """Return every ``factor``-th sample."""
         weight = None if self.weight is None else np.ascontiguousarray(self.weight[::factor])
         force = np.ascontiguousarray(self.force[::factor])
+        held = None if self.held_out is None else self.held_out[::factor]
         return dataclasses.replace(
-            self, motion=self.motion.decimated(factor), force=force, stop=-(-self.stop // factor), weight=weight
+            self, motion=self.motion.decimated(factor), force=force, weight=weight, held_out=held
         )
 
 
@@ -99,23 +107,30 @@ class TimeDomainFit:
         return simulate(self.model.layout, motion, self.theta, self.coefficients)
 
 
-def prepare(record: BenchRecord, *, fit_share: float = 1.0, raw_reversals: bool = False) -> PreparedRecord:
+def held_out_stretches(samples: int, share: float) -> NDArray[np.bool_]:
+    """Return which samples are held out: ``HELD_OUT_STRETCHES`` stretches spread evenly over the record, shape (N,)."""
+    phase = np.arange(samples) * HELD_OUT_STRETCHES / samples % 1.0
+    return phase >= 1.0 - share
+
+
+def prepare(record: BenchRecord, *, held_out_share: float = 0.0, raw_reversals: bool = False) -> PreparedRecord:
     """Find branches and clipped samples of a record.
 
     Parameters
     ----------
     record
         A checked record.
-    fit_share
-        Share of the record, from its start, that is fitted.
+    held_out_share
+        Share of the record that is kept for validation.
     raw_reversals
         Use every sign change of the raw displacement (for comparison).
     """
     motion = find_motion(record.displacement, record.step_s, raw=raw_reversals)
     clipped = clipped_samples(record)
-    weight = np.where(clipped, 0.0, 1.0) if clipped.any() else None
-    stop = max(2, round(fit_share * record.samples))
-    return PreparedRecord(record, motion, np.ascontiguousarray(record.force, dtype=float), stop, weight)
+    held = held_out_stretches(record.samples, held_out_share) & ~clipped if held_out_share > 0.0 else None
+    excluded = clipped if held is None else clipped | held
+    weight = np.where(excluded, 0.0, 1.0) if excluded.any() else None
+    return PreparedRecord(record, motion, np.ascontiguousarray(record.force, dtype=float), weight, held)
 
 
 def total_gram(
@@ -125,7 +140,7 @@ def total_gram(
     function = columns_module.best_gram if gram is None else gram
     total: Array | None = None
     for item in prepared:
-        one = eliminate_offset(function(layout, item.motion, theta, item.force, item.stop, item.weight))
+        one = eliminate_offset(function(layout, item.motion, theta, item.force, item.force.size, item.weight))
         total = one if total is None else total + one
     if total is None:
         raise ValueError("at least one record is needed")
@@ -134,9 +149,9 @@ def total_gram(
 
 def search_bounds(layout: Layout, prepared: Sequence[PreparedRecord]) -> tuple[Array, Array]:
     """Return bounds of the logarithms: rates the records can show, friction lengths within their strokes."""
-    duration = max(p.stop * p.motion.step_s for p in prepared)
+    duration = max(p.force.size * p.motion.step_s for p in prepared)
     step = min(p.motion.step_s for p in prepared)
-    stroke = max(float(np.ptp(p.motion.x[: p.stop])) for p in prepared)
+    stroke = max(float(np.ptp(p.motion.x)) for p in prepared)
     lower = [np.log(1.0 / duration)] * layout.cells
     upper = [np.log(2.0 / step)] * layout.cells
     if layout.friction:
@@ -208,13 +223,13 @@ def fit_time_domain(
         best, theta=theta, coefficients=coefficients, gram=total_gram(model.layout, prepared, theta, gram)
         if not np.array_equal(theta, best.theta) else best.gram, passes=best.passes + passes,
     )
-    samples = sum(p.stop if p.weight is None else int(p.weight[: p.stop].sum()) for p in prepared)
+    samples = sum(int(p.fitted.sum()) for p in prepared)
     return TimeDomainFit(model, model.physical(theta, coefficients), theta, coefficients, ordered, samples)
 
 
 def decimation(prepared: Sequence[PreparedRecord], upper: Array, layout: Layout) -> int:
     """Return by how much a search may be decimated: ten at most, and never below a few thousand samples."""
-    return int(np.clip(min(p.stop for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
+    return int(np.clip(min(p.force.size for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
 
 
 def _search_physical(

@@ -97,15 +97,14 @@ def _score_covariance(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) ->
     p = fit.model.parameter_count
     information, meat, independent = np.zeros((p, p)), np.zeros((p, p)), 0.0
     for item in prepared:
-        jacobian = full_jacobian(fit, item.motion)[:, : item.stop]
-        weight = np.ones(item.stop) if item.weight is None else item.weight[: item.stop]
-        jacobian = (jacobian - np.average(jacobian, axis=1, weights=weight)[:, None]) * weight
-        model = fit.force(item.motion)[: item.stop]
-        residual = (item.force[: item.stop] - model) * weight
-        residual = (residual - np.average(residual, weights=weight)) * weight
+        keep = item.fitted
+        jacobian = full_jacobian(fit, item.motion)[:, keep]
+        jacobian -= jacobian.mean(axis=1, keepdims=True)
+        residual = (item.force - fit.force(item.motion))[keep]
+        residual -= residual.mean()
         information += jacobian @ jacobian.T
         independent += effective_samples(residual)
-        edges = np.linspace(0, item.stop, min(_BLOCKS, item.stop // 10) + 1).astype(int)[:-1]
+        edges = np.linspace(0, residual.size, min(_BLOCKS, residual.size // 10) + 1).astype(int)[:-1]
         sums = np.add.reduceat(jacobian * residual, edges, axis=1)
         meat += sums @ sums.T
     return information, meat, independent

@@ -1,0 +1,32 @@
+# Copyright 2026 ride_estimation contributors
+"""Files an identification writes: identification.json and element.yaml."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+
+def write_identification(directory: Path, document: Mapping[str, Any], element: Mapping[str, Any] | None) -> None:
+    """Write ``identification.json`` and, where there is an element, ``element.yaml``.
+
+    Parameters
+    ----------
+    directory
+        Created where it does not exist.
+    document
+        Content of the JSON file.
+    element
+        YAML form of the element; it goes as is under an axis of a mount in a vehicle file.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    (directory / "identification.json").write_text(
+        json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8"
+    )
+    if element is not None:
+        head = "# Identified force element: put this mapping under an axis of a mount in the vehicle file.\n"
+        (directory / "element.yaml").write_text(head + yaml.safe_dump(dict(element), sort_keys=False), encoding="utf-8")
