@@ -1,8 +1,8 @@
 # Copyright 2026 ride_estimation contributors
 """Compiled time stepping of the equations of motion with small rotations: classical Runge-Kutta of order four.
 
-Elements with memory are evaluated on trial points between the committed samples (``force_at``) and committed once per
-step (``commit_at``), so reversals and contacts are seen only on accepted points. The base moves on cubic Hermite
+Elements with memory are evaluated on trial points between the committed samples (``network_force``) and committed once per
+step (``network_commit``), so reversals and contacts are seen only on accepted points. The base moves on cubic Hermite
 splines through its samples.
 """
 
@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.elements.terms import ELASTIC, commit_at, force_at
-from ride_estimation.jit import compile_kernel
+from ride_estimation.elements.terms import network_commit, network_force
+from ride_estimation.jit import compile_kernel, compile_lean_kernel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.uint32]
@@ -36,10 +36,10 @@ class Structure(NamedTuple):
         Geometric stiffness, shape (Q, W).
     m_columns, m_values
         Inverse mass matrix, shape (Q, W).
-    term_start
-        First term of each component, shape (C + 1,).
     codes
         Term codes, shape (T,).
+    channel
+        Component each term acts on, shape (T,).
     """
 
     g_columns: Index
@@ -50,8 +50,8 @@ class Structure(NamedTuple):
     k_values: Array
     m_columns: Index
     m_values: Array
-    term_start: Index
     codes: Codes
+    channel: Codes
 
 
 class Input(NamedTuple):
@@ -88,7 +88,7 @@ def make_output(samples: int, coordinates: int, components: int) -> Output:
     )
 
 
-@compile_kernel
+@compile_lean_kernel
 def set_base(
     displacement: Array, velocity: Array, sample: int, s: float, sample_time: float, base: Array, base_rate: Array
 ) -> None:
@@ -110,56 +110,32 @@ def set_base(
         base_rate[c] = d00 * (u0 - u1) + d10 * v0 + d11 * v1
 
 
-@compile_kernel
+@compile_lean_kernel
 def set_load(load: Array, sample: int, s: float, force: Array) -> None:
     """Set the external force by linear interpolation."""
-    if load.shape[0] == 1:
-        force[:] = load[0]
-        return
-    following = min(sample + 1, load.shape[0] - 1)
+    last = load.shape[0] - 1
+    sample = min(sample, last)
+    following = min(sample + 1, last)
     for i in range(force.shape[0]):
         force[i] = (1.0 - s) * load[sample, i] + s * load[following, i]
 
 
-@compile_kernel
-def set_tensions(
-    columns: Index,
-    values: Array,
-    term_start: Index,
-    codes: Codes,
-    parameters: Array,
-    states: Array,
-    q: Array,
-    qd: Array,
-    base: Array,
-    base_rate: Array,
-    deflection: Array,
-    rate: Array,
-    tension: Array,
-    h: float,
-    commit: bool,
+@compile_lean_kernel
+def set_deflections(
+    columns: Index, values: Array, q: Array, qd: Array, base: Array, base_rate: Array, deflection: Array, rate: Array
 ) -> None:
-    """Set deflection, rate and tension of every component a time h after the committed memories."""
-    for c in range(tension.shape[0]):
+    """Set ``x = G q - u`` and its rate for every component."""
+    for c in range(deflection.shape[0]):
         x = -base[c]
         v = -base_rate[c]
         for k in range(columns.shape[1]):
             x += values[c, k] * q[columns[c, k]]
             v += values[c, k] * qd[columns[c, k]]
-        total = 0.0
-        for t in range(term_start[c], term_start[c + 1]):
-            if commit:
-                total += commit_at(codes, parameters, states, t, x, v, h)
-            elif codes[t] == ELASTIC:  # the commonest law, spared the call
-                total += x * (parameters[t, 0] + parameters[t, 1] * x * x) + parameters[t, 2] * v
-            else:
-                total += force_at(codes, parameters, states, t, x, v, h)
         deflection[c] = x
         rate[c] = v
-        tension[c] = total
 
 
-@compile_kernel
+@compile_lean_kernel
 def set_accelerations(
     t_columns: Index,
     t_values: Array,
@@ -206,7 +182,7 @@ def integrate(
     int
         Number of samples reached; smaller than N where the motion is no longer finite.
     """
-    gc, gv, tc, tv, kc, kv, mc, mv, term_start, codes = model
+    gc, gv, tc, tv, kc, kv, mc, mv, codes, channel = model
     displacement, velocity, load = given
     out_q, out_qd, out_qdd, out_x, out_v, out_tension = out
     size, components = q.shape[0], displacement.shape[1]
@@ -218,11 +194,14 @@ def integrate(
     q_sum, v_sum = np.zeros(size), np.zeros(size)
     set_base(displacement, velocity, 0, 0.0, sample_time, base, base_rate)
     set_load(load, 0, 0.0, force)
-    set_tensions(gc, gv, term_start, codes, parameters, states, sq, sv, base, base_rate, x, v, tension, 0.0, True)
+    set_deflections(gc, gv, sq, sv, base, base_rate, x, v)
+    network_commit(codes, parameters, states, channel, x, v, 0.0, tension)
     set_accelerations(tc, tv, kc, kv, mc, mv, sq, tension, force, sa)
     for sample in range(displacement.shape[0]):
-        out_q[sample], out_qd[sample], out_qdd[sample] = sq, sv, sa
-        out_x[sample], out_v[sample], out_tension[sample] = x, v, tension
+        for i in range(size):
+            out_q[sample, i], out_qd[sample, i], out_qdd[sample, i] = sq[i], sv[i], sa[i]
+        for c in range(components):
+            out_x[sample, c], out_v[sample, c], out_tension[sample, c] = x[c], v[c], tension[c]
         if not np.isfinite(sq.sum() + sv.sum()):
             return sample
         if sample == displacement.shape[0] - 1:
@@ -244,8 +223,10 @@ def integrate(
                 if stage in (0, 2):
                     set_base(displacement, velocity, sample, share, sample_time, base, base_rate)
                 set_load(load, sample, share, force)
-                set_tensions(
-                    gc, gv, term_start, codes, parameters, states, sq, sv, base, base_rate, x, v, tension, reach, stage == 3
-                )
+                set_deflections(gc, gv, sq, sv, base, base_rate, x, v)
+                if stage < 3:
+                    network_force(codes, parameters, states, channel, x, v, reach, tension)
+                else:
+                    network_commit(codes, parameters, states, channel, x, v, h, tension)
                 set_accelerations(tc, tv, kc, kv, mc, mv, sq, tension, force, sa)
     return displacement.shape[0]

@@ -157,9 +157,9 @@ class CompiledModel:
                 )
             elements[key] = element
         terms = [e.terms() for e in elements.values()]
-        start = np.cumsum([0, *(len(t) for t in terms)]).astype(np.uint32)
+        channel = np.repeat(np.arange(len(terms), dtype=np.int64), [len(t) for t in terms])
         codes, parameters = pack_terms(t for group in terms for t in group)
-        structure = Structure(*self._matrices, start, codes)
+        structure = Structure(*self._matrices, codes, channel)
         states = initial_states(codes, parameters)
         if not changes:
             self._packed = (structure, parameters, states.copy())
@@ -178,7 +178,8 @@ class CompiledModel:
         samples = self.base_motion.samples
         out = make_output(samples, size, components)
         reached = integrate(
-            structure, parameters, states, self._input, out, np.zeros(size), np.zeros(size), 1.0 / self.base_motion.rate_hz, self.substeps,
+            structure, parameters, states, self._input, out, np.zeros(size), np.zeros(size),
+            1.0 / self.base_motion.rate_hz, self.substeps,
         )
         if reached < samples:
             raise InputDataError(
