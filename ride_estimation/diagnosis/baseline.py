@@ -1,0 +1,320 @@
+# Copyright 2026 ride_estimation contributors
+"""Sensitivities of everything a calibration may adjust: stiffness, damping, CG, inertia, installation tolerances.
+
+Each is a column of the whitened regression with a prior standard deviation. A cause must explain what these cannot.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.plant import Plant, Signal
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclasses.dataclass(frozen=True)
+class Adjustable:
+    """One adjustable number of the calibrated model.
+
+    Attributes
+    ----------
+    kind
+        ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``static_tilt``, ``gain``, ``misalignment``,
+        ``position``, ``delay``, ``bandwidth``, ``attitude``.
+    place, axis
+        Port, body or sensor it belongs to.
+    prior_std
+        In the unit of the number.
+    offset
+        Prior value minus current value.
+    """
+
+    kind: str
+    place: str
+    axis: str
+    prior_std: float
+    offset: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Return ``<place>.<axis>.<kind>``."""
+        return ".".join(part for part in (self.place, self.axis, self.kind) if part)
+
+
+@dataclasses.dataclass(frozen=True)
+class MeanTable:
+    """Mean readings of the accelerometers that see gravity: the zero-frequency evidence.
+
+    Attributes
+    ----------
+    signals
+        One per row.
+    residual
+        Measured mean minus gravity along the sensor axis, in units of ``std``, shape (K,).
+    std
+        Offset tolerance [m/s^2].
+    gravity
+        Gravity reaction in sensor axes by sensor name, shape (3,).
+    """
+
+    signals: tuple[Signal, ...]
+    residual: Array
+    std: float
+    gravity: dict[str, Array]
+
+    def row(self, sensor: str, component: int) -> int | None:
+        """Return the row of a channel, None where the channel is not in the table."""
+        for i, s in enumerate(self.signals):
+            if s.sensor == sensor and s.component == component:
+                return i
+        return None
+
+
+def mean_table(scene: Scene) -> MeanTable:
+    """Return the mean readings of a run against gravity."""
+    plant = scene.plant
+    gravity = {s: plant.vehicle.sensors[s].rotation.T @ np.array([0.0, 0.0, plant.vehicle.gravity]) for s in plant.sensors}
+    rows: list[Signal] = []
+    values: list[float] = []
+    for signals, mean, shift in (
+        (plant.outputs, scene.output_mean, scene.output_rectified),
+        (plant.inputs, scene.input_mean, np.zeros(len(plant.inputs))),
+    ):
+        for s, m, d in zip(signals, mean, shift):
+            if s.kind == "acceleration" and s.dc:
+                rows.append(s)
+                values.append(float(m - gravity[s.sensor][s.component] - d))
+    std = scene.settings.tolerances.bias
+    return MeanTable(tuple(rows), np.array(values) / std, std, gravity)
+
+
+class ColumnSet:
+    """Columns under construction: output spectra and mean rows."""
+
+    def __init__(self, scene: Scene, table: MeanTable) -> None:
+        self._scene, self._table = scene, table
+        self.adjustables: list[Adjustable] = []
+        self._spectra: list[ComplexArray] = []
+        self._means: list[Array] = []
+
+    def add(self, item: Adjustable, spectrum: ComplexArray | None, means: dict[int, float] | None = None) -> None:
+        """Append one column."""
+        shape = (len(self._scene.grid.omega), len(self._scene.plant.outputs))
+        row = np.zeros(len(self._table.signals))
+        for index, value in (means or {}).items():
+            row[index] = value / self._table.std
+        self.adjustables.append(item)
+        self._spectra.append(np.zeros(shape, dtype=complex) if spectrum is None else spectrum)
+        self._means.append(row)
+
+    def wrench(self, body: str, force: ComplexArray, moment: ComplexArray) -> ComplexArray:
+        """Return the output spectrum of a wrench on a body at its CG, force and moment (F, 3)."""
+        six = np.concatenate([force, moment], axis=1)
+        full = np.zeros((len(six), len(self._scene.plant.coordinates)), dtype=complex)
+        for row, column in self._scene.plant.coordinate_rows(body):
+            full[:, row] = six[:, column]
+        return np.asarray(np.einsum("fij,fj->fi", self._scene.response.output_from_wrench, full))
+
+    def finish(self) -> tuple[tuple[Adjustable, ...], Array, Array]:
+        """Return adjustables, whitened rows (B, R, p) and mean rows (K, p)."""
+        rows = self._scene.rows(np.stack(self._spectra, axis=2))
+        return tuple(self.adjustables), rows, np.stack(self._means, axis=1)
+
+
+def baseline_columns(
+    scene: Scene, table: MeanTable, prior: tuple[Array, Array]
+) -> tuple[tuple[Adjustable, ...], Array, Array]:
+    """Return the adjustables of a scene with their whitened rows (B, R, p) and mean rows (K, p).
+
+    Parameters
+    ----------
+    scene
+        Run and model state.
+    table
+        Mean readings.
+    prior
+        Stiffness and damping of the vehicle file, shape (P,) each.
+    """
+    columns = ColumnSet(scene, table)
+    _port_columns(scene, columns, prior)
+    for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
+        _body_columns(scene, columns, body)
+    _tilt_columns(scene, columns)
+    _sensor_columns(scene, columns, table)
+    _attitude_columns(scene.plant, columns, table)
+    return columns.finish()
+
+
+def _port_columns(scene: Scene, columns: ColumnSet, prior: tuple[Array, Array]) -> None:
+    iw = 1j * scene.grid.omega
+    for p, port in enumerate(scene.plant.ports):
+        transfer = scene.response.output_from_port[:, :, p]
+        x = scene.deflection_spectrum[:, p]
+        for kind, value, reference, std, signal in (
+            ("stiffness", scene.state.stiffness[p], prior[0][p], port.stiffness_log_std, x),
+            ("damping", scene.state.damping[p], prior[1][p], port.damping_log_std, iw * x),
+        ):
+            if value > 0.0:
+                offset = float(np.log(reference / value))
+                columns.add(Adjustable(kind, port.mount, port.axis, std, offset), transfer * (value * signal)[:, None])
+
+
+def body_spectra(scene: Scene, body: str) -> tuple[ComplexArray, ComplexArray]:
+    """Return displacement and acceleration spectra of the six coordinates of a body, (F, 6) each."""
+    q = np.zeros((len(scene.grid.omega), 6), dtype=complex)
+    for row, column in scene.plant.coordinate_rows(body):
+        q[:, column] = scene.coordinate_spectrum[:, row]
+    return q, -(scene.grid.omega**2)[:, None] * q
+
+
+def cg_shift_wrench(scene: Scene, body: str, shift: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Return force and moment spectra of a CG that lies ``shift`` from where the model has it, (F, 3) each.
+
+    About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``.
+    """
+    mass, gravity = scene.plant.vehicle.bodies[body].mass.value, scene.plant.vehicle.gravity
+    q, a = body_spectra(scene, body)
+    force = -mass * np.cross(a[:, 3:], shift)
+    moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), [0.0, 0.0, 1.0])
+    return force, moment
+
+
+def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:
+    body = scene.plant.vehicle.bodies[name]
+    tolerances = scene.settings.tolerances
+    _, a = body_spectra(scene, name)
+    for i, axis in enumerate(AXES):
+        std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
+        columns.add(Adjustable("cg", name, axis, std), columns.wrench(name, *cg_shift_wrench(scene, name, np.eye(3)[i])))
+    relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
+    diagonal = np.sqrt(np.abs(np.diag(body.inertia)))
+    for i in range(3):
+        for j in range(i, 3):
+            if COORDINATES[3 + i] not in body.coordinates and COORDINATES[3 + j] not in body.coordinates:
+                continue
+            change = np.zeros((3, 3))
+            change[i, j] = change[j, i] = diagonal[i] * diagonal[j]
+            moment = -a[:, 3:] @ change
+            label = f"i{AXES[i]}{AXES[j]}"
+            columns.add(Adjustable("inertia", name, label, relative), columns.wrench(name, np.zeros_like(moment), moment))
+
+
+def _tilt_columns(scene: Scene, columns: ColumnSet) -> None:
+    """Add the share of the static mount load that follows the tilt of the base and of the body."""
+    plant = scene.plant
+    slope = scene.grid.spectrum(scene.slope)
+    for kind in ("base", "body"):
+        total = np.zeros((len(scene.grid.omega), len(plant.outputs)), dtype=complex)
+        for j, name in enumerate(plant.mounts):
+            mount = plant.vehicle.mounts[name]
+            bodies = {b for b, _ in plant.coordinates}
+            if mount.body not in bodies or mount.base in bodies:
+                continue
+            angle = slope[:, 3 * j : 3 * j + 3] if kind == "base" else body_spectra(scene, mount.body)[0][:, 3:]
+            force = plant.static_force[j] * np.cross(angle, [0.0, 0.0, 1.0])
+            moment = np.cross(mount.position - plant.vehicle.bodies[mount.body].cg, force)
+            total += columns.wrench(mount.body, force, moment)
+        if np.any(total):
+            columns.add(Adjustable("static_tilt", kind, "", 1.0), total)
+
+
+def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:
+    """Return what one unit of a sensor error adds to the reading, channel -> spectrum, and whether it is an input.
+
+    Parameters
+    ----------
+    kind
+        ``gain``, ``misalignment``, ``position``, ``delay`` or ``bandwidth``.
+    component
+        Axis of gain, rotation or shift; ignored by ``delay`` and ``bandwidth``, which touch all axes.
+    """
+    plant, grid = scene.plant, scene.grid
+    is_input = any(s.sensor == sensor for s in plant.inputs)
+    signals = plant.inputs if is_input else plant.outputs
+    spectrum = scene.input_spectrum if is_input else scene.ideal_spectrum
+    rows = {s.component: i for i, s in enumerate(signals) if s.sensor == sensor}
+    if kind == "delay":
+        return {i: -1j * grid.omega * spectrum[:, i] for i in rows.values()}, is_input
+    if kind == "bandwidth":
+        factor = -(grid.omega**2) / scene.data.rate_hz**2
+        return {i: factor * spectrum[:, i] for i in rows.values()}, is_input
+    if kind == "gain":
+        return {i: spectrum[:, i] for c, i in rows.items() if c == component}, is_input
+    if kind == "misalignment":
+        turn = -skew(np.eye(3)[component])
+        return {
+            i: sum((turn[c, d] * spectrum[:, k] for d, k in rows.items()), np.zeros(len(grid.omega), dtype=complex))
+            for c, i in rows.items() if np.any(turn[c])
+        }, is_input
+    description = plant.vehicle.sensors[sensor]
+    shift = point_motion_matrix(np.eye(3)[component])[:, 3:]
+    if is_input:
+        return {}, True
+    _, a = body_spectra(scene, description.body)
+    motion = a[:, 3:] @ shift.T @ description.rotation
+    return {i: motion[:, c] for c, i in rows.items()}, False
+
+
+def error_outputs(scene: Scene, errors: dict[int, ComplexArray], is_input: bool) -> ComplexArray:
+    """Return the output spectrum of reading errors: direct for outputs, minus the transfer for inputs, (F, ny)."""
+    out = np.zeros((len(scene.grid.omega), len(scene.plant.outputs)), dtype=complex)
+    for index, spectrum in errors.items():
+        if is_input:
+            out -= scene.response.output_from_input[:, :, index] * spectrum[:, None]
+        else:
+            out[:, index] += spectrum
+    return out
+
+
+def sensor_error_means(table: MeanTable, sensor: str, kind: str, component: int) -> dict[int, float]:
+    """Return what one unit of a sensor error adds to the mean readings, row -> value."""
+    change = np.zeros(3)
+    gravity = table.gravity[sensor]
+    if kind == "gain":
+        change[component] = gravity[component]
+    elif kind == "misalignment":
+        change = -skew(np.eye(3)[component]) @ gravity
+    rows = {c: table.row(sensor, c) for c in range(3)}
+    return {row: float(change[c]) for c, row in rows.items() if row is not None and change[c] != 0.0}
+
+
+def _sensor_columns(scene: Scene, columns: ColumnSet, table: MeanTable) -> None:
+    tolerances = scene.settings.tolerances
+    kinds: tuple[tuple[str, float], ...] = (
+        ("gain", tolerances.gain), ("misalignment", tolerances.misalignment), ("position", tolerances.position),
+        ("delay", tolerances.delay), ("bandwidth", tolerances.bandwidth),
+    )
+    for sensor in scene.plant.sensors:
+        axes = [s.component for s in (*scene.plant.outputs, *scene.plant.inputs) if s.sensor == sensor]
+        displacement = scene.plant.vehicle.sensors[sensor].kind == "displacement"
+        for kind, std in kinds:
+            if displacement and kind in ("misalignment", "position"):
+                continue
+            for component in (range(3) if kind in ("misalignment", "position") else axes if kind == "gain" else (0,)):
+                errors, is_input = sensor_error_spectra(scene, sensor, kind, component)
+                if not errors:
+                    continue
+                axis = "" if kind in ("delay", "bandwidth") else AXES[component]
+                means = {} if displacement else sensor_error_means(table, sensor, kind, component)
+                columns.add(Adjustable(kind, sensor, axis, std), error_outputs(scene, errors, is_input), means)
+
+
+def _attitude_columns(plant: Plant, columns: ColumnSet, table: MeanTable) -> None:
+    """Add the unknown mean attitude of every body that carries accelerometers."""
+    bodies = dict.fromkeys(plant.vehicle.sensors[s.sensor].body for s in table.signals)
+    for body in bodies:
+        for axis in (0, 1):
+            means = {}
+            for i, s in enumerate(table.signals):
+                sensor = plant.vehicle.sensors[s.sensor]
+                if sensor.body == body:
+                    turned = sensor.rotation.T @ (-skew(np.eye(3)[axis]) @ np.array([0.0, 0.0, plant.vehicle.gravity]))
+                    means[i] = float(turned[s.component])
+            columns.add(Adjustable("attitude", body, COORDINATES[3 + axis], 0.3), None, means)

@@ -1,0 +1,358 @@
+# Copyright 2026 ride_estimation contributors
+"""The part of a vehicle that a run can test: measured base motion in, measured body motion out, force ports between.
+
+Small rotations about the static position; what the small rotations leave out is in :mod:`kinematics`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
+
+Array = NDArray[np.float64]
+
+_ACCELERATION_KINDS = ("accelerometer", "imu")
+
+
+@dataclasses.dataclass(frozen=True)
+class Port:
+    """One force element between a body and its base: axis of a mount."""
+
+    mount: str
+    axis: str
+    stiffness: float
+    damping: float
+    stiffness_log_std: float
+    damping_log_std: float
+
+    @property
+    def name(self) -> str:
+        """Return ``<mount>.<axis>``."""
+        return f"{self.mount}.{self.axis}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Signal:
+    """One measured component of one sensor."""
+
+    sensor: str
+    component: int
+    kind: str
+    noise_std: float
+    full_scale: float = float("inf")
+    dc: bool = True
+
+    @property
+    def name(self) -> str:
+        """Return ``<sensor>.<axis>``."""
+        return f"{self.sensor}.{AXES[self.component]}" if self.kind == "acceleration" else self.sensor
+
+
+@dataclasses.dataclass(frozen=True)
+class Plant:
+    """Matrices of the testable part; nb base accelerations, nu measured inputs, ny measured outputs, P ports.
+
+    Attributes
+    ----------
+    mass, gravity_stiffness
+        Shape (n, n).
+    port_map, port_base
+        Deflection ``= port_map q - port_base w``, shapes (P, n) and (P, nb).
+    base_direct, base_tilt
+        Base acceleration ``= base_direct u + base_tilt u / (-omega^2)``, shapes (nb, nu): the second term removes the
+        gravity that a tilting DC accelerometer shows.
+    slope
+        Base slope (roll, pitch, yaw of the bracket) ``= slope u / (-omega^2)``, shape (nb, nu).
+    out_acceleration, out_displacement
+        Output ``= (-omega^2 out_acceleration + out_displacement) q + out_base w``, shapes (ny, n) and (ny, nb).
+    static_force
+        Static vertical force of each mount [N], order of ``mounts``.
+    """
+
+    vehicle: Vehicle
+    coordinates: tuple[tuple[str, str], ...]
+    mounts: tuple[str, ...]
+    ports: tuple[Port, ...]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    mass: Array
+    gravity_stiffness: Array
+    port_map: Array
+    port_base: Array
+    base_direct: Array
+    base_tilt: Array
+    slope: Array
+    out_acceleration: Array
+    out_displacement: Array
+    out_base: Array
+    static_force: Array
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Return the sensors of inputs and outputs in order."""
+        return tuple(dict.fromkeys(s.sensor for s in (*self.outputs, *self.inputs)))
+
+    def coordinate_rows(self, body: str) -> list[tuple[int, int]]:
+        """Return (row of q, column of the six body coordinates) of one body."""
+        return [(i, COORDINATES.index(c)) for i, (b, c) in enumerate(self.coordinates) if b == body]
+
+
+def free_bodies(vehicle: Vehicle, sensors: Collection[str]) -> tuple[str, ...]:
+    """Return the bodies whose motion the model predicts.
+
+    A body on a base whose motion nobody measured cannot be predicted; if it carries an accelerometer it becomes the
+    prescribed base of what stands on it.
+    """
+    measured = {vehicle.sensors[s].body for s in sensors if vehicle.sensors[s].kind in _ACCELERATION_KINDS}
+    free = [b for b in vehicle.bodies if any(m.body == b for m in vehicle.mounts.values())]
+    while True:
+        drop = [
+            b for b in free
+            if any(m.body == b and m.base not in free and m.base not in measured for m in vehicle.mounts.values())
+        ]
+        if not drop:
+            return tuple(free)
+        free = [b for b in free if b not in drop]
+
+
+def _port(mount: Mount, axis: str, default_k: float, default_c: float) -> Port:
+    element = mount.elements[axis]
+    modulus = element.dynamic_stiffness(2.0 * np.pi * 2.0, 0.005)
+    stiffness = float(getattr(element, "stiffness", modulus.real if modulus is not None else 0.0))
+    damping = float(getattr(element, "damping", modulus.imag / (4.0 * np.pi) if modulus is not None else 0.0))
+
+    def log_std(name: str, value: float, default: float) -> float:
+        prior = mount.priors.get((axis, name))
+        if prior is None or not prior.std or value <= 0.0:
+            return default
+        return float(np.log1p(prior.std / value))
+
+    return Port(
+        mount.name, axis, stiffness, damping,
+        log_std("stiffness", stiffness, default_k), log_std("damping", damping, default_c),
+    )
+
+
+def _offset_rows(position: Array, body: Body) -> Array:
+    return point_motion_matrix(np.asarray(position) - body.cg)
+
+
+def _slope_operator(positions: Array) -> tuple[Array, Array]:
+    """Return (d z/d x, d z/d y) at every point from z at the points, each (S, S); zero where the layout cannot tell."""
+    count = len(positions)
+    centre = positions.mean(axis=0)
+    x, y = (positions - centre)[:, 0], (positions - centre)[:, 1]
+    terms: list[tuple[int, int]] = [(0, 0)]
+    for term in ((1, 0), (0, 1), (1, 1)):
+        trial = np.stack([x**i * y**j for i, j in (*terms, term)], axis=1)
+        scale = np.maximum(np.abs(trial).max(axis=0), 1e-9)
+        if np.linalg.matrix_rank(trial / scale, tol=1e-3) == trial.shape[1] and np.all(np.abs(trial).max(axis=0) > 1e-3):
+            terms.append(term)
+    basis = np.stack([x**i * y**j for i, j in terms], axis=1)
+    inverse = np.linalg.pinv(basis)
+    along_x = np.stack([i * x ** max(i - 1, 0) * y**j for i, j in terms], axis=1) @ inverse
+    along_y = np.stack([j * y ** max(j - 1, 0) * x**i for i, j in terms], axis=1) @ inverse
+    if count == 1:
+        return np.zeros((1, 1)), np.zeros((1, 1))
+    return along_x, along_y
+
+
+def _base_maps(
+    vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...], sensors: list[Sensor]
+) -> tuple[Array, Array, Array, list[str]]:
+    """Return base_direct, base_tilt and slope of :class:`Plant` and the mounts without base motion."""
+    ns = len(sensors)
+    direct, tilt = np.zeros((3 * len(mounts), 3 * ns)), np.zeros((3 * len(mounts), 3 * ns))
+    slope = np.zeros((3 * len(mounts), 3 * ns))
+    missing: list[str] = []
+    for base in dict.fromkeys(vehicle.mounts[m].base for m in mounts if vehicle.mounts[m].base not in bodies):
+        own = [i for i, s in enumerate(sensors) if s.body == base]
+        if not own:
+            missing += [m for m in mounts if vehicle.mounts[m].base == base]
+            continue
+        positions = np.array([sensors[i].position for i in own])
+        along_x, along_y = _slope_operator(positions)
+        rotation = np.zeros((3 * len(own), 3 * ns))
+        for row, i in enumerate(own):
+            rotation[3 * row : 3 * row + 3, 3 * i : 3 * i + 3] = sensors[i].rotation
+        for m in (m for m in mounts if vehicle.mounts[m].base == base):
+            j = mounts.index(m)
+            place = vehicle.mounts[m].position
+            nearest = [k for k, i in enumerate(own) if sensors[i].mount == m]
+            k = nearest[0] if nearest else int(np.argmin(np.linalg.norm(positions - place, axis=1)))
+            offset = place - positions[k]
+            dzdx, dzdy = along_x[k] @ rotation[2::3], along_y[k] @ rotation[2::3]
+            dxdy, dydx = along_y[k] @ rotation[0::3], along_x[k] @ rotation[1::3]
+            rows = slice(3 * j, 3 * j + 3)
+            angular = np.stack([dzdy, -dzdx, 0.5 * (dydx - dxdy)])
+            direct[rows] = rotation[3 * k : 3 * k + 3] + point_motion_matrix(offset)[:, 3:] @ angular
+            slope[rows] = angular
+            if sensors[own[k]].coupling == "dc":
+                tilt[3 * j] = -vehicle.gravity * dzdx
+                tilt[3 * j + 1] = -vehicle.gravity * dzdy
+    return direct, tilt, slope, missing
+
+
+def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
+    """Return static vertical mount forces: equilibrium of every body, least norm weighted by vertical stiffness."""
+    rows, rhs = [], []
+    for b in bodies:
+        body = vehicle.bodies[b]
+        sign = np.array([
+            1.0 if vehicle.mounts[m].body == b else -1.0 if vehicle.mounts[m].base == b else 0.0 for m in mounts
+        ])
+        arm = np.array([vehicle.mounts[m].position - body.cg for m in mounts])
+        rows += [sign]
+        rhs += [body.mass.value * vehicle.gravity]
+        for axis, column in (("roll", arm[:, 1]), ("pitch", arm[:, 0])):
+            if axis in body.coordinates:
+                rows.append(sign * column)
+                rhs.append(0.0)
+    weight = np.array([
+        np.sqrt(max(_port(vehicle.mounts[m], "z", 1.0, 1.0).stiffness, 1.0)) if "z" in vehicle.mounts[m].elements else 1e-3
+        for m in mounts
+    ])
+    return np.asarray(weight * np.linalg.lstsq(np.array(rows) * weight, np.array(rhs), rcond=None)[0])
+
+
+def build_plant(
+    vehicle: Vehicle, channels: Mapping[str, int], default_k_std: float = 0.5, default_c_std: float = 0.7
+) -> Plant:
+    """Build the testable plant from a vehicle and the sensors that spoke.
+
+    Parameters
+    ----------
+    vehicle
+        Model.
+    channels
+        Sensor name -> number of measured components, of the run.
+    default_k_std, default_c_std
+        Prior standard deviation of ln k and ln c where the file states none.
+
+    Raises
+    ------
+    InputDataError
+        No body is both carried by measured bases and measured itself.
+    """
+    present = [s for s in vehicle.sensors if s in channels]
+    bodies = free_bodies(vehicle, present)
+    sensors = {s: vehicle.sensors[s] for s in present}
+    out_sensors = [s for s in sensors.values() if s.kind in _ACCELERATION_KINDS and s.body in bodies]
+    mounts = tuple(m for m in vehicle.mounts if vehicle.mounts[m].body in bodies)
+    bases = {vehicle.mounts[m].base for m in mounts} - set(bodies)
+    in_sensors = [s for s in sensors.values() if s.kind in _ACCELERATION_KINDS and s.body in bases]
+    if not bodies or not in_sensors:
+        raise InputDataError(
+            "no base motion was measured: an accelerometer on the chassis side of the mounts is needed to test the model"
+        )
+    if not out_sensors:
+        raise InputDataError("no accelerometer on a sprung body spoke in this run: there is nothing to compare the model with")
+    coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
+    direct, tilt, slope, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
+    n, size = len(coordinates), 3 * len(mounts)
+    mass, gravity_k = np.zeros((n, n)), np.zeros((n, n))
+    index = {key: i for i, key in enumerate(coordinates)}
+    selectors = {b: [(index[(b, c)], COORDINATES.index(c)) for c in COORDINATES if (b, c) in index] for b in bodies}
+    static = _static_forces(vehicle, mounts, bodies)
+    for b in bodies:
+        body = vehicle.bodies[b]
+        full = np.zeros((6, 6))
+        full[:3, :3] = body.mass.value * np.eye(3)
+        full[3:, 3:] = body.inertia
+        grav = np.zeros((6, 6))
+        lever = sum(
+            static[k] * (vehicle.mounts[m].position - body.cg)[2] * (1.0 if vehicle.mounts[m].body == b else -1.0)
+            for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
+        )
+        grav[3, 3] = grav[4, 4] = lever
+        rows = [r for r, _ in selectors[b]]
+        cols = [c for _, c in selectors[b]]
+        mass[np.ix_(rows, rows)] = full[np.ix_(cols, cols)]
+        gravity_k[np.ix_(rows, rows)] = grav[np.ix_(cols, cols)]
+    ports, port_map, port_base = _ports(vehicle, mounts, bodies, selectors, n, (default_k_std, default_c_std))
+    outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, bodies, selectors, (n, size))
+    inputs = tuple(
+        Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc") for s in in_sensors for i in range(3)
+    )
+    warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
+    return Plant(
+        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, tilt, slope,
+        out_a, out_d, out_b, static, warnings,
+    )
+
+
+def _ports(
+    vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...], selectors: dict[str, list[tuple[int, int]]],
+    n: int, defaults: tuple[float, float],
+) -> tuple[tuple[Port, ...], Array, Array]:
+    """Return the ports with their deflection maps onto coordinates and base displacements."""
+    ports: list[Port] = []
+    maps: list[Array] = []
+    base_rows: list[Array] = []
+    for j, name in enumerate(mounts):
+        mount = vehicle.mounts[name]
+        for axis in mount.elements:
+            six = np.zeros(n)
+            base = np.zeros(3 * len(mounts))
+            for b, sign in ((mount.body, 1.0), (mount.base, -1.0)):
+                if b in bodies:
+                    row = np.vstack([_offset_rows(mount.position, vehicle.bodies[b]), np.eye(6)[3:]])[COORDINATES.index(axis)]
+                    for r, c in selectors[b]:
+                        six[r] += sign * row[c]
+                elif sign < 0 and axis in AXES:
+                    base[3 * j + AXES.index(axis)] = 1.0
+            if not np.any(six):
+                continue
+            ports.append(_port(mount, axis, *defaults))
+            maps.append(six)
+            base_rows.append(base)
+    return tuple(ports), np.array(maps), np.array(base_rows)
+
+
+def _outputs(
+    vehicle: Vehicle, accelerometers: list[Sensor], sensors: Mapping[str, Sensor], mounts: tuple[str, ...],
+    bodies: tuple[str, ...], selectors: dict[str, list[tuple[int, int]]], sizes: tuple[int, int],
+) -> tuple[tuple[Signal, ...], Array, Array, Array]:
+    """Return the output channels and their maps onto acceleration, displacement and base displacement."""
+    n, size = sizes
+    signals: list[Signal] = []
+    acc, dis, base = [], [], []
+    tilt = np.zeros((3, 6))
+    tilt[0, 4], tilt[1, 3] = -vehicle.gravity, vehicle.gravity
+    for s in accelerometers:
+        a_map = s.rotation.T @ _offset_rows(s.position, vehicle.bodies[s.body])
+        t_map = s.rotation.T @ tilt if s.coupling == "dc" else np.zeros((3, 6))
+        for i in range(3):
+            row_a, row_d = np.zeros(n), np.zeros(n)
+            for r, c in selectors[s.body]:
+                row_a[r], row_d[r] = a_map[i, c], t_map[i, c]
+            if not np.any(np.abs(row_a) > 1e-9):
+                continue
+            signals.append(Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc"))
+            acc.append(row_a)
+            dis.append(row_d)
+            base.append(np.zeros(size))
+    for s in sensors.values():
+        if s.kind != "displacement" or s.mount not in mounts or s.axis not in vehicle.mounts[s.mount].elements:
+            continue
+        ports, port_map, port_base = _ports(vehicle, (s.mount,), bodies, selectors, n, (1.0, 1.0))
+        k = [p.axis for p in ports].index(s.axis) if s.axis in [p.axis for p in ports] else -1
+        if k < 0:
+            continue
+        row_b = np.zeros(size)
+        j = mounts.index(s.mount)
+        row_b[3 * j : 3 * j + 3] = -port_base[k]
+        signals.append(Signal(s.name, AXES.index(s.axis), "displacement", s.noise_std, s.full_scale))
+        acc.append(np.zeros(n))
+        dis.append(port_map[k])
+        base.append(row_b)
+    return tuple(signals), np.array(acc), np.array(dis), np.array(base)

@@ -1,0 +1,124 @@
+# Copyright 2026 ride_estimation contributors
+"""Whitened block regression: baseline columns with priors, candidate columns on top, any split by adding block Grams."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """Least squares with priors on some blocks.
+
+    Attributes
+    ----------
+    coefficients
+        Baseline coefficients followed by those of the candidate columns.
+    objective
+        Sum of squares plus prior penalty on the blocks of the fit.
+    covariance
+        Of the coefficients.
+    """
+
+    coefficients: Array
+    objective: float
+    covariance: Array
+
+
+class Regression:
+    """Residual rows against baseline columns.
+
+    Parameters
+    ----------
+    residual
+        Shape (B, R), whitened.
+    columns
+        Shape (B, R, p).
+    mean_residual, mean_columns
+        Shapes (K,) and (K, p): rows that belong to no block and are in every fit.
+    prior_std, prior_offset
+        Shape (p,).
+    """
+
+    def __init__(
+        self, residual: Array, columns: Array, mean_residual: Array, mean_columns: Array, prior_std: Array, prior_offset: Array
+    ) -> None:
+        self.residual, self.columns = residual, columns
+        self.mean_residual, self.mean_columns = mean_residual, mean_columns
+        self.prior_std, self.prior_offset = prior_std, prior_offset
+        self.count = columns.shape[2]
+        full = np.concatenate([columns, residual[:, :, None]], axis=2)
+        self._full = full
+        self.grams = np.swapaxes(full, 1, 2) @ full
+
+    def candidate_grams(self, rows: Array) -> Array:
+        """Return block Grams of [columns, candidate rows, residual], shape (B, p + q + 1, p + q + 1)."""
+        p, q = self.count, rows.shape[2]
+        cross = np.swapaxes(self._full, 1, 2) @ rows
+        own = np.swapaxes(rows, 1, 2) @ rows
+        out = np.zeros((len(rows), p + q + 1, p + q + 1))
+        out[:, :p, :p], out[:, :p, -1] = self.grams[:, :p, :p], self.grams[:, :p, -1]
+        out[:, -1, :p], out[:, -1, -1] = self.grams[:, -1, :p], self.grams[:, -1, -1]
+        out[:, :p, p : p + q] = cross[:, :p]
+        out[:, p : p + q, :p] = np.swapaxes(cross[:, :p], 1, 2)
+        out[:, -1, p : p + q] = cross[:, -1]
+        out[:, p : p + q, -1] = cross[:, -1]
+        out[:, p : p + q, p : p + q] = own
+        return out
+
+    def fit(
+        self, grams: Array, blocks: IntArray | Sequence[int], candidate_std: Array | None = None,
+        candidate_means: Array | None = None,
+    ) -> Fit:
+        """Solve on some blocks.
+
+        Parameters
+        ----------
+        grams
+            Of :meth:`candidate_grams`, or :attr:`grams`.
+        blocks
+            Blocks of the fit.
+        candidate_std
+            Prior standard deviation of candidate coefficients, shape (q,).
+        candidate_means
+            Mean rows of the candidate columns, shape (K, q).
+        """
+        total = grams[np.asarray(blocks, dtype=int)].sum(axis=0)
+        size = total.shape[0] - 1
+        q = size - self.count
+        std = np.concatenate([self.prior_std, np.full(q, np.inf) if candidate_std is None else candidate_std])
+        offset = np.concatenate([self.prior_offset, np.zeros(q)])
+        means = np.hstack([self.mean_columns, np.zeros((len(self.mean_residual), q)) if candidate_means is None else candidate_means])
+        precision = 1.0 / std**2
+        normal = total[:size, :size] + means.T @ means + np.diag(precision)
+        right = total[:size, -1] + means.T @ self.mean_residual + precision * offset
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        factor = cho_factor(normal * np.outer(scale, scale) + 1e-11 * np.eye(size))
+        solution = scale * cho_solve(factor, scale * right)
+        covariance = scale[:, None] * cho_solve(factor, np.eye(size)) * scale
+        finite = np.isfinite(std)
+        objective = (
+            self.misfit(grams, blocks, solution)
+            + float(np.sum((self.mean_residual - means @ solution) ** 2))
+            + float(np.sum(((solution - offset)[finite] / std[finite]) ** 2))
+        )
+        return Fit(solution, objective, covariance)
+
+    @staticmethod
+    def misfit(grams: Array, blocks: IntArray | Sequence[int], coefficients: Array) -> float:
+        """Return the sum of squares of some blocks for given coefficients."""
+        return float(np.sum(Regression.block_misfit(grams, coefficients)[np.asarray(blocks, dtype=int)]))
+
+    @staticmethod
+    def block_misfit(grams: Array, coefficients: Array) -> Array:
+        """Return the sum of squares of every block, shape (B,)."""
+        vector = np.concatenate([coefficients, [-1.0]])
+        return np.asarray(np.einsum("i,bij,j->b", vector, grams, vector))

@@ -1,0 +1,95 @@
+# Copyright 2026 ride_estimation contributors
+"""Frequency response of the linear plant: from measured inputs and from forces at the ports to the outputs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.plant import Plant
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearResponse:
+    """Transfer functions at F frequencies.
+
+    Attributes
+    ----------
+    coordinate_from_wrench
+        Shape (F, n, n).
+    coordinate_from_base
+        From base acceleration, shape (F, n, nb).
+    output_from_coordinate
+        Shape (F, ny, n).
+    output_from_wrench, output_from_base, output_from_input
+        Shapes (F, ny, n), (F, ny, nb), (F, ny, nu).
+    output_from_port
+        From a tension in a port, shape (F, ny, P).
+    deflection_from_base, deflection_from_input, deflection_from_port, deflection_from_wrench
+        Shapes (F, P, nb), (F, P, nu), (F, P, P), (F, P, n).
+    base_from_input
+        Shape (F, nb, nu).
+    """
+
+    omega: Array
+    coordinate_from_wrench: ComplexArray
+    coordinate_from_base: ComplexArray
+    output_from_coordinate: ComplexArray
+    output_from_wrench: ComplexArray
+    output_from_base: ComplexArray
+    output_from_input: ComplexArray
+    output_from_port: ComplexArray
+    deflection_from_base: ComplexArray
+    deflection_from_input: ComplexArray
+    deflection_from_port: ComplexArray
+    deflection_from_wrench: ComplexArray
+    base_from_input: ComplexArray
+
+
+def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> LinearResponse:
+    """Return the transfer functions of the plant.
+
+    ``(-w^2 M + K_g + D^T (k + i w c) D) q = D^T (k + i w c) E w_base + wrench``.
+
+    Parameters
+    ----------
+    plant
+        Matrices.
+    stiffness, damping
+        Of every port, shape (P,).
+    omega
+        Angular frequencies [rad/s], shape (F,), without zero.
+    """
+    w2 = (omega**2)[:, None, None]
+    modulus = stiffness + 1j * omega[:, None] * damping
+    loaded = plant.port_map.T[None] * modulus[:, None, :]
+    dynamic = -w2 * plant.mass + plant.gravity_stiffness + loaded @ plant.port_map
+    compliance = np.linalg.inv(dynamic)
+    displacement_from_acceleration = -1.0 / w2
+    q_base = compliance @ (loaded @ plant.port_base) * displacement_from_acceleration
+    y_q = -w2 * plant.out_acceleration + plant.out_displacement
+    y_wrench = y_q @ compliance
+    y_base = y_q @ q_base + plant.out_base * displacement_from_acceleration
+    base_input = plant.base_direct + plant.base_tilt * displacement_from_acceleration
+    x_base = plant.port_map @ q_base - plant.port_base * displacement_from_acceleration
+    x_wrench = plant.port_map @ compliance
+    return LinearResponse(
+        omega=omega,
+        coordinate_from_wrench=compliance,
+        coordinate_from_base=q_base,
+        output_from_coordinate=y_q.astype(complex),
+        output_from_wrench=y_wrench,
+        output_from_base=y_base,
+        output_from_input=y_base @ base_input,
+        output_from_port=-y_wrench @ plant.port_map.T,
+        deflection_from_base=x_base,
+        deflection_from_input=x_base @ base_input,
+        deflection_from_port=-x_wrench @ plant.port_map.T,
+        deflection_from_wrench=x_wrench,
+        base_from_input=base_input.astype(complex),
+    )

@@ -1,0 +1,250 @@
+# Copyright 2026 ride_estimation contributors
+"""One run seen through one state of the model: trajectories, whitened residual and the way any effect enters it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
+from ride_estimation.diagnosis.noise import residual_covariance, smoothed_power, whitening
+from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.response import LinearResponse, respond
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.spectra import FrequencyGrid, edge_taper, make_grid
+from ride_estimation.signals.recording import UniformRun
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclasses.dataclass(frozen=True)
+class Measurement:
+    """The measured run as arrays of the plant's channels.
+
+    Attributes
+    ----------
+    outputs, inputs
+        Gravity and offset still in them, shapes (N, ny) and (N, nu).
+    valid
+        False inside gaps of any used channel, shape (N,).
+    """
+
+    name: str
+    rate_hz: float
+    outputs: Array
+    inputs: Array
+    valid: BoolArray
+
+
+def measurement(plant: Plant, run: UniformRun) -> Measurement:
+    """Collect the plant's channels of a run; samples inside gaps are bridged linearly and marked invalid."""
+    valid = np.ones(run.samples, dtype=bool)
+    for sensor in plant.sensors:
+        valid &= run.valid[sensor]
+
+    def column(sensor: str, component: int) -> Array:
+        data = np.asarray(run.data[sensor], dtype=float)
+        values = data[:, component if data.shape[1] > 1 else 0].copy()
+        good = np.isfinite(values) & run.valid[sensor]
+        if not np.all(good) and np.any(good):
+            index = np.arange(len(values))
+            values = np.interp(index, index[good], values[good])
+        return values
+
+    outputs = np.stack([column(s.sensor, s.component) for s in plant.outputs], axis=1)
+    inputs = np.stack([column(s.sensor, s.component) for s in plant.inputs], axis=1)
+    return Measurement(run.name, run.rate_hz, outputs, inputs, valid)
+
+
+@dataclasses.dataclass(frozen=True)
+class Blocks:
+    """Decimated samples of the analysed stretch dealt into equal blocks.
+
+    Attributes
+    ----------
+    index
+        Decimated sample of every row, shape (B, L).
+    weight
+        One, or zero inside gaps, shape (B, L).
+    time_s
+        Middle of every block [s], shape (B,).
+    """
+
+    index: NDArray[np.int64]
+    weight: Array
+    time_s: Array
+
+    @property
+    def count(self) -> int:
+        """Return the number of blocks."""
+        return len(self.index)
+
+
+def make_blocks(grid: FrequencyGrid, valid: BoolArray, settings: Settings) -> Blocks:
+    """Deal the decimated samples into blocks, leaving out both ends and the surroundings of gaps."""
+    rate = grid.decimated_rate_hz
+    reach = round(min(settings.trim_s, 1.0) * grid.rate_hz)
+    bad = np.convolve(~valid, np.ones(2 * reach + 1), mode="same") > 0.5
+    length = max(round(settings.block_s * rate), 4)
+    first = round(settings.trim_s * rate)
+    last = int(np.floor((grid.samples / grid.rate_hz - settings.trim_s) * rate))
+    count = max((last - first) // length, 0)
+    index = first + np.arange(count * length).reshape(count, length)
+    full = np.minimum(np.round(index * grid.rate_hz / rate).astype(int), grid.samples - 1)
+    weight = np.where(bad[full], 0.0, 1.0)
+    keep = weight.mean(axis=1) > 0.5 if count else np.zeros(0, dtype=bool)
+    index, weight = index[keep], weight[keep]
+    return Blocks(index, weight, index.mean(axis=1) / rate if len(index) else np.zeros(0))
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelState:
+    """What the model currently is: port parameters and accepted effects with their coefficients applied."""
+
+    stiffness: Array
+    damping: Array
+    effects: tuple[Effect, ...] = ()
+
+
+class Scene:
+    """A run seen through a model state.
+
+    Parameters
+    ----------
+    plant, data, state, settings
+        What is tested, with what.
+    noise_scale
+        Factor on the noise of the vehicle file.
+    """
+
+    def __init__(
+        self, plant: Plant, data: Measurement, state: ModelState, settings: Settings, noise_scale: float = 1.0
+    ) -> None:
+        self.plant, self.data, self.state, self.settings = plant, data, state, settings
+        self.noise_scale = noise_scale
+        self.grid = make_grid(len(data.outputs), data.rate_hz, settings.band_hz)
+        self.blocks = make_blocks(self.grid, data.valid, settings)
+        self.time_s = np.arange(self.grid.samples) / data.rate_hz
+        self._taper = edge_taper(self.grid.samples, data.rate_hz)
+        self._prepare()
+        self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
+        self._simulate()
+        self._whiten()
+
+    # ------------------------------------------------------------------ preparation
+    def _prepare(self) -> None:
+        good = self.data.valid
+        self.output_mean = self.data.outputs[good].mean(axis=0)
+        self.input_mean = self.data.inputs[good].mean(axis=0)
+        window = self._taper[:, None]
+        self.measured_spectrum = self.grid.spectrum((self.data.outputs - self.output_mean) * window)
+        self.input_signal = (self.data.inputs - self.input_mean) * window
+        self.input_spectrum = self.grid.spectrum(self.input_signal)
+
+    def _base_acceleration(self) -> None:
+        """Split effects and form base accelerations with the full bracket rotation."""
+        spectrum = self.input_spectrum.copy()
+        for effect in self.state.effects:
+            if effect.where is Where.INPUT:
+                spectrum[:, effect.index] += self.grid.spectrum(effect.signal)
+        base = np.einsum("fij,fj->fi", self.response.base_from_input, spectrum)
+        slope = np.einsum("ij,fj->fi", self.plant.slope, spectrum) / (-self.grid.omega**2)[:, None]
+        self.slope = self.grid.signal(slope)
+        specific = self.grid.signal(np.einsum("ij,fj->fi", self.plant.base_direct, spectrum))
+        specific[:, 2::3] += self.plant.vehicle.gravity
+        self.base_spectrum = base + self.grid.spectrum(base_correction(self.plant, specific, self.slope))
+
+    def _simulate(self) -> None:
+        """Run the model: linear response to the base, to accepted effects, and to second-order kinematics."""
+        self._base_acceleration()
+        r, grid = self.response, self.grid
+        iw = 1j * grid.omega[:, None]
+        wrench = np.zeros((len(grid.omega), len(self.plant.coordinates)), dtype=complex)
+        extra_output = np.zeros((len(grid.omega), len(self.plant.outputs)), dtype=complex)
+        for effect in self.state.effects:
+            if effect.where is Where.PORT:
+                wrench -= np.outer(grid.spectrum(effect.signal), self.plant.port_map[effect.index])
+            elif effect.where is Where.WRENCH:
+                wrench[:, effect.index] += grid.spectrum(effect.signal)
+            elif effect.where is Where.OUTPUT:
+                extra_output[:, effect.index] += grid.spectrum(effect.signal)
+        second_order = np.zeros_like(wrench)
+        for _ in range(2):
+            q = np.einsum("fij,fj->fi", r.coordinate_from_base, self.base_spectrum)
+            q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
+            x = q @ self.plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.port_base.T
+            self.motion = BodyMotion(grid.signal(q), grid.signal(iw * q), grid.signal(iw**2 * q))
+            self.deflection, self.deflection_rate = grid.signal(x), grid.signal(iw * x)
+            force = self.state.stiffness * self.deflection + self.state.damping * self.deflection_rate
+            correction = wrench_correction(self.plant, self.motion, force, self.state.stiffness, self.state.damping)
+            second_order = grid.spectrum(correction * self._taper[:, None])
+        self.coordinate_spectrum, self.deflection_spectrum = q, x
+        outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
+        outputs += (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.out_base.T
+        beyond = output_correction(self.plant, self.motion)
+        self.output_rectified = beyond.mean(axis=0)
+        ideal = outputs + grid.spectrum((beyond - self.output_rectified) * self._taper[:, None])
+        #: what ideal sensors would show, before accepted measurement effects
+        self.ideal_spectrum = ideal
+        self.predicted_spectrum = ideal + extra_output
+        self.ideal_output = grid.signal(ideal)
+
+    def _whiten(self) -> None:
+        noise_y = np.array([s.noise_std for s in self.plant.outputs]) * self.noise_scale
+        noise_u = np.array([s.noise_std for s in self.plant.inputs]) * self.noise_scale
+        width = max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
+        power = smoothed_power(self.measured_spectrum, self.grid.samples, width)
+        covariance = residual_covariance(
+            noise_y, noise_u, self.response.output_from_input, power, self.settings.adequacy
+        )
+        self.noise_covariance = covariance
+        self.whitener = whitening(covariance, self.grid.band_weight)
+        self.residual_spectrum = self.measured_spectrum - self.predicted_spectrum
+        self.residual = self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
+        share = float(np.sum(self.grid.band_weight**2) / (self.grid.decimated / 2))
+        #: degrees of freedom of every block
+        self.block_dof = self.blocks.weight.sum(axis=1) * len(self.plant.outputs) * share
+
+    # ------------------------------------------------------------------ entry points
+    def rows(self, output_spectrum: ComplexArray) -> Array:
+        """Return whitened rows of output spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""
+        white = self.whitener @ output_spectrum
+        signal = self.grid.decimated_signal(white)
+        picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None]
+        blocks, length, ny, q = picked.shape
+        return np.asarray(picked.reshape(blocks, length * ny, q))
+
+    def output_of(self, column: Column) -> ComplexArray:
+        """Return the output spectrum of one column of effects, shape (F, ny)."""
+        r = self.response
+        out = np.zeros((len(self.grid.omega), len(self.plant.outputs)), dtype=complex)
+        for effect in column:
+            if effect.where is Where.MEAN:
+                continue
+            spectrum = self.grid.spectrum(effect.signal)
+            if effect.where is Where.OUTPUT:
+                out[:, effect.index] += spectrum
+                continue
+            matrix = {
+                Where.PORT: r.output_from_port, Where.WRENCH: r.output_from_wrench, Where.INPUT: r.output_from_input,
+            }[effect.where]
+            out += matrix[:, :, effect.index] * spectrum[:, None]
+        return out
+
+    def push(self, columns: Sequence[Column]) -> Array:
+        """Return the whitened rows of columns of effects, shape (B, L * ny, q)."""
+        return self.rows(np.stack([self.output_of(c) for c in columns], axis=2))
+
+    def derivative(self, signal: Array) -> Array:
+        """Return the time derivative of a signal within the kept band, shape (N,)."""
+        return self.grid.signal(1j * self.grid.omega * self.grid.spectrum(signal))
+
+    def port_index(self, mount: str, axis: str) -> int:
+        """Return the row of a port."""
+        return [(p.mount, p.axis) for p in self.plant.ports].index((mount, axis))

@@ -1,0 +1,99 @@
+# Copyright 2026 ride_estimation contributors
+"""Settings of the diagnosis: analysis band, what counts as within tolerance, and how sure a verdict must be."""
+
+from __future__ import annotations
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Tolerances:
+    """One-sigma tolerances of a good installation; what stays within them is calibration, not a cause.
+
+    Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation.
+
+    Attributes
+    ----------
+    gain
+        Relative gain error of one sensor axis [-].
+    misalignment
+        Rotation error of one sensor [rad].
+    position
+        Position error of one sensor [m].
+    delay
+        Timing error of one sensor [s].
+    bandwidth
+        Error of the squared time constant of the anti-alias and interpolation low-pass [s^2], as a share of dt^2.
+    bias
+        Offset of one accelerometer axis [m/s^2], zero-g error left after zeroing on a level floor.
+    cg
+        Position of the CG where the vehicle file states none [m].
+    inertia
+        Relative error of the inertia where the vehicle file states none [-].
+    stiffness, damping
+        Standard deviation of the natural logarithm where the vehicle file states no prior [-].
+    """
+
+    gain: float = 0.003
+    misalignment: float = 0.004
+    position: float = 0.004
+    delay: float = 0.5e-4
+    bandwidth: float = 0.15
+    bias: float = 0.05
+    cg: float = 0.01
+    inertia: float = 0.03
+    stiffness: float = 0.5
+    damping: float = 0.7
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """Settings of one diagnosis.
+
+    Attributes
+    ----------
+    band_hz
+        Lower and upper edge of the analysis band [Hz]; the upper edge is cut at 0.42 of the sample rate.
+    block_s
+        Length of the blocks that are dealt to fit, select and judge [s].
+    trim_s
+        Stretch left out at both ends and around gaps, because the model has not forgotten its start [s].
+    adequacy
+        Relative error of a model that still counts as right, share of each channel's amplitude [-].
+    minimum_duration_s
+        Shorter runs are ``insufficient_data`` [s].
+    minimum_signal_to_noise
+        Response rms over noise rms below which there is no excitation [-].
+    significance
+        Smallest gain in penalised log-likelihood a cause must bring [nat].
+    relevance
+        Smallest share of the residual energy above the noise floor that a cause must remove [-].
+    unexplained
+        Share of the residual energy above the floor that may remain before the verdict is ``unexplained`` [-].
+    unknown_probability
+        Prior probability that the true cause is not in the library [-]; bounds every stated confidence.
+    candidates
+        Number of causes that are fitted fully.
+    maximum_causes
+        Largest number of simultaneous causes.
+    bootstrap
+        Resamplings of blocks for intervals.
+    seed
+        Seed of the resampling.
+    """
+
+    band_hz: tuple[float, float] = (0.4, 40.0)
+    block_s: float = 2.0
+    trim_s: float = 3.0
+    adequacy: float = 0.004
+    minimum_duration_s: float = 12.0
+    minimum_signal_to_noise: float = 5.0
+    significance: float = 15.0
+    relevance: float = 0.1
+    unexplained: float = 0.25
+    unknown_probability: float = 0.01
+    candidates: int = 6
+    maximum_causes: int = 3
+    bootstrap: int = 400
+    seed: int = 1
+    tolerances: Tolerances = dataclasses.field(default_factory=Tolerances)
