@@ -8,6 +8,7 @@ double field arrives as garbage without an error.
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -97,14 +98,18 @@ def wrench(stamp_ns: int, frame_id: str, force: Array, torque: Array | None = No
     return message
 
 
+def _doubles(values: Array) -> array[float]:
+    return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
 def joint_state(
     stamp_ns: int, frame_id: str, names: Sequence[str], position: Array, velocity: Array, effort: Array
 ) -> JointState:
     """Return named deflections [m], rates [m/s] and forces [N]; arrays of len(names)."""
     message = JointState(header=header(stamp_ns, frame_id), name=list(names))
-    message.position = np.ascontiguousarray(position, dtype=np.float64)
-    message.velocity = np.ascontiguousarray(velocity, dtype=np.float64)
-    message.effort = np.ascontiguousarray(effort, dtype=np.float64)
+    message.position = _doubles(position)
+    message.velocity = _doubles(velocity)
+    message.effort = _doubles(effort)
     return message
 
 

@@ -18,6 +18,7 @@ _TYPES: dict[type, Parameter.Type] = {
     float: Parameter.Type.DOUBLE,
     str: Parameter.Type.STRING,
 }
+_WORDS: dict[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +73,7 @@ class NodeParameter:
         if kind is float and number:
             pass
         elif type(value) is not kind:
-            return f"{self.name}: {value!r} is not a {_TYPES[kind].name.lower()}"
+            return f"{self.name}: {value!r} is not {_WORDS[kind]}"
         if self.allowed and value not in self.allowed:
             return f"{self.name}: {value!r} is not allowed; allowed: {', '.join(self.allowed)}"
         if self.lower is not None and self.upper is not None:

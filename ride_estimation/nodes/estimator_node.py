@@ -1,0 +1,322 @@
+# Copyright 2026 ride_estimation contributors
+"""The estimator as a lifecycle node: read parameters, build the pipeline, convert in, observe, convert out, report.
+
+Lifecycle: *configure* loads the vehicle and the saved state and creates the outputs; *activate* subscribes; *deactivate*
+unsubscribes and keeps what was learned; *cleanup* forgets it. With ``autostart`` the first two happen by themselves.
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSRequestedIncompatibleQoSInfo, qos_policy_name_from_kind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+from std_srvs.srv import Trigger
+
+from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.io.state_file import load_state, save_results
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.nodes import conversions, qos
+from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, pipeline_settings
+from ride_estimation.nodes.executors import run_node
+from ride_estimation.nodes.inputs import MESSAGE_CLASSES
+from ride_estimation.nodes.node_health import NODE
+from ride_estimation.nodes.parameters import declare, values, verdict
+from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
+from ride_estimation.nodes.session import Session
+from ride_estimation.resources import shared_path
+
+#: period of the watch over topics and silence [s], steady clock; not in the data path
+WATCH_PERIOD_S = 1.0
+
+
+class EstimatorNode(LifecycleNode):
+    """Estimates CG motion, loads, mount parameters and mount forces from the topics of a vehicle file.
+
+    Parameters
+    ----------
+    context
+        ROS context, None for the default one.
+    parameter_overrides
+        Values that win over the command line and parameter files.
+    use_global_arguments
+        Whether the command line of the process applies.
+    """
+
+    def __init__(
+        self,
+        context: Context | None = None,
+        parameter_overrides: Sequence[Parameter] = (),
+        use_global_arguments: bool = True,
+    ) -> None:
+        super().__init__(
+            "estimator",
+            namespace="ride",
+            context=context,
+            parameter_overrides=list(parameter_overrides),
+            use_global_arguments=use_global_arguments,
+        )
+        self._session: Session | None = None
+        self._outputs: EstimatePublishers | None = None
+        self._subscriptions_by_topic: dict[str, Subscription] = {}
+        self._active = False
+        self._fault = ""
+        self._reported_ns: int | None = None
+        self._reported_since_watch = False
+        declare(self, TABLE)
+        self.add_on_set_parameters_callback(self._judge_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, "/diagnostics", qos.output(), qos_overriding_options=QoSOverridingOptions.with_default_policies()
+        )
+        self.create_service(Trigger, "~/reset", self._serve_reset)
+        self.create_service(Trigger, "~/save_parameters", self._serve_save)
+        self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
+
+    @property
+    def session(self) -> Session | None:
+        """Return what was built by configure, None before."""
+        return self._session
+
+    # ---- lifecycle ----
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load vehicle and saved state, create outputs; a mistake in them is one message and FAILURE."""
+        given = values(self, TABLE)
+        try:
+            vehicle = load_vehicle(vehicle_path(str(given["vehicle"])))
+            session = Session(vehicle, pipeline_settings(given))
+            state_file = Path(str(given["state_file"])).expanduser()
+            if given["state_file"] and state_file.exists():
+                session.pipeline.load_state(load_state(state_file, vehicle))
+                self.get_logger().info(f"continuing from {state_file}")
+            elif given["state_file"]:
+                self.get_logger().warning(f"state_file {state_file} does not exist yet; starting from the vehicle file")
+        except RideEstimationError as error:
+            self._fault = str(error)
+            self.get_logger().error(self._fault)
+            return TransitionCallbackReturn.FAILURE
+        self._fault = ""
+        self._session = session
+        frames = Frames(str(given["cg_frame"]), str(given["vehicle_frame"]), str(given["mount_frame_prefix"]))
+        self._outputs = EstimatePublishers(self._new_publisher, vehicle, frames, qos.output(int(given["output_depth"])))
+        self.get_logger().info(f"vehicle {vehicle.name!r}: {len(vehicle.sensors)} sensors on {len(session.topics)} topics")
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Subscribe to the inputs."""
+        result = super().on_activate(state)
+        self._active = result == TransitionCallbackReturn.SUCCESS
+        self._follow_topics()
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Unsubscribe; what was learned stays."""
+        self._unsubscribe()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget vehicle and estimates, destroy the outputs."""
+        result = super().on_cleanup(state)
+        self._tear_down()
+        return result
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Leave like cleanup."""
+        result = super().on_shutdown(state)
+        self._tear_down()
+        return result
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Go back to unconfigured after a failed transition."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _unsubscribe(self) -> None:
+        self._active = False
+        for subscription in self._subscriptions_by_topic.values():
+            self.destroy_subscription(subscription)
+        self._subscriptions_by_topic.clear()
+
+    def _tear_down(self) -> None:
+        self._unsubscribe()
+        if self._outputs is not None:
+            for publisher in self._outputs.all:
+                self.destroy_lifecycle_publisher(publisher)
+        self._outputs = None
+        self._session = None
+        self._reported_ns = None
+
+    def _new_publisher(self, message: type, topic: str, profile: qos.QoSProfile, options: QoSOverridingOptions) -> object:
+        return self.create_lifecycle_publisher(message, topic, profile, qos_overriding_options=options)
+
+    # ---- parameters ----
+
+    def _judge_parameters(self, proposed: list[Parameter]) -> SetParametersResult:
+        answer = verdict(TABLE, proposed)
+        if answer.successful:
+            given = values(self, TABLE) if self.has_parameter(TABLE[-1].name) else {p.name: p.default for p in TABLE}
+            given |= {p.name: p.value for p in proposed if p.name in given}
+            try:
+                pipeline_settings(given)
+            except RideEstimationError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return answer
+
+    def _apply_parameters(self, changed: list[Parameter]) -> None:
+        if self._session is not None and {p.name for p in changed} & {p.name for p in PIPELINE_PARAMETERS}:
+            self._session.change_settings(pipeline_settings(values(self, TABLE)))
+
+    # ---- inputs ----
+
+    def _follow_topics(self) -> None:
+        """Subscribe to every input with the type its publishers offer; look again while topics are silent."""
+        if self._session is None or not self._active:
+            return
+        graph = dict(self.get_topic_names_and_types())
+        for name, topic in self._session.topics.items():
+            state = self._session.states[name]
+            resolved = self.resolve_topic_name(name)
+            state.publishers = self.count_publishers(resolved)
+            state.offered = tuple(graph.get(resolved, ())) if state.publishers else ()
+            if state.received or not (chosen := topic.choose(state.offered) or "") != state.type_name:
+                continue
+            if name in self._subscriptions_by_topic:
+                self.destroy_subscription(self._subscriptions_by_topic.pop(name))
+            state.type_name = chosen
+            if chosen:
+                self._subscriptions_by_topic[name] = self._subscribe(name, chosen)
+
+    def _subscribe(self, topic: str, type_name: str) -> Subscription:
+        def mismatch(info: QoSRequestedIncompatibleQoSInfo) -> None:
+            if self._session is not None:
+                self._session.states[topic].incompatible_qos = str(qos_policy_name_from_kind(info.last_policy_kind))
+
+        return self.create_subscription(
+            MESSAGE_CLASSES[type_name],
+            topic,
+            functools.partial(self.receive, topic, type_name),
+            qos.sensor_input(int(self.get_parameter("input_depth").value)),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            raw=True,
+        )
+
+    def receive(self, topic: str, type_name: str, payload: bytes) -> tuple[OutputBlock, ...]:
+        """Handle one serialized message: observe it, publish what became ready, report when a period is over.
+
+        Live subscriptions and lockstep replay both come through here.
+
+        Parameters
+        ----------
+        topic, type_name
+            Where it came from and what it is.
+        payload
+            CDR bytes.
+        """
+        if self._session is None:
+            return ()
+        return self._publish(self._session.receive(topic, type_name, payload))
+
+    def finish(self) -> tuple[OutputBlock, ...]:
+        """Publish what is left at the end of a recorded run."""
+        return () if self._session is None else self._publish(self._session.pipeline.finish())
+
+    # ---- outputs ----
+
+    def _publish(self, blocks: tuple[OutputBlock, ...]) -> tuple[OutputBlock, ...]:
+        session, outputs = self._session, self._outputs
+        if session is None or outputs is None:
+            return ()
+        every = int(self.get_parameter("publish_every").value) if blocks else 1
+        for block in blocks:
+            for tick in session.ticks_to_publish(block.valid & finite(block), every):
+                outputs.publish_tick(block, tick)
+        if blocks:
+            self._report_if_due(int(blocks[-1].stamp_ns[-1]))
+        return blocks
+
+    def _report_if_due(self, now_ns: int) -> None:
+        """Publish parameters and diagnostics once per period of data time."""
+        period_ns = round(float(self.get_parameter("diagnostics_period").value) * 1e9)
+        if self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
+            self._reported_ns = now_ns
+            self.report(now_ns)
+
+    def report(self, stamp_ns: int) -> None:
+        """Publish parameters and diagnostics now."""
+        self._reported_since_watch = True
+        if self._session is not None and self._outputs is not None and self._active:
+            self._outputs.publish_parameters(stamp_ns, self._session.body, self._session.pipeline.parameters())
+        self._diagnostics.publish(conversions.diagnostics(stamp_ns, self._statuses()))
+
+    def _statuses(self) -> Iterable[DiagnosticStatus]:
+        if self._session is None:
+            level = DiagnosticStatus.ERROR if self._fault else DiagnosticStatus.WARN
+            yield conversions.status(level, "estimator node", self._fault or "not configured", NODE, {})
+            return
+        if not self._active:
+            yield conversions.status(DiagnosticStatus.WARN, "estimator node", "not active", NODE, {})
+        yield from self._session.statuses()
+
+    def watch(self) -> None:
+        """Look at topics and types, and report when data have not: nothing must fail in silence."""
+        self._follow_topics()
+        if not self._reported_since_watch:
+            self.report(self.get_clock().now().nanoseconds)
+        self._reported_since_watch = False
+
+    # ---- services ----
+
+    def _serve_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._session is None:
+            response.message = "not configured: nothing to reset"
+            return response
+        self._session.pipeline.reset("requested by the service reset")
+        response.success, response.message = True, "estimates start again from the vehicle file"
+        return response
+
+    def _serve_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._session is None:
+            response.message = "not configured: nothing to save"
+            return response
+        folder = Path(str(self.get_parameter("save_directory").value)).expanduser()
+        try:
+            files = save_results(folder, self._session.vehicle, self._session.pipeline)
+        except (OSError, RideEstimationError) as error:
+            response.message = f"not saved: {error}"
+            return response
+        response.success, response.message = True, "saved " + " and ".join(str(file) for file in files)
+        return response
+
+
+def vehicle_path(given: str) -> Path:
+    """Return the path of a vehicle file: an existing path, or the name of a bundled vehicle."""
+    path = Path(given).expanduser()
+    if path.suffix or path.exists():
+        return path
+    return shared_path("config", "vehicles", f"{given}.yaml")
+
+
+def main(args: Sequence[str] | None = None, make: Callable[[], Node] = EstimatorNode) -> int:
+    """Run the node until a signal."""
+    return run_node(make, lambda node: str(node.get_parameter("executor").value), args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
