@@ -7,11 +7,12 @@ import pathlib
 import tempfile
 
 import numpy as np
+
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import Channel, Recording, UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
-
 from worlds.cab import Measurement
+from worlds.scenario import Scenario
 from worlds.vehicle_text import Belief, vehicle_yaml
 
 START_NS = 1_700_000_000_000_000_000
@@ -55,3 +56,10 @@ def believed_vehicle(measurement: Measurement, belief: Belief | None = None, see
         path = pathlib.Path(folder) / "vehicle.yaml"
         path.write_text(text, encoding="utf-8")
         return load_vehicle(path)
+
+
+def product_inputs(scenario: Scenario) -> tuple[Vehicle, UniformRun, list[UniformRun]]:
+    """Return vehicle, fit run and validation runs of a scenario as the product takes them."""
+    vehicle = believed_vehicle(scenario.fit, scenario.belief, scenario.seed, scenario.believed)
+    runs = [uniform_run(m, f"validation_{i}") for i, m in enumerate(scenario.validation)]
+    return vehicle, uniform_run(scenario.fit, "fit"), runs

@@ -421,7 +421,9 @@ def random_sensors(
     turned: bool = False,
 ) -> tuple[CabSensor, ...]:
     """Draw a layout: triaxials near the cab corners (one lifted), one at each mount base, displacement transducers."""
-    corners = np.array([[0.8, 0.6, -0.35], [0.8, -0.6, -0.35], [-0.8, 0.6, -0.35], [-0.8, -0.6, 0.9], [0.0, 0.0, 1.0], [0.3, 0.0, -0.4]])
+    corners = np.array(
+        [[0.8, 0.6, -0.35], [0.8, -0.6, -0.35], [-0.8, 0.6, -0.35], [-0.8, -0.6, 0.9], [0.0, 0.0, 1.0], [0.3, 0.0, -0.4]]
+    )
     places = ("front_left", "front_right", "rear_left", "rear_right", "roof", "floor")
     out = []
     for i in range(cab_sensors):
@@ -434,9 +436,7 @@ def random_sensors(
             out.append(CabSensor(f"chassis_{name}", name, point.copy(), rotation=rotation, noise_std=noise_std, full_scale=196.0))
     for mount, axis in displacement:
         point = vehicle.mounts[vehicle.mount_names.index(mount)]
-        out.append(
-            CabSensor(f"displacement_{mount}_{axis}", mount, point.copy(), kind="displacement", axis=axis, noise_std=5e-5)
-        )
+        out.append(CabSensor(f"displacement_{mount}_{axis}", mount, point.copy(), kind="displacement", axis=axis, noise_std=5e-5))
     return tuple(out)
 
 
@@ -463,8 +463,6 @@ def attitude(run: CabRun) -> np.ndarray:
     return out
 
 
-def drive(
-    vehicle: CabVehicle, road: Road, duration: float, seed: int, *, step: float = 5e-4
-) -> CabRun:
+def drive(vehicle: CabVehicle, road: Road, duration: float, seed: int, *, step: float = 5e-4) -> CabRun:
     """Synthesise the base motion of a road and integrate the cab over it."""
     return simulate(vehicle, base_motion(road, vehicle.mounts, duration, step, seed))

@@ -98,9 +98,7 @@ def place_brackets(c_row, b_row, seat, pos, vel, rot, rate):
 
 
 @njit(cache=True)
-def derivative(
-    y, time, lag, pos, vel, rot, rate, push, body, mount, codes, lawp, mem, trial, extra, dy, force, defl, drate, acc
-):
+def derivative(y, time, lag, pos, vel, rot, rate, push, body, mount, codes, lawp, mem, trial, extra, dy, force, defl, drate, acc):
     """Write the state derivative; also mount forces [body axes], deflections, rates and accelerations.
 
     ``body`` = (mass, inverse inertia, inertia, arms of the mounts, gravity, arm of the push, direction of the push);
@@ -252,7 +250,9 @@ def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes,
             r = np.empty((3, 3))
             rotation_of_quaternion(y[6:10], r)
             om = y[10:13]
-            turn = np.array([om[1] * shift[2] - om[2] * shift[1], om[2] * shift[0] - om[0] * shift[2], om[0] * shift[1] - om[1] * shift[0]])
+            turn = np.array(
+                [om[1] * shift[2] - om[2] * shift[1], om[2] * shift[0] - om[0] * shift[2], om[0] * shift[1] - om[1] * shift[0]]
+            )
             for a in range(3):
                 y[a] += r[a, 0] * shift[0] + r[a, 1] * shift[1] + r[a, 2] * shift[2]
                 y[3 + a] += r[a, 0] * turn[0] + r[a, 1] * turn[1] + r[a, 2] * turn[2]
@@ -260,8 +260,26 @@ def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes,
             add = (w2, zw, shape, sm, sk, sc, suspended_point - cgs[1])
         t = i * h
         derivative(
-            y, t, 0.0, pos[0], vel[0], rot[0], rate[0], push[2 * i], body, mount, codes, lawp, mem, trial, add, k1,
-            force, defl, drate, acc,
+            y,
+            t,
+            0.0,
+            pos[0],
+            vel[0],
+            rot[0],
+            rate[0],
+            push[2 * i],
+            body,
+            mount,
+            codes,
+            lawp,
+            mem,
+            trial,
+            add,
+            k1,
+            force,
+            defl,
+            drate,
+            acc,
         )
         states[i] = y
         accs[i] = acc
@@ -272,24 +290,96 @@ def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes,
             break
         place_brackets(chassis[2 * i + 1], brackets[2 * i + 1], seat, pos[1], vel[1], rot[1], rate[1])
         derivative(
-            y + 0.5 * h * k1, t + 0.5 * h, 0.5 * h, pos[1], vel[1], rot[1], rate[1], push[2 * i + 1], body, mount, codes,
-            lawp, mem, trial, add, k2, force, defl, drate, acc,
+            y + 0.5 * h * k1,
+            t + 0.5 * h,
+            0.5 * h,
+            pos[1],
+            vel[1],
+            rot[1],
+            rate[1],
+            push[2 * i + 1],
+            body,
+            mount,
+            codes,
+            lawp,
+            mem,
+            trial,
+            add,
+            k2,
+            force,
+            defl,
+            drate,
+            acc,
         )
         derivative(
-            y + 0.5 * h * k2, t + 0.5 * h, 0.5 * h, pos[1], vel[1], rot[1], rate[1], push[2 * i + 1], body, mount, codes,
-            lawp, mem, trial, add, k3, force, defl, drate, acc,
+            y + 0.5 * h * k2,
+            t + 0.5 * h,
+            0.5 * h,
+            pos[1],
+            vel[1],
+            rot[1],
+            rate[1],
+            push[2 * i + 1],
+            body,
+            mount,
+            codes,
+            lawp,
+            mem,
+            trial,
+            add,
+            k3,
+            force,
+            defl,
+            drate,
+            acc,
         )
         place_brackets(chassis[2 * i + 2], brackets[2 * i + 2], seat, pos[0], vel[0], rot[0], rate[0])
         derivative(
-            y + h * k3, t + h, h, pos[0], vel[0], rot[0], rate[0], push[2 * i + 2], body, mount, codes, lawp, mem, trial,
-            add, k4, force, defl, drate, acc,
+            y + h * k3,
+            t + h,
+            h,
+            pos[0],
+            vel[0],
+            rot[0],
+            rate[0],
+            push[2 * i + 2],
+            body,
+            mount,
+            codes,
+            lawp,
+            mem,
+            trial,
+            add,
+            k4,
+            force,
+            defl,
+            drate,
+            acc,
         )
         y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         norm = np.sqrt(y[6] ** 2 + y[7] ** 2 + y[8] ** 2 + y[9] ** 2)
         y[6:10] /= norm
         derivative(
-            y, t + h, h, pos[0], vel[0], rot[0], rate[0], push[2 * i + 2], body, mount, codes, lawp, mem, trial, add, k4,
-            force, defl, drate, acc,
+            y,
+            t + h,
+            h,
+            pos[0],
+            vel[0],
+            rot[0],
+            rate[0],
+            push[2 * i + 2],
+            body,
+            mount,
+            codes,
+            lawp,
+            mem,
+            trial,
+            add,
+            k4,
+            force,
+            defl,
+            drate,
+            acc,
         )
         mem[:] = trial
     return states, accs, forces, defls, rates

@@ -54,8 +54,9 @@ class Road:
         bumps: tuple[tuple[float, float, float, str], ...] = ()
         if kind == "bumps":
             speed = float(rng.uniform(4.0, 9.0))
+            sides = ("both", "left", "right")
             bumps = tuple(
-                (float(t), float(rng.uniform(-0.05, 0.07)), float(rng.uniform(0.4, 2.5)), str(rng.choice(["both", "left", "right"])))
+                (float(t), float(rng.uniform(-0.05, 0.07)), float(rng.uniform(0.4, 2.5)), str(rng.choice(sides)))
                 for t in np.arange(4.0, 600.0, 5.0) + rng.uniform(-1.0, 1.0, 120)
             )
         cobbles = float(rng.uniform(0.002, 0.005)) if kind == "cobbles" else 0.0
@@ -136,7 +137,7 @@ def base_motion(
     rng = np.random.default_rng(seed)
     half = 0.5 * step
     n = 2 * round(duration / step) + 1
-    period = n * half * 1.07 + 2.0 / half * 0.0  # not a multiple of anything in the run
+    period = n * half * 1.07
     size = 1 << int(np.ceil(np.log2(period / half)))
     freq = np.fft.rfftfreq(size, half)
     window = _band(freq, 0.25, road.top_frequency)
@@ -169,7 +170,7 @@ def base_motion(
     roll = 0.5 * (front_roll + rear_roll)
     twist = road.twist * (front_roll - rear_roll) / road.wheelbase  # rad per metre of frame
 
-    vertical = np.sqrt(np.mean(np.fft.irfft(heave * (2j * np.pi * freq) ** 2, size) ** 2)) if road.roughness or road.bumps else 0.0
+    vertical = float(np.sqrt(np.mean(np.fft.irfft(heave * (2j * np.pi * freq) ** 2, size) ** 2)))
 
     def process(low: float, high: float, accel_rms: float) -> np.ndarray:
         """Return displacement amplitudes of a band-limited process of given acceleration rms."""

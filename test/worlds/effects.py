@@ -1,0 +1,421 @@
+# Copyright 2026 ride_estimation contributors
+"""Plant one cause of interface.md section 4, or an effect no library lists, in a cab world.
+
+An :class:`Effect` knows its cause, place, axis and form and turns a size into a changed vehicle, changed sensors and changed
+beliefs. Size is dimensionless; :mod:`worlds.calibration` finds the one that leaves a wanted residual of the best linear
+model, so that causes are comparable.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from worlds import laws
+from worlds.cab import AXES, CabRun, CabSensor, CabVehicle, rotation_of_degrees, true_signal
+
+Sensors = tuple[CabSensor, ...]
+Changed = tuple[CabVehicle, Sensors, tuple[float, float, float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """A planted effect.
+
+    ``apply(size)`` returns (vehicle, sensors, offset of the believed CG [m]). ``largest`` bounds the size; ``mean_counts``:
+    the residual counts constant offsets too; ``fixed_size``: difficulty is not set by the residual (a soft mount leaves none
+    in a linear model with free mounts).
+    """
+
+    cause: str
+    location: str
+    axis: str
+    form: str
+    apply: Callable[[float], Changed]
+    largest: float = 10.0
+    mean_counts: bool = False
+    fixed_size: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """The run without effect: what sizes are relative to."""
+
+    vehicle: CabVehicle
+    sensors: Sensors
+    run: CabRun
+
+    def moving(self, values: np.ndarray) -> np.ndarray:
+        """Return rms over time about the mean, first axis, of the part after two seconds."""
+        return np.std(values[round(2.0 / self.run.step) :], axis=0)
+
+    @property
+    def deflection(self) -> np.ndarray:
+        """Return deflection rms (M, 3) [m]."""
+        return self.moving(self.run.deflection)
+
+    @property
+    def rate(self) -> np.ndarray:
+        """Return deflection rate rms (M, 3) [m/s]."""
+        return self.moving(self.run.rate)
+
+    @property
+    def force(self) -> np.ndarray:
+        """Return rms of the spring and damper force (M, 3) [N]."""
+        return self.moving(self.vehicle.stiffness * self.run.deflection + self.vehicle.damping * self.run.rate)
+
+    def peak(self, mount: int, axis: int, quantile: float) -> float:
+        """Return a quantile of the absolute deflection [m]."""
+        return float(np.quantile(np.abs(self.run.deflection[round(2.0 / self.run.step) :, mount, axis]), quantile))
+
+
+LAW_FORMS: dict[str, tuple[str, ...]] = {
+    "coulomb_friction": ("lugre", "bouc_wen", "stribeck", "jenkins_chain"),
+    "viscoelasticity": ("two_cells", "six_cells", "fractional"),
+    "stiffness_nonlinearity": ("sinh", "tangent", "arctangent", "polytropic"),
+    "damping_nonlinearity": ("tanh_damper", "asymmetric_damper", "gauss_damper", "power_damper"),
+    "bump_stop": ("bumper_one_side", "bumper_both_sides"),
+    "backlash": ("free_play",),
+}
+OUTSIDE = ("levelling", "inerter", "cross_coupling")
+OTHER = (
+    "harmonic_disturbance", "mass_change", "cg_offset", "parameter_drift", "one_soft_mount", "flexible_mode",
+    "missing_degree_of_freedom",
+)  # fmt: skip
+SENSOR_CAUSES = (
+    "sensor_delay", "sensor_gain", "sensor_bias", "sensor_misalignment", "sensor_clipping", "wrong_sensor_position",
+)  # fmt: skip
+CAUSES = (*LAW_FORMS, *OTHER, *SENSOR_CAUSES)
+
+
+def plant(
+    cause: str,
+    reference: Reference,
+    rng: np.random.Generator,
+    *,
+    form: str | None = None,
+    mount: str | None = None,
+    axis: str | None = None,
+    sensor: str | None = None,
+    chassis_share: float = 0.25,
+) -> Effect:
+    """Return an effect of a cause at a random or given place.
+
+    Parameters
+    ----------
+    cause
+        An id of :data:`CAUSES`, ``outside:<name>`` of :data:`OUTSIDE`, or ``none``.
+    form, mount, axis, sensor
+        Fixed choices; None: drawn. ``mount`` may be ``all``.
+    chassis_share
+        Share of sensor faults planted on chassis-side sensors.
+    """
+    if cause == "none":
+        return Effect("none", "", "", "", lambda size: (reference.vehicle, reference.sensors, (0.0, 0.0, 0.0)))
+    if cause in LAW_FORMS or cause in ("outside:levelling", "outside:inerter"):
+        return _law_effect(cause, reference, rng, form, mount, axis)
+    if cause in SENSOR_CAUSES:
+        return _sensor_effect(cause, reference, rng, form, sensor, axis, chassis_share)
+    builders = {
+        "harmonic_disturbance": _harmonic, "mass_change": _mass_change, "cg_offset": _cg_offset,
+        "parameter_drift": _drift, "one_soft_mount": _soft_mount, "flexible_mode": _flexible,
+        "missing_degree_of_freedom": _suspended, "outside:cross_coupling": _cross,
+    }  # fmt: skip
+    if cause not in builders:
+        raise ValueError(f"unknown cause {cause!r}; known: none, {', '.join(CAUSES)}, outside:{', outside:'.join(OUTSIDE)}")
+    return builders[cause](reference, rng, mount, axis)
+
+
+def combine(first: Effect, second: Effect) -> Callable[[float, float], Changed]:
+    """Return a function of two sizes that plants both effects (laws and sensor faults add up)."""
+
+    def apply(size_1: float, size_2: float) -> Changed:
+        v1, s1, c1 = first.apply(size_1)
+        v2, s2, c2 = second.apply(size_2)
+        base, none = v1.hidden, v2.hidden
+        changes = {
+            f.name: getattr(none, f.name)
+            for f in dataclasses.fields(none)
+            if f.name != "laws" and repr(getattr(none, f.name)) != repr(f.default)
+        }
+        hidden = dataclasses.replace(base, laws=base.laws + none.laws, **changes)
+        changed = np.any(v2.stiffness != v1.stiffness) and second.cause == "one_soft_mount"
+        vehicle = dataclasses.replace(
+            v1, hidden=hidden, **({"stiffness": v2.stiffness, "damping": v2.damping} if changed else {})
+        )
+        sensors = tuple(_merge_sensor(a, b) for a, b in zip(s1, s2))
+        return vehicle, sensors, tuple(a + b for a, b in zip(c1, c2))  # type: ignore[return-value]
+
+    return apply
+
+
+def _merge_sensor(a: CabSensor, b: CabSensor) -> CabSensor:
+    default = CabSensor(b.name, b.place, b.position)
+    names = ("true_position", "true_rotation", "gain", "bias", "delay_s", "clip")
+    changes = {n: getattr(b, n) for n in names if repr(getattr(b, n)) != repr(getattr(default, n))}
+    return dataclasses.replace(a, **changes)
+
+
+def _choose_place(reference: Reference, rng: np.random.Generator, mount: str | None, axis: str | None, all_share: float):
+    names = reference.vehicle.mount_names
+    if axis is None:
+        axis = str(rng.choice(AXES, p=[0.2, 0.2, 0.6]))
+    if mount is None:
+        mount = "all" if rng.random() < all_share else str(rng.choice(names))
+    chosen = range(len(names)) if mount == "all" else [names.index(mount)]
+    return mount, axis, list(chosen), AXES.index(axis)
+
+
+def _law_parameters(
+    form: str, ref: Reference, i: int, a: int, size: float, draw: dict[str, float]
+) -> tuple[int, tuple[float, ...]]:
+    """Return law code and parameters of one mount axis; ``draw`` holds the random shape of this effect."""
+    x, v, f = ref.deflection[i, a], ref.rate[i, a], ref.force[i, a]
+    k, c = ref.vehicle.stiffness[i, a], ref.vehicle.damping[i, a]
+    u = draw["u"]
+    level = 0.4 * size * f
+    if form == "lugre":
+        reach = (0.02 + 0.06 * u) * x
+        return laws.LUGRE, (level / reach, 0.0, level, level * (1.0 + 0.4 * draw["w"]), 0.1 * v)
+    if form == "bouc_wen":
+        return laws.BOUC_WEN, (level, (0.05 + 0.15 * u) * x, 0.5 + 0.3 * draw["w"], 1.0 + draw["w"])
+    if form == "stribeck":
+        return laws.STRIBECK, (level, level * (1.0 + 0.4 * draw["w"]), 0.15 * v, (0.02 + 0.05 * u) * v)
+    if form == "jenkins_chain":
+        return laws.JENKINS, (level / ((0.05 + 0.15 * u) * x), level, 8, 10.0)
+    if form in ("two_cells", "six_cells", "fractional"):
+        fast = 1.0 / (2 * np.pi * (6.0 + 14.0 * u))
+        n = {"two_cells": 2, "six_cells": 6, "fractional": 10}[form]
+        span = {"two_cells": 6.0, "six_cells": 60.0, "fractional": 1000.0}[form]
+        return laws.MANY_CELLS, (size * k, fast, fast * span, n, 0.3 + 0.3 * draw["w"] if form == "fractional" else 0.0)
+    if form == "sinh":
+        return laws.SINH, (size * k, (1.2 + u) * x)
+    if form == "tangent":
+        return laws.TANGENT, (size * k, (3.0 + 2.0 * u) * x)
+    if form == "arctangent":
+        return laws.ARCTANGENT, (min(size, 0.95) * k, (0.6 + u) * x)
+    if form == "polytropic":
+        return laws.POLYTROPIC, (size * k, (6.0 + 4.0 * u) * x, 1.2 + 2.0 * draw["w"])
+    if form == "tanh_damper":
+        return laws.TANH_DAMPER, (size * c, (0.3 + 0.7 * u) * v)
+    if form == "asymmetric_damper":
+        return laws.ASYMMETRIC_DAMPER, (2.0 * size * c, (0.1 + 0.2 * u) * v)
+    if form == "gauss_damper":
+        return laws.GAUSS_DAMPER, (2.0 * size * c, (0.5 + 0.5 * u) * v)
+    if form == "power_damper":
+        return laws.POWER_DAMPER, (size * c, (0.7 + 0.6 * u) * v, 0.35 + 0.3 * draw["w"])
+    if form in ("bumper_one_side", "bumper_both_sides"):
+        gap = ref.peak(i, a, 0.92 + 0.06 * u)
+        side = 0.0 if form == "bumper_both_sides" else (-1.0 if draw["w"] < 0.7 else 1.0)
+        return laws.BUMPER, (2.0 * size * k * 0.4 * x, gap, 0.4 * x, 0.3 + 0.4 * draw["w"], 0.3 * v, side)
+    if form == "free_play":
+        half = 0.3 * size * x
+        centre = 0.0 if a < 2 else (0.3 + 0.7 * u) * x * (1.0 if draw["w"] > 0.5 else -1.0)
+        return laws.FREE_PLAY, (k, c, half, 0.05 * half, centre)
+    if form == "levelling":
+        return laws.LEVELLING, (0.6 * size * f, 4.0 * k * size, 0.3 + u)
+    if form == "inerter":
+        inertance = size * ref.vehicle.mass / 8.0
+        spring = 4.0 * k + inertance * (2 * np.pi * (12.0 + 10.0 * u)) ** 2
+        return laws.INERTER, (inertance, spring, 0.3 * 2.0 * np.sqrt(spring * inertance))
+    raise ValueError(f"unknown form {form!r}")
+
+
+def _law_effect(
+    cause: str, ref: Reference, rng: np.random.Generator, form: str | None, mount: str | None, axis: str | None
+) -> Effect:
+    if cause.startswith("outside:"):
+        form = cause.split(":")[1]
+    form = form or str(rng.choice(LAW_FORMS[cause]))
+    location, axis, chosen, a = _choose_place(ref, rng, mount, axis, 0.25)
+    draw = {"u": float(rng.random()), "w": float(rng.random())}
+
+    def apply(size: float) -> Changed:
+        added = tuple((i, a, *_law_parameters(form, ref, i, a, size, draw)) for i in chosen)
+        hidden = dataclasses.replace(ref.vehicle.hidden, laws=ref.vehicle.hidden.laws + added)
+        damping = ref.vehicle.damping
+        if form in ("tanh_damper", "power_damper") and size > 0.97:
+            # the law takes linear damping away: a damper that is mostly saturating must be a larger one
+            damping = damping.copy()
+            damping[chosen, a] *= size / 0.97
+        return dataclasses.replace(ref.vehicle, hidden=hidden, damping=damping), ref.sensors, (0.0, 0.0, 0.0)
+
+    largest = {"arctangent": 0.95, "tanh_damper": 4.0, "power_damper": 4.0, "asymmetric_damper": 6.0, "gauss_damper": 4.0}
+    return Effect(cause, location, axis, form, apply, largest=largest.get(form, 20.0))
+
+
+def _changed(ref: Reference, **hidden: object) -> Changed:
+    return (
+        dataclasses.replace(ref.vehicle, hidden=dataclasses.replace(ref.vehicle.hidden, **hidden)),
+        ref.sensors,
+        (0.0, 0.0, 0.0),
+    )  # type: ignore[arg-type]
+
+
+def _harmonic(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    axis = axis or str(rng.choice(AXES, p=[0.2, 0.2, 0.6]))
+    direction = tuple(float(axis == b) for b in AXES)
+    point = tuple(float(p) for p in ref.vehicle.cg + rng.uniform(-0.7, 0.7, 3) * np.array([1.0, 0.7, 0.5]))
+    frequency, wander, seed = float(rng.uniform(3.0, 24.0)), float(rng.uniform(0.0005, 0.004)), int(rng.integers(1 << 31))
+    scale = 0.5 * ref.vehicle.mass * float(ref.moving(ref.run.specific_force).max())
+
+    def apply(size: float) -> Changed:
+        return _changed(ref, push=(size * scale, frequency, wander, seed), push_point=point, push_direction=direction)
+
+    return Effect("harmonic_disturbance", "cab", axis, "wandering_sine", apply)
+
+
+def _mass_change(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    vehicle = ref.vehicle
+    point = vehicle.cg + rng.uniform(-0.6, 0.6, 3) * np.array([1.0, 0.6, 0.5])
+    sign = 1.0 if rng.random() < 0.7 else -0.5
+    when = float(rng.uniform(0.4, 0.6)) * ref.run.time[-1]
+    when = round(when / ref.run.step) * ref.run.step
+
+    def apply(size: float) -> Changed:
+        added = sign * 0.3 * size * vehicle.mass
+        mass = vehicle.mass + added
+        cg = (vehicle.mass * vehicle.cg + added * point) / mass
+        inertia = vehicle.inertia.copy()
+        for m, r in ((vehicle.mass, vehicle.cg - cg), (added, point - cg)):
+            inertia = inertia + m * (r @ r * np.eye(3) - np.outer(r, r))
+        return _changed(ref, mass_after=(when, mass, cg, inertia))
+
+    return Effect("mass_change", "cab", "", "step", apply, largest=3.0 if sign > 0 else 3.0)
+
+
+def _cg_offset(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    axis = axis or str(rng.choice(AXES))
+    sign = float(rng.choice([-1.0, 1.0]))
+
+    def apply(size: float) -> Changed:
+        offset = [0.0, 0.0, 0.0]
+        offset[AXES.index(axis)] = sign * 0.2 * size
+        return ref.vehicle, ref.sensors, (offset[0], offset[1], offset[2])
+
+    return Effect("cg_offset", "cab", axis, "believed_cg", apply, largest=3.0)
+
+
+def _drift(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    location, axis, chosen, a = _choose_place(ref, rng, mount, axis or str(rng.choice(AXES, p=[0.15, 0.15, 0.7])), 0.5)
+    sign, share = float(rng.choice([-1.0, 1.0])), float(rng.choice([0.0, 1.0]))
+    start, end = 0.1 * ref.run.time[-1], ref.run.time[-1] * float(rng.uniform(0.7, 1.0))
+
+    def apply(size: float) -> Changed:
+        drift = np.zeros((*ref.vehicle.mounts.shape, 4))
+        amount = np.expm1(sign * 0.5 * size)
+        for i in chosen:
+            drift[i, a] = (amount, start, end, share)
+        return _changed(ref, drift=drift)
+
+    return Effect("parameter_drift", location, axis, "cosine_ramp", apply, largest=4.0)
+
+
+def _soft_mount(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    location, axis, chosen, a = _choose_place(ref, rng, mount, axis or "z", 0.0)
+
+    def apply(size: float) -> Changed:
+        stiffness, damping = ref.vehicle.stiffness.copy(), ref.vehicle.damping.copy()
+        stiffness[chosen[0], a] *= np.exp(-size)
+        return dataclasses.replace(ref.vehicle, stiffness=stiffness, damping=damping), ref.sensors, (0.0, 0.0, 0.0)
+
+    size = float(-np.log(1.0 - rng.uniform(0.3, 0.6)))
+    return Effect("one_soft_mount", location, axis, "softer_than_its_file", apply, largest=2.5, fixed_size=size)
+
+
+def _flexible(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    kind = str(rng.choice(["torsion", "bending", "roof_sway"]))
+    frequency, zeta = float(rng.uniform(9.0, 22.0)), float(rng.uniform(0.01, 0.05))
+    cg = ref.vehicle.cg
+
+    def shape(point: np.ndarray) -> np.ndarray:
+        x, y, z = point - cg
+        if kind == "torsion":
+            return np.array([0.0, -1.2 * x * (z + 0.2), 2.4 * x * y])
+        if kind == "bending":
+            return np.array([0.0, 0.0, 2.0 * (x * x - 0.35)])
+        return np.array([0.0, 1.2 * (z * z - 0.15), 0.3 * y * z])
+
+    def apply(size: float) -> Changed:
+        unit = size / np.sqrt(ref.vehicle.mass)
+        at_mounts = unit * np.array([shape(p) for p in ref.vehicle.mounts])
+        at_sensors = {s.name: unit * shape(s.position) for s in ref.sensors if s.place == "cab"}
+        return _changed(ref, elastic=(frequency, zeta, at_mounts, at_sensors))
+
+    return Effect("flexible_mode", "cab", "", kind, apply)
+
+
+def _suspended(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    frequency, zeta = float(rng.uniform(1.5, 12.0)), float(rng.uniform(0.08, 0.4))
+    point = ref.vehicle.cg + rng.uniform(-0.5, 0.5, 3) * np.array([1.0, 0.8, 0.3])
+
+    def apply(size: float) -> Changed:
+        return _changed(ref, suspended=(0.2 * size * ref.vehicle.mass, frequency, zeta, point))
+
+    return Effect("missing_degree_of_freedom", "cab", "z", "sprung_mass", apply, largest=1.5)
+
+
+def _cross(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
+    names = ref.vehicle.mount_names
+    mount = mount or str(rng.choice(names))
+    i = names.index(mount)
+    a, b = (0, 2) if rng.random() < 0.5 else (1, 2)
+
+    def apply(size: float) -> Changed:
+        cross = np.zeros((len(names), 3, 3))
+        cross[i, a, b] = cross[i, b, a] = 0.9 * np.tanh(size) * np.sqrt(ref.vehicle.stiffness[i, a] * ref.vehicle.stiffness[i, b])
+        return _changed(ref, cross=cross)
+
+    return Effect("outside:cross_coupling", mount, "", f"{AXES[a]}{AXES[b]}", apply, largest=3.0)
+
+
+def _sensor_effect(
+    cause: str, ref: Reference, rng: np.random.Generator, form: str | None, sensor: str | None, axis: str | None, chassis: float
+) -> Effect:
+    candidates = [s for s in ref.sensors if s.kind != "displacement"]
+    on_cab = [s.name for s in candidates if s.place == "cab"]
+    elsewhere = [s.name for s in candidates if s.place != "cab"]
+    # a position error of a bracket sensor is a rotation of the bracket away from nothing: plant it on the cab
+    use_cab = not elsewhere or cause == "wrong_sensor_position" or rng.random() >= chassis
+    name = sensor or str(rng.choice(on_cab if use_cab else elsewhere))
+    index = [s.name for s in ref.sensors].index(name)
+    old = ref.sensors[index]
+    signal = true_signal(ref.run, old)
+    moving = ref.moving(signal)
+    if axis is None and cause in ("sensor_gain", "sensor_bias", "sensor_misalignment", "wrong_sensor_position"):
+        axis = AXES[int(rng.choice(3, p=moving[:3] / moving[:3].sum()))] if cause == "sensor_gain" else str(rng.choice(AXES))
+    a = AXES.index(axis) if axis else 0
+    sign = float(rng.choice([-1.0, 1.0]))
+    rest = np.abs(signal.mean(axis=0)).max()
+    peak = float((np.abs(signal[round(2.0 / ref.run.step) :]).max(axis=0)).max() - rest)
+
+    def change(size: float) -> CabSensor:
+        if cause == "sensor_delay":
+            return dataclasses.replace(old, delay_s=0.01 * size)
+        if cause == "sensor_gain":
+            gain = np.ones(signal.shape[1])
+            gain[a] = np.exp(sign * 0.3 * size)
+            # about the rest value: the offset at rest was trimmed away when the sensor was installed
+            return dataclasses.replace(old, gain=gain, bias=(1.0 - gain) * signal[0])
+        if cause == "sensor_bias":
+            bias = np.zeros(signal.shape[1])
+            bias[a] = sign * size * moving.max()
+            return dataclasses.replace(old, bias=bias)
+        if cause == "sensor_misalignment":
+            turn = [0.0, 0.0, 0.0]
+            turn[a] = sign * 15.0 * size
+            # Rs true = Rs declared x small turn about a sensor axis
+            return dataclasses.replace(old, true_rotation=old.rotation @ rotation_of_degrees(np.array(turn)))
+        if cause == "sensor_clipping":
+            return dataclasses.replace(old, clip=rest + peak * max(0.9 * np.exp(-size), 0.02))
+        offset = np.zeros(3)
+        offset[a] = sign * 0.3 * size
+        return dataclasses.replace(old, true_position=old.position + offset)
+
+    def apply(size: float) -> Changed:
+        sensors = tuple(change(size) if i == index else s for i, s in enumerate(ref.sensors))
+        return ref.vehicle, sensors, (0.0, 0.0, 0.0)
+
+    return Effect(cause, name, axis or "", cause, apply, largest=6.0, mean_counts=cause == "sensor_bias")
