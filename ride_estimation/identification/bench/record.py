@@ -130,9 +130,12 @@ def _clipping(where: str, name: str, values: Array) -> list[str]:
     for label, extreme in (("largest", values.max()), ("smallest", values.min())):
         at = values == extreme
         share = float(np.mean(at))
+        if share <= CLIPPED_SHARE:
+            continue
         runs = np.flatnonzero(at[1:] & at[:-1]).size
-        neighbours = np.unique(values).size
-        if share > CLIPPED_SHARE and runs > 0.5 * at.sum() and neighbours > 50:
+        # a coarse transducer repeats every value: only an extreme far commoner than its neighbours is clipping
+        levels = np.unique(values).size
+        if runs > 0.5 * at.sum() and levels > 50:
             found.append(
                 f"{where}: {name} looks clipped: {100 * share:.2g} % of the samples sit on its {label} value "
                 f"{extreme:g}; these samples are left out of the fit"

@@ -21,7 +21,7 @@ from ride_estimation.errors import InputDataError
 
 Array = NDArray[np.float64]
 
-#: relative fall of the cost below which the search has arrived
+#: relative fall of the cost, promised or made, below which the search has arrived
 COST_TOLERANCE = 1.0e-10
 #: change of log parameters below which the search has arrived
 STEP_TOLERANCE = 1.0e-6
@@ -187,6 +187,10 @@ def minimise(
         diagonal = np.maximum(diagonal, 1e-300)
         step = np.zeros(theta.size)
         step[move] = -np.linalg.lstsq(h + damping * np.diag(diagonal), point.gradient[move], rcond=None)[0]
+        # the gain a Gauss-Newton step still promises, in shares of the cost: far below what noise can tell
+        if float(-step[move] @ point.gradient[move]) < COST_TOLERANCE * point.cost:
+            converged = True
+            break
         step = np.clip(step, -2.0, 2.0)
         trial = np.clip(theta + step, lower, upper)
         if float(np.max(np.abs(trial - theta))) < STEP_TOLERANCE:
@@ -197,11 +201,10 @@ def minimise(
         passes += 1
         if trial_point.cost < point.cost:
             fall = (point.cost - trial_point.cost) / point.cost
-            small = float(np.max(np.abs(trial - theta))) < 1e-4
             theta, gram, point = trial, trial_gram, trial_point
             iterations += 1
             damping = max(damping * 0.1, 1e-9)
-            converged = fall < COST_TOLERANCE or (small and fall < 1e-8)
+            converged = fall < COST_TOLERANCE
         else:
             damping *= 10.0
             converged = damping > 1e8
