@@ -1,0 +1,160 @@
+# Copyright 2026 ride_estimation contributors
+"""The estimated body, its mounts and the sensors around it, as arrays: everything that does not change during a run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.frames import COORDINATES, point_motion_matrix, skew
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
+
+Array = NDArray[np.float64]
+
+ACCELEROMETERS = ("accelerometer", "imu")
+
+
+@dataclasses.dataclass(frozen=True)
+class Arrangement:
+    """One rigid body on M mounts.
+
+    Attributes
+    ----------
+    body
+        The body whose motion and mount forces are estimated.
+    mounts
+        Its mounts to a prescribed base, in the order of the vehicle file; the order of every (.., M, 3) array.
+    body_sensors
+        Accelerometers and IMUs on the body.
+    base_sensors
+        Per mount the accelerometer on its base, None where there is none.
+    transducers
+        Displacement sensors of the mounts.
+    arms
+        Mount minus CG, shape (M, 3) [m].
+    wrench
+        G, shape (6, 3 M): from the stacked mount forces (cab axes) to force and moment about the CG.
+    """
+
+    vehicle: Vehicle
+    body: Body
+    mounts: tuple[Mount, ...]
+    body_sensors: tuple[Sensor, ...]
+    base_sensors: tuple[Sensor | None, ...]
+    transducers: tuple[Sensor, ...]
+    arms: Array
+    wrench: Array
+
+    @property
+    def free(self) -> Array:
+        """Return which of the six coordinates the body may move in, shape (6,) bool."""
+        return np.array([c in self.body.coordinates for c in COORDINATES])
+
+    @property
+    def has_base_motion(self) -> bool:
+        """Return whether every mount has an accelerometer on its base."""
+        return bool(self.mounts) and all(s is not None for s in self.base_sensors)
+
+    @property
+    def mount_names(self) -> tuple[str, ...]:
+        """Return the names of the mounts."""
+        return tuple(m.name for m in self.mounts)
+
+
+def arrange(vehicle: Vehicle) -> Arrangement:
+    """Pick the body that the accelerometers watch and describe it.
+
+    The body is ``cab`` where there is one with accelerometers, else the body with most accelerometers.
+
+    Raises
+    ------
+    ConfigurationError
+        No accelerometer sits on any body of the vehicle file.
+    """
+    counts = {
+        name: sum(1 for s in vehicle.sensors.values() if s.body == name and s.kind in ACCELEROMETERS)
+        for name in vehicle.bodies
+    }
+    watched = [name for name, count in counts.items() if count]
+    if not watched:
+        raise ConfigurationError(
+            f"sensors: no accelerometer or imu sits on a body; bodies: {', '.join(vehicle.bodies) or 'none'}. "
+            "Without one nothing can be estimated", where=vehicle.name or "vehicle",
+        )  # fmt: skip
+    name = "cab" if "cab" in watched else max(watched, key=lambda n: counts[n])
+    body = vehicle.bodies[name]
+    mounts = tuple(m for m in vehicle.mounts.values() if m.body == name and m.base not in vehicle.bodies)
+    arms = np.array([m.position - body.cg for m in mounts]).reshape(len(mounts), 3)
+    wrench = np.zeros((6, 3 * len(mounts)))
+    for i, arm in enumerate(arms):
+        wrench[:, 3 * i : 3 * i + 3] = np.vstack([np.eye(3), skew(arm)])
+    return Arrangement(
+        vehicle=vehicle,
+        body=body,
+        mounts=mounts,
+        body_sensors=tuple(s for s in vehicle.sensors.values() if s.body == name and s.kind in ACCELEROMETERS),
+        base_sensors=tuple(_base_sensor(vehicle, m) for m in mounts),
+        transducers=tuple(
+            s for s in vehicle.sensors.values() if s.kind == "displacement" and s.mount in {m.name for m in mounts}
+        ),
+        arms=arms,
+        wrench=wrench,
+    )
+
+
+def _base_sensor(vehicle: Vehicle, mount: Mount) -> Sensor | None:
+    for sensor in vehicle.sensors.values():
+        if sensor.kind in ACCELEROMETERS and sensor.body not in vehicle.bodies and sensor.mount == mount.name:
+            return sensor
+    return None
+
+
+def motion_rows(sensors: Sequence[Sensor], cg: Array) -> tuple[Array, Array, Array]:
+    """Return directions and places of accelerometer channels and their rows of B.
+
+    Returns
+    -------
+    tuple
+        Directions e in body axes (C, 3), points r from the CG (C, 3), rows ``[e, r x e]`` (C, 6).
+    """
+    directions = np.vstack([s.rotation.T for s in sensors])
+    points = np.vstack([np.tile(s.position - cg, (3, 1)) for s in sensors])
+    rows = np.vstack([s.rotation.T @ point_motion_matrix(s.position - cg) for s in sensors])
+    return directions, points, rows
+
+
+def relative_tilt_maps(mounts: Sequence[Mount]) -> Array:
+    """Return T, shape (M, 3, 3 M): from the stacked deflections to the rotation of the body relative to each bracket.
+
+    Roll and pitch come from a plane through the vertical deflections, with four or more mounts plus a twist term x y: a
+    twisted frame rolls at its front against its rear, and its brackets with it. Yaw comes from the horizontal deflections.
+    Rows are zero where the mounts lie on one line.
+    """
+    count = len(mounts)
+    maps = np.zeros((count, 3, 3 * count))
+    if count < 2:
+        return maps
+    place = np.array([m.position for m in mounts])
+    centre = place.mean(axis=0)
+    x, y = (place - centre)[:, 0], (place - centre)[:, 1]
+    columns = [np.ones(count), x, y]
+    if count >= 4 and np.linalg.matrix_rank(np.column_stack([*columns, x * y]), tol=1e-6) == 4:
+        columns.append(x * y)
+    design = np.column_stack(columns)
+    if np.linalg.matrix_rank(design, tol=1e-6) < len(columns):
+        design = np.column_stack([np.ones(count), x, y])
+    fit = np.linalg.pinv(design, rcond=1e-6)
+    span = float(np.sum(x**2 + y**2))
+    for i in range(count):
+        twist = fit[3] * x[i] if len(fit) == 4 else 0.0
+        maps[i, 0, 2::3] = fit[2] + twist
+        maps[i, 1, 2::3] = -fit[1]
+        if span > 0.0:
+            maps[i, 2, 0::3] = -y / span
+            maps[i, 2, 1::3] = x / span
+    return maps

@@ -1,0 +1,123 @@
+# Copyright 2026 ride_estimation contributors
+"""What is wrong with the input and the estimates: counts by reason, clipping, statistics, sentences for people."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.cg_motion import ResidualTest
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorHealth:
+    """One sensor since the start: counts of ticks and samples, rate, what was rejected and why.
+
+    Attributes
+    ----------
+    clipped
+        Ticks at full scale.
+    invalid_ticks
+        Ticks without a usable sample.
+    residual_ratio
+        Root mean square residual over its expected value, largest channel; 1 is right, NaN never (0 where not tested).
+    """
+
+    name: str
+    accepted: int
+    rejected: Mapping[str, int]
+    rate_hz: float
+    gaps: int
+    longest_gap_s: float
+    silent: bool
+    clipped: int
+    invalid_ticks: int
+    residual_ratio: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Health:
+    """State of the whole pipeline.
+
+    Attributes
+    ----------
+    sensors
+        By name.
+    restarts
+        Reason -> times the time base began anew.
+    unknown_samples
+        Name -> samples of sensors the vehicle file does not have or the estimator does not use.
+    ticks, invalid_ticks
+        Ticks handed out, and those without complete motion.
+    residual
+        Test of the spare CG equations.
+    equilibrium_ratio
+        Mean squared residual of equilibrium per component over its stated variance.
+    innovation_ratio
+        The same for the parameter estimator, 0 before it started.
+    excited
+        Whether the last interval taught the parameters something.
+    at_bound
+        Parameters at a bound.
+    messages
+        Sentences for the person in the field, most important first.
+    """
+
+    sensors: Mapping[str, SensorHealth]
+    restarts: Mapping[str, int]
+    unknown_samples: Mapping[str, int]
+    ticks: int
+    invalid_ticks: int
+    residual: ResidualTest
+    equilibrium_ratio: float
+    innovation_ratio: float
+    excited: bool
+    at_bound: tuple[str, ...]
+    messages: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Return whether there is nothing to report."""
+        return not self.messages
+
+
+def residual_message(test: ResidualTest) -> str:
+    """Return the residual test in words, empty where it passed."""
+    if test.passed:
+        return ""
+    size = np.sqrt(test.ratio)
+    text = f"the accelerometers of the body disagree with one rigid body {size:.1f} times more than their noise"
+    if test.explained < 0.5:
+        return f"{text}; no single sensor explains it (a flexible body, a common delay, several wrong positions or rotations)"
+    if test.rivals:
+        return f"{text}; {test.sensor} explains {100 * test.explained:.0f} % of it, but {', '.join(test.rivals)} could as well"
+    return (
+        f"{text}; {test.sensor} explains {100 * test.explained:.0f} % of it: check its position, rotation, gain, delay and fixing"
+    )
+
+
+def sensor_messages(sensors: Sequence[SensorHealth], ticks: int) -> list[str]:
+    """Return one sentence per sensor that is not well."""
+    found = []
+    for s in sensors:
+        if s.accepted == 0:
+            found.append(f"{s.name} is configured but contributed no sample; rejected: {_counts(s.rejected) or 'none'}")
+            continue
+        if s.silent:
+            found.append(f"{s.name} has stopped")
+        if s.clipped:
+            found.append(f"{s.name} was at full scale during {s.clipped} of {ticks} ticks: forces and parameters there are too small")
+        if s.rejected:
+            found.append(f"{s.name}: samples rejected: {_counts(s.rejected)}")
+        if s.gaps:
+            found.append(f"{s.name}: {s.gaps} gaps, the longest {s.longest_gap_s:.3g} s")
+    return found
+
+
+def _counts(rejected: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))

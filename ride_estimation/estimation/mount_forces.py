@@ -1,0 +1,267 @@
+# Copyright 2026 ride_estimation contributors
+"""Attachment forces: the mount law corrected by rigid-body equilibrium, with the two parts of the uncertainty.
+
+With constitutive forces F_c (covariance S), the wrench w the mounts carry (covariance W) and the map G of forces to wrench:
+``K = S G^T (G S G^T + W)^-1``, ``F = F_c + K (w - G F_c)``. Error covariance ``K W K^T`` (what equilibrium leaves: measured
+motion, mass) plus ``(I - K G) S (I - K G)^T`` (what the mount model assumes: for four three-axis mounts a six-dimensional null
+space of G). What the integrators cannot see (slow motion) is shared by stiffness, ``f = K_s G^T (G K_s G^T)^-1 w``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.deflection import DeflectionBlock
+from ride_estimation.estimation.mount_law import MountLaw
+
+Array = NDArray[np.float64]
+
+#: share of the dynamic mount force that frame twist hides from the body (ride_models 4.7: 34 to 40 %)
+TWIST_SHARE = 0.4
+#: relative standard deviation of the static share that equilibrium leaves open (levelling, free lengths)
+STATIC_SHARE = 0.01
+#: memory of mean squares [s]
+_MEMORY = 5.0
+#: time between two recomputations of the gains [s]
+_INTERVAL = 0.2
+#: corner below which the residual wrench is shared by stiffness [rad/s]
+_SLOW_CORNER = 0.8
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceBlock:
+    """Forces on the body and their standard deviation, total and by part (K, M, 3); deflection and rate in mount axes."""
+
+    force: Array
+    std: Array
+    std_equilibrium: Array
+    std_model: Array
+    deflection: Array
+    rate: Array
+    deflection_std: Array
+
+
+def share_by_stiffness(wrench: Array, stiffness: Array) -> Array:
+    """Return ``K G^T (G K G^T)^+``, shape (3 M, 6): mount forces from the wrench by stiffness alone.
+
+    Parameters
+    ----------
+    wrench
+        G, shape (6, 3 M).
+    stiffness
+        Shape (3 M,) [N/m].
+    """
+    weighted = stiffness[:, None] * wrench.T
+    return np.asarray(weighted @ np.linalg.pinv(wrench @ weighted, rcond=1e-9, hermitian=True))
+
+
+def static_share(wrench: Array, stiffness: Array, weight: Array) -> Array:
+    """Return the mount forces that carry the weight, shape (3 M,) [N].
+
+    Vertical forces in the ratio of the vertical stiffness where those can carry it (a cab is set down level, its mounts are not
+    strained sideways); all axes by stiffness where they cannot.
+
+    Parameters
+    ----------
+    wrench
+        Rows of G of the free coordinates, shape (F, 3 M).
+    stiffness
+        Shape (3 M,) [N/m].
+    weight
+        Wrench to be carried, shape (F,).
+    """
+    vertical = np.zeros_like(stiffness)
+    vertical[2::3] = stiffness[2::3]
+    force = share_by_stiffness(wrench, vertical) @ weight
+    if np.linalg.norm(wrench @ force - weight) > 1e-6 * np.linalg.norm(weight):
+        force = share_by_stiffness(wrench, stiffness) @ weight
+    return np.asarray(force)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross product along the last axis (``numpy.cross`` costs ten times as much for short blocks)."""
+    result = np.empty(np.broadcast(a, b).shape)
+    result[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    result[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    result[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return result
+
+
+class MountForceEstimator:
+    """Attachment forces block by block.
+
+    Parameters
+    ----------
+    arrangement
+        Body and mounts.
+    law
+        The mount elements, scaled by the parameter estimator.
+    known
+        Which mount axes have a measured deflection, shape (M, 3).
+    """
+
+    def __init__(self, arrangement: Arrangement, law: MountLaw, known: NDArray[np.bool_]) -> None:
+        self.arrangement = arrangement
+        self.law = law
+        self.known = known
+        self.mass = arrangement.body.mass.value
+        count = len(arrangement.mounts)
+        self._count = count
+        # log standard deviations of stiffness and damping, set by the parameter estimator
+        self.parameter_std = np.zeros((2, count, 3))
+        free = np.repeat(arrangement.free, 1)
+        self._g = arrangement.wrench[free]
+        self._free = free
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget running statistics."""
+        count = self._count
+        self._elastic_square = np.zeros((count, 3))
+        self._viscous_square = np.zeros((count, 3))
+        self._dynamic_square = np.zeros((count, 3))
+        self._slow = np.zeros(6)
+        self._until = 0.0
+        self._nis = 1.0
+        self._time = 0.0
+        self._gain = np.zeros((3 * count, 6))
+        self._gain_slow = np.zeros((3 * count, 6))
+        self._innovation_inverse = np.zeros((6, 6))
+        self._std = np.zeros((3, count, 3))
+        self._update_static()
+
+    def _update_static(self) -> None:
+        weight = np.zeros(6)
+        weight[2] = self.mass * self.arrangement.vehicle.gravity
+        stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
+        total = float(stiffness.max()) if stiffness.size else 0.0
+        self._stiffness = stiffness + 1e-9 * (total if total > 0.0 else 1.0)
+        share = share_by_stiffness(self._g, self._stiffness)
+        self.static_force = static_share(self._g, self._stiffness, weight[self._free]).reshape(self._count, 3)
+        self._gain_slow = np.zeros((3 * self._count, 6))
+        self._gain_slow[:, self._free] = share
+
+    def observe(self, deflection: DeflectionBlock, support: Array, load_covariance: Array, turn_rate: Array, dt: float) -> ForceBlock:
+        """Estimate the forces at the ticks of a block.
+
+        Parameters
+        ----------
+        deflection
+            From the deflection estimator, cab axes.
+        support
+            Wrench the mounts together carry, shape (K, 6) [N, N m].
+        load_covariance
+            Of the wrench, shape (6, 6).
+        turn_rate
+            Rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s].
+        dt
+            Tick [s].
+        """
+        ticks, count = len(support), self._count
+        turn = deflection.turn
+        x = deflection.deflection + cross(turn, deflection.deflection)
+        v = deflection.rate + cross(turn, deflection.rate) + cross(turn_rate, deflection.deflection)
+        x, v = x * self.known, v * self.known
+        tension = self.law.tension(x, v, dt)
+        in_mount_axes = self.static_force - tension
+        force = in_mount_axes - cross(turn, in_mount_axes)
+        self._watch(x, v, support, dt)
+        if self._time >= self._until:
+            self._update_gains(deflection, load_covariance)
+        flat = force.reshape(ticks, 3 * count)
+        error = support - flat @ self.arrangement.wrench.T
+        slow = self._low_pass(error, dt)
+        fast = error - slow
+        self._judge(fast, ticks * dt)
+        flat = flat + fast @ self._gain.T + slow @ self._gain_slow.T
+        force = flat.reshape(ticks, count, 3)
+        x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
+        std = np.broadcast_to(self._std[:, None], (3, ticks, count, 3))
+        spread = np.sqrt(self._elastic_square) if not self.known.all() else np.zeros((count, 3))
+        return ForceBlock(force, std[0], std[1], std[2], x, v, np.where(self.known, deflection.std, spread))
+
+    def _watch(self, x: Array, v: Array, support: Array, dt: float) -> None:
+        ticks = len(support)
+        self._time += ticks * dt
+        forget = 1.0 - np.exp(-ticks * dt / min(_MEMORY, max(self._time, 1e-9)))
+        self._elastic_square += forget * (np.mean((self.law.stiffness * x) ** 2, axis=0) - self._elastic_square)
+        self._viscous_square += forget * (np.mean((self.law.damping * v) ** 2, axis=0) - self._viscous_square)
+        dynamic = support.copy()
+        dynamic[:, 2] -= self.mass * self.arrangement.vehicle.gravity
+        shared = (dynamic @ self._gain_slow.T).reshape(ticks, self._count, 3)
+        self._dynamic_square += forget * (np.mean(shared**2, axis=0) - self._dynamic_square)
+
+    def _low_pass(self, error: Array, dt: float) -> Array:
+        """Return the slow part of the residual wrench (one pole), shape (K, 6)."""
+        slow = np.empty_like(error)
+        share = 1.0 - np.exp(-_SLOW_CORNER * dt)
+        for k in range(len(error)):
+            self._slow = self._slow + share * (error[k] - self._slow)
+            slow[k] = self._slow
+        return slow
+
+    def _judge(self, fast: Array, duration: float) -> None:
+        """Follow the normalised residual of equilibrium: above 1 the mount model is worse than its covariance says."""
+        if not np.any(self._innovation_inverse):
+            return
+        nis = float(np.mean(np.sum((fast @ self._innovation_inverse) * fast, axis=1))) / max(int(np.sum(self._free)), 1)
+        self._nis += (1.0 - np.exp(-duration / _MEMORY)) * (nis - self._nis)
+
+    @property
+    def consistency(self) -> float:
+        """Return the mean normalised squared residual of equilibrium per component; 1 where the model is as good as stated."""
+        return self._nis
+
+    def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
+        self._until = self._time + _INTERVAL
+        self._update_static()
+        count, k, c = self._count, self.law.stiffness, self.law.damping
+        variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2
+        variance += self.parameter_std[0] ** 2 * self._elastic_square + self.parameter_std[1] ** 2 * self._viscous_square
+        hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
+        variance = np.where(self.known, variance * max(self._nis, 1.0), hidden)
+        # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
+        prior = variance.ravel() + 1e-6 * self._stiffness
+        if not self.known.all():
+            prior = np.where(self.known.ravel(), prior, self._stiffness * float(np.mean(hidden)) / float(np.mean(self._stiffness)))
+        g = self._g
+        innovation = g @ (prior[:, None] * g.T) + load_covariance[np.ix_(self._free, self._free)]
+        inverse = np.linalg.inv(innovation)
+        gain = prior[:, None] * (g.T @ inverse)
+        self._gain = np.zeros((3 * count, 6))
+        self._gain[:, self._free] = gain
+        self._innovation_inverse = np.zeros((6, 6))
+        self._innovation_inverse[np.ix_(self._free, self._free)] = inverse
+        rest = np.eye(3 * count) - gain @ g
+        model = np.einsum("ij,j,ij->i", rest, variance.ravel(), rest)
+        static = STATIC_SHARE * np.abs(self.static_force).ravel()
+        model = model + np.einsum("ij,j,ij->i", rest, static**2, rest)
+        determined = np.einsum("ij,jk,ik->i", gain, load_covariance[np.ix_(self._free, self._free)], gain)
+        self._std = np.sqrt(np.stack([model + determined, determined, model])).reshape(3, count, 3)
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        names = ("_elastic_square", "_viscous_square", "_dynamic_square", "_slow", "_gain", "_gain_slow", "_innovation_inverse", "_std")
+        saved = {name[1:]: getattr(self, name).tolist() for name in names}
+        return {
+            **saved, "until": self._until, "nis": self._nis, "time": self._time, "static_force": self.static_force.tolist(),
+            "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
+            "parameter_std": self.parameter_std.tolist(),
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        for name in ("elastic_square", "viscous_square", "dynamic_square", "slow", "gain", "gain_slow", "innovation_inverse", "std"):
+            own = getattr(self, "_" + name)
+            setattr(self, "_" + name, np.array(saved[name], dtype=float).reshape(own.shape))
+        self._until, self._nis, self._time = float(saved["until"]), float(saved["nis"]), float(saved["time"])
+        self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
+        self._stiffness = np.array(saved["stiffness"], dtype=float)
+        self.mass = float(saved["mass"])
+        self.law.states = np.array(saved["law_states"], dtype=float).reshape(self.law.states.shape)
+        self.parameter_std = np.array(saved["parameter_std"], dtype=float).reshape(2, self._count, 3)

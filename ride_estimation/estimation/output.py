@@ -1,0 +1,90 @@
+# Copyright 2026 ride_estimation contributors
+"""What the pipeline hands out: one block of ticks with motion, loads, forces and how sure each is."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputBlock:
+    """Estimates at K ticks of M mounts, SI, cab axes; covariances hold for every tick of the block.
+
+    Attributes
+    ----------
+    stamp_ns
+        Stamps of the ticks, shape (K,).
+    valid
+        Shape (K,), False where so many channels are missing that the motion is a guess.
+    cg_accel
+        Acceleration of the CG without gravity and angular acceleration, shape (K, 6) [m/s^2, rad/s^2].
+    cg_accel_covariance
+        Shape (6, 6), tilt uncertainty included.
+    cg_specific_force
+        Specific force at the CG (a virtual DC accelerometer) and angular acceleration, shape (K, 6).
+    cg_specific_force_covariance
+        Shape (6, 6).
+    angular_rate
+        Shape (K, 3) [rad/s].
+    tilt
+        Roll, pitch and yaw (yaw without its slow part), shape (K, 3) [rad].
+    inertial_load
+        ``m a`` and ``J alpha + omega x J omega``, shape (K, 6) [N, N m].
+    support_load
+        ``m f`` and the same moment: what the mounts together carry, weight included, shape (K, 6).
+    load_covariance
+        Of both loads: measured motion and the stated uncertainty of mass and inertia, shape (6, 6), at the last tick.
+    mount_force
+        Force on the cab by each mount, static share included, shape (K, M, 3) [N].
+    mount_force_std
+        Shape (K, M, 3) [N].
+    mount_force_std_equilibrium
+        Part of the standard deviation that rigid-body equilibrium leaves: measured motion, mass, inertia; (K, M, 3).
+    mount_force_std_model
+        Part that rests on the mount model: the split among the mounts, invisible to equilibrium; (K, M, 3).
+    mount_deflection, mount_rate
+        Body side minus base side, shape (K, M, 3) [m, m/s], slow drift removed.
+    mount_deflection_std
+        Shape (M, 3) [m].
+    measured, predicted
+        Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
+    """
+
+    stamp_ns: IntArray
+    valid: BoolArray
+    cg_accel: Array
+    cg_accel_covariance: Array
+    cg_specific_force: Array
+    cg_specific_force_covariance: Array
+    angular_rate: Array
+    tilt: Array
+    inertial_load: Array
+    support_load: Array
+    load_covariance: Array
+    mount_force: Array
+    mount_force_std: Array
+    mount_force_std_equilibrium: Array
+    mount_force_std_model: Array
+    mount_deflection: Array
+    mount_rate: Array
+    mount_deflection_std: Array
+    measured: Mapping[str, Array]
+    predicted: Mapping[str, Array]
+
+    @property
+    def cg_accel_std(self) -> Array:
+        """Return the standard deviation of ``cg_accel``, shape (K, 6)."""
+        return np.tile(np.sqrt(np.diag(self.cg_accel_covariance)), (len(self.stamp_ns), 1))
+
+    @property
+    def inertial_load_std(self) -> Array:
+        """Return the standard deviation of the loads, shape (6,)."""
+        return np.asarray(np.sqrt(np.diag(self.load_covariance)))

@@ -1,0 +1,280 @@
+# Copyright 2026 ride_estimation contributors
+"""From samples to motion, loads, parameters and attachment forces: what the node and ``replay`` both call.
+
+``observe`` takes one sample of one sensor and returns the blocks of ticks that became complete. Everything is a pure function of
+the sequence of calls: no clock, no thread, no randomness; a live run and its recording give the same bytes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
+from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
+from ride_estimation.estimation.estimate import Estimate, Status
+from ride_estimation.estimation.health import Health, SensorHealth, residual_message, sensor_messages
+from ride_estimation.estimation.loads import InertialLoads
+from ride_estimation.estimation.mount_forces import ForceBlock, MountForceEstimator
+from ride_estimation.estimation.mount_law import MountLaw
+from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.parameter_estimator import ParameterEstimator
+from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.frames import AXES
+from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+STATE_SCHEMA = "ride_estimation/estimator_state/1"
+
+
+class Pipeline:
+    """The online estimator of one vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        From the vehicle file.
+    settings
+        See :class:`PipelineSettings`.
+
+    Raises
+    ------
+    ConfigurationError
+        No accelerometer on any body, settings out of range.
+    """
+
+    def __init__(self, vehicle: Vehicle, settings: PipelineSettings | None = None) -> None:
+        self.vehicle = vehicle
+        self.settings = settings or PipelineSettings()
+        self.arrangement = arrange(vehicle)
+        a = self.arrangement
+        self._motion = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity, self.settings)
+        self._loads = InertialLoads.of(a.body)
+        self._deflection = DeflectionEstimator(a)
+        self._law = MountLaw(a)
+        self._forces = MountForceEstimator(a, self._law, self._deflection.known)
+        self._parameters = ParameterEstimator(a, self.settings)
+        used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers]
+        self._sensors = tuple({s.name: s for s in used}.values())
+        self._aligner = self._new_aligner()
+        self._index = {s.name: i for i, s in enumerate(self._sensors)}
+        self._layout()
+        self._unknown: Counter[str] = Counter()
+        self._restarts: Counter[str] = Counter()
+        self._clipped = np.zeros(len(self._sensors), dtype=np.int64)
+        self._invalid = np.zeros(len(self._sensors), dtype=np.int64)
+        self._ticks = 0
+        self._invalid_ticks = 0
+        self._dt = 0.0
+        self._stamp = 0
+        self._since_variance = 0.0
+
+    def _new_aligner(self) -> StampAligner:
+        specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu")) for s in self._sensors]
+        return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
+
+    def _layout(self) -> None:
+        """Find the columns of every quantity in an aligned block."""
+        a, columns = self.arrangement, self._aligner.columns
+        body = [self._index[s.name] for s in a.body_sensors]
+        self._body_streams = np.array(body)
+        self._body_columns = np.concatenate([np.arange(columns[i].start, columns[i].start + 3) for i in body])
+        gyro = [np.arange(columns[i].start + 3, columns[i].start + 6) for i, s in zip(body, a.body_sensors) if s.kind == "imu"]
+        self._gyro_columns = np.concatenate(gyro) if gyro else np.zeros(0, dtype=np.int64)
+        self._base = [
+            (i, self._index[s.name], columns[self._index[s.name]].start, s.rotation)
+            for i, s in enumerate(a.base_sensors) if s is not None
+        ]  # fmt: skip
+        self._transducers = [
+            (a.mount_names.index(s.mount), AXES.index(s.axis), self._index[s.name], columns[self._index[s.name]].start)
+            for s in a.transducers
+        ]  # fmt: skip
+        self._limits = np.array([s.full_scale for s in self._sensors])
+        self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
+
+    # -- input ------------------------------------------------------------------------------------------------------------
+
+    def observe(
+        self, sensor_name: str, stamp_ns: int, values: Sequence[float], variance: Sequence[float] | None = None
+    ) -> tuple[OutputBlock, ...]:
+        """Take one sample and return the blocks that became complete.
+
+        Parameters
+        ----------
+        sensor_name
+            Name in the vehicle file; samples of sensors the estimator does not use are counted and passed over.
+        stamp_ns
+            Header stamp [ns].
+        values
+            SI, sensor axes, as many as the sensor has channels.
+        variance
+            What the message states of each value, None where it states nothing.
+        """
+        index = self._index.get(sensor_name)
+        if index is None:
+            self._unknown[sensor_name] += 1
+            return ()
+        blocks = self._aligner.push(index, stamp_ns, values, variance)
+        return tuple(self._process(b) for b in blocks) if blocks else ()
+
+    def finish(self) -> tuple[OutputBlock, ...]:
+        """Return what is left at the end of a run."""
+        return tuple(self._process(b) for b in self._aligner.finish())
+
+    def reset(self, reason: str) -> None:
+        """Forget motion and learned parameters and begin again from the vehicle file."""
+        self._parameters = ParameterEstimator(self.arrangement, self.settings)
+        self._law.scale(self._parameters.multipliers())
+        self._restart(reason)
+        self._aligner = self._new_aligner()
+
+    def _restart(self, reason: str) -> None:
+        """Begin a new time base: motion and integrators start again, parameters stay."""
+        self._restarts[reason] += 1
+        self._motion.reset()
+        self._deflection.reset()
+        self._forces.reset()
+
+    # -- one block --------------------------------------------------------------------------------------------------------
+
+    def _process(self, block: Block) -> OutputBlock:
+        if block.restart and self._ticks:
+            self._restart(block.restart)
+        dt = block.step_ns * 1e-9
+        self._dt = dt
+        ticks = len(block.values)
+        self._watch_input(block, dt)
+        gyro = block.values[:, self._gyro_columns]
+        motion = self._motion.observe(block.values[:, self._body_columns], gyro, block.valid[:, self._body_streams], dt)
+        accel, accel_covariance = self._motion.accelerate(motion)
+        support = self._loads.load(motion.motion, motion.rate)
+        inertial = self._loads.load(accel, motion.rate)
+        load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        deflection = self._observe_deflection(block, motion, dt)
+        forces = self._observe_forces(deflection, support, load_covariance, motion, dt)
+        self._learn(motion, deflection, support, dt)
+        self._ticks += ticks
+        self._invalid_ticks += int(np.sum(~motion.valid))
+        self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
+        predicted = self._motion.predict(motion.motion, motion.rate)
+        names = [s.name for s in self.arrangement.body_sensors]
+        measured = block.values[:, self._body_columns]
+        return OutputBlock(
+            stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
+            cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
+            tilt=motion.tilt, inertial_load=inertial, support_load=support, load_covariance=load_covariance,
+            mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
+            mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
+            mount_deflection_std=forces.deflection_std,
+            measured={n: measured[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
+            predicted={n: predicted[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
+        )  # fmt: skip
+
+    def _watch_input(self, block: Block, dt: float) -> None:
+        self._invalid += len(block.valid) - block.valid.sum(axis=0)
+        largest = np.abs(block.values).max(axis=0)
+        for i, columns in enumerate(self._accel_columns):
+            if largest[columns].max() >= 0.999 * self._limits[i]:
+                clipped = np.any(np.abs(block.values[:, columns]) >= 0.999 * self._limits[i], axis=1)
+                self._clipped[i] += int(np.sum(clipped & block.valid[:, i]))
+        self._since_variance += len(block.values) * dt
+        if self._since_variance >= 1.0 or self._ticks == 0:
+            self._since_variance = 0.0
+            for n, i in enumerate(self._body_streams):
+                stated = self._aligner.variance(int(i))
+                if stated is not None and len(stated) >= 3 and all(np.isfinite(v) and v > 0.0 for v in stated[:3]):
+                    self._motion.set_variance(n, np.array(stated[:3], dtype=float))
+
+    def _observe_deflection(self, block: Block, motion: MotionBlock, dt: float) -> DeflectionBlock:
+        ticks, count = len(block.values), len(self.arrangement.mounts)
+        base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
+        for i, stream, start, rotation in self._base:
+            base[:, i] = block.values[:, start : start + 3] @ rotation.T
+            base_ok[:, i] = block.valid[:, stream]
+        displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
+        for i, axis, stream, start in self._transducers:
+            displaced[:, i, axis] = block.values[:, start]
+            displaced_ok[:, i, axis] = block.valid[:, stream]
+        return self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, dt)
+
+    def _observe_forces(self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float) -> ForceBlock:
+        turn_rate = self._deflection.turn_rate(deflection)
+        return self._forces.observe(deflection, support, covariance, turn_rate, dt)
+
+    def _learn(self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, dt: float) -> None:
+        self._law.scale(self._parameters.multipliers())
+        self._forces.parameter_std = self._parameters.stds()
+
+    # -- results ----------------------------------------------------------------------------------------------------------
+
+    def parameters(self) -> tuple[Estimate, ...]:
+        """Return the mass and every stiffness and damping with standard deviation, status and reason."""
+        return (self._mass_estimate(), *self._parameters.estimates())
+
+    def _mass_estimate(self) -> Estimate:
+        body = self.arrangement.body
+        return Estimate(
+            f"{body.name}.mass", self._loads.mass, self._loads.mass_std, "kg", body.mass.value, Status.NOT_IDENTIFIABLE,
+            "accelerations alone do not tell it", self._stamp,
+        )  # fmt: skip
+
+    def identifiability(self) -> dict[str, Any]:
+        """Return what the data can and cannot tell, in words."""
+        return {"identifiable": [], "not_identifiable": [], "advice": []}
+
+    def health(self) -> Health:
+        """Return counts, statistics and sentences about the input and the estimates."""
+        test = self._motion.residual_test(self._dt or 0.002)
+        ratio = {s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)}
+        streams = self._aligner.health()
+        sensors = {}
+        for i, s in enumerate(self._sensors):
+            h = streams[s.name]
+            sensors[s.name] = SensorHealth(
+                s.name, h.accepted, h.rejected, h.rate_hz, h.gaps, h.longest_gap_s, h.silent, int(self._clipped[i]),
+                int(self._invalid[i]), ratio.get(s.name, 0.0),
+            )  # fmt: skip
+        messages = [m for m in (residual_message(test),) if m] + sensor_messages(list(sensors.values()), self._ticks)
+        messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
+        return Health(
+            sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,
+            0.0, False, (), tuple(messages),
+        )  # fmt: skip
+
+    # -- persistence ------------------------------------------------------------------------------------------------------
+
+    def save_state(self) -> dict[str, Any]:
+        """Return the state as a mapping that JSON can hold."""
+        return {
+            "schema": STATE_SCHEMA, "vehicle": self.vehicle.checksum, "sensors": [s.name for s in self._sensors],
+            "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
+            "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
+            "parameters": self._parameters.save(),
+        }  # fmt: skip
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Continue from :meth:`save_state`.
+
+        Raises
+        ------
+        InputDataError
+            A state of another vehicle file or of another version.
+        """
+        wanted = {"schema": STATE_SCHEMA, "sensors": [s.name for s in self._sensors], "mounts": list(self.arrangement.mount_names)}
+        for key, value in wanted.items():
+            if state.get(key) != value:
+                raise InputDataError(f"saved state: {key} is {state.get(key)!r}; this vehicle needs {value!r}")
+        self._motion.load(state["motion"])
+        self._deflection.load(state["deflection"])
+        self._parameters.load(state["parameters"])
+        self._law.scale(self._parameters.multipliers())
+        self._forces.load(state["forces"])
