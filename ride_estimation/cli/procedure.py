@@ -1,0 +1,151 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation procedure``: the bench and yard procedures of documents 000 and 001 on recorded tables."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification import free_decay, hysteresis_loop, modal_stiffness, static_tests
+from ride_estimation.io.tables import column, read_table
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.signals.spectra import welch_spectrum
+
+HELP = "identify from a loop, a lift, a weighing, a drop test, a spectrum or measured modes"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add one sub-command per procedure."""
+    kinds = parser.add_subparsers(dest="procedure", required=True, metavar="PROCEDURE")
+
+    loop = kinds.add_parser("loop", help="stiffness and equivalent damping from force-displacement loops")
+    loop.add_argument("files", nargs="+", type=Path, help="CSV: time_s, displacement_mm, force_n, one file per frequency")
+    loop.add_argument("--frequency", nargs="+", type=float, required=True, help="test frequency of each file [Hz]")
+    loop.set_defaults(procedure_run=_loop)
+
+    lift = kinds.add_parser("tyre-lift", help="tyre stiffness from lifting an axle")
+    lift.add_argument("file", type=Path, help="CSV: unloading_n, rise_mm")
+    lift.add_argument("--tyres", type=int, default=2, help="tyres on the axle (default 2)")
+    lift.set_defaults(procedure_run=_lift)
+
+    axles = kinds.add_parser("axle-loads", help="static axle loads from weight and CG")
+    axles.add_argument("--weight-n", type=float, required=True)
+    axles.add_argument("--cg-from-rear-m", type=float, required=True)
+    axles.add_argument("--wheelbase-m", type=float, required=True)
+    axles.set_defaults(procedure_run=_axles)
+
+    drop = kinds.add_parser("drop-test", help="damping from a free decay")
+    drop.add_argument("file", type=Path, help="CSV: time_s and motion_m or acceleration_m_per_s2, resting at zero")
+    drop.add_argument("--stiffness-n-per-m", type=float, required=True, help="stiffness at the spring")
+    drop.add_argument("--pivot-inertia-kg-m2", type=float, required=True, help="inertia about the pivot")
+    drop.add_argument("--arm-m", type=float, required=True, help="distance of the spring from the pivot")
+    drop.set_defaults(procedure_run=_drop)
+
+    spectrum = kinds.add_parser("spectrum", help="Welch spectrum with its true resolution")
+    spectrum.add_argument("file", type=Path, help="CSV: time_s and the column")
+    spectrum.add_argument("--column", required=True, help="column without its unit suffix")
+    spectrum.add_argument("--block", type=int, required=True, help="samples per block")
+    spectrum.add_argument("--claimed-resolution-hz", type=float, default=None, help="refused unless true")
+    spectrum.set_defaults(procedure_run=_spectrum)
+
+    modes = kinds.add_parser("modes", help="mount stiffness from measured modes of the cab")
+    modes.add_argument("--vehicle", type=Path, required=True)
+    modes.add_argument("--measured", nargs="+", required=True, metavar="MODE=HZ", help="for example bounce=2.6 roll=2.4")
+    modes.set_defaults(procedure_run=_modes)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the chosen procedure."""
+    options.procedure_run(options)
+    return 0
+
+
+def _uniform_rate(path: Path, table: dict[str, hysteresis_loop.Array]) -> float:
+    t = column(table, path, "time")
+    if t.size < 3 or (t[1:] <= t[:-1]).any():
+        raise InputDataError(f"{path}: time must rise from row to row")
+    step = float(t[-1] - t[0]) / (t.size - 1)
+    if (abs(t[1:] - t[:-1] - step) > 0.1 * step).any():
+        raise InputDataError(f"{path}: time steps vary by more than 10 %; resample the record")
+    return 1.0 / step
+
+
+def _loop(options: argparse.Namespace) -> None:
+    if len(options.files) != len(options.frequency):
+        raise InputDataError(f"{len(options.files)} files but {len(options.frequency)} frequencies are given")
+    loops = []
+    for path, frequency in zip(options.files, options.frequency):
+        table = read_table(path)
+        _uniform_rate(path, table)
+        time_s, displacement, force = (column(table, path, name) for name in ("time", "displacement", "force"))
+        loops.append(hysteresis_loop.analyse_loop(time_s, displacement, force, frequency))
+        r = loops[-1]
+        print(
+            f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm: stiffness {r.stiffness:.5g} N/m, equivalent damping "
+            f"{r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
+        )
+    warning = hysteresis_loop.viscous_check(loops)
+    if warning:
+        print(f"warning: {warning}")
+
+
+def _lift(options: argparse.Namespace) -> None:
+    table = read_table(options.file)
+    result = static_tests.tyre_stiffness_from_lift(
+        column(table, options.file, "unloading"), column(table, options.file, "rise"), options.tyres
+    )
+    print(f"tyre stiffness {result.stiffness:.5g} +- {result.std:.2g} N/m per tyre, scatter {result.residual_rms:.3g} N")
+
+
+def _axles(options: argparse.Namespace) -> None:
+    front, rear = static_tests.axle_loads(options.weight_n, options.cg_from_rear_m, options.wheelbase_m)
+    print(f"front axle {front:.6g} N, rear axle {rear:.6g} N")
+
+
+def _drop(options: argparse.Namespace) -> None:
+    table = read_table(options.file)
+    rate = _uniform_rate(options.file, table)
+    names = [n for n in table if n != "time"]
+    if len(names) != 1:
+        raise InputDataError(f"{options.file}: one column beside time is needed; it has {', '.join(names)}")
+    decay = free_decay.analyse_decay(table[names[0]], rate)
+    mass = free_decay.effective_mass(options.pivot_inertia_kg_m2, options.arm_m)
+    damping = free_decay.damping_constant(decay.damping_ratio, options.stiffness_n_per_m, mass)
+    print(
+        f"damping ratio {decay.damping_ratio:.4g} at {decay.frequency_hz:.4g} Hz from {decay.peaks} half cycles; effective mass "
+        f"{mass:.5g} kg (inertia about the pivot over arm squared); damping {damping:.4g} N s/m"
+    )
+    if decay.spread > 0.2:
+        print(f"warning: the decrement varies by {100 * decay.spread:.0f} %: the decay is not exponential (friction?)")
+
+
+def _spectrum(options: argparse.Namespace) -> None:
+    table = read_table(options.file)
+    rate = _uniform_rate(options.file, table)
+    values = column(table, options.file, options.column)
+    spectrum = welch_spectrum(values, rate, options.block, options.claimed_resolution_hz)
+    print(f"{spectrum.describe()}")
+    strongest = spectrum.density[1:].argsort()[::-1][:5] + 1
+    for index in sorted(strongest.tolist()):
+        print(f"  {spectrum.frequency_hz[index]:8.3f} Hz  {spectrum.density[index]:.4g} per Hz")
+
+
+def _modes(options: argparse.Namespace) -> None:
+    measured = {}
+    for item in options.measured:
+        name, _, value = item.partition("=")
+        try:
+            measured[name] = float(value)
+        except ValueError as error:
+            raise InputDataError(f"--measured {item!r}: give MODE=HZ, for example bounce=2.6") from error
+    fit = modal_stiffness.fit_stiffness(load_vehicle(options.vehicle), measured)
+    for axis, factor in fit.factors.items():
+        print(f"stiffness along {axis}: {factor:.4g} times the vehicle file")
+    print(f"{'mode':<10}{'measured Hz':>14}{'model Hz':>12}{'error %':>10}")
+    for row in fit.modes:
+        print(f"{row.name:<10}{row.measured_hz:>14.4g}{row.model_hz:>12.4g}{row.error_percent:>+10.1f}")
+    print(fit.statement)
+    for row in fit.modes:
+        if abs(row.error_percent) > 1.0:
+            print(static_tests.stiffness_ratio(row.model_hz, row.measured_hz))

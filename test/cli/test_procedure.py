@@ -1,0 +1,94 @@
+# Copyright 2026 ride_estimation contributors
+"""End to end: ``ride-estimation procedure``."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ride_estimation.cli.main import main
+
+VEHICLE = str(Path(__file__).parents[2] / "config" / "vehicles" / "truck_cab.yaml")
+
+
+def write(path, header, *columns):
+    rows = "\n".join(",".join(f"{v:.10g}" for v in row) for row in zip(*columns))
+    path.write_text(f"{header}\n{rows}\n")
+    return str(path)
+
+
+def loop_file(tmp_path, frequency, friction):
+    t = np.linspace(0, 3 / frequency, 3001)
+    w = 2 * np.pi * frequency
+    x, v = 2e-3 * np.sin(w * t), 2e-3 * w * np.cos(w * t)
+    force = 1e5 * x + (50 * np.sign(v) if friction else 500 * v)
+    return write(tmp_path / f"loop_{frequency}.csv", "time_s,displacement_mm,force_n", t, 1000 * x, force)
+
+
+def test_loops_of_a_friction_mount_print_the_warning(tmp_path, capsys):
+    files = [loop_file(tmp_path, f, True) for f in (0.02, 4.5)]
+    assert main(["procedure", "loop", *files, "--frequency", "0.02", "4.5"]) == 0
+    text = capsys.readouterr().out
+    stiffness = float(text.split("stiffness ")[1].split(" N/m")[0])
+    assert stiffness == pytest.approx(1e5, rel=2e-3)  # 1000 samples a cycle smear the jump of friction by one sample
+    assert "225 times" in text
+
+
+def test_tyre_lift_axle_loads_and_mode_ratio(tmp_path, capsys):
+    rise = np.linspace(0, 50, 11)
+    file = write(tmp_path / "lift.csv", "unloading_kn,rise_mm", 0.8 * rise, rise)
+    assert main(["procedure", "tyre-lift", file]) == 0
+    assert "4e+05" in capsys.readouterr().out
+    assert main(["procedure", "axle-loads", "--weight-n", "80000", "--cg-from-rear-m", "1.1", "--wheelbase-m", "2.2"]) == 0
+    assert "front axle 40000 N, rear axle 40000 N" in capsys.readouterr().out
+
+
+def test_drop_test_uses_the_inertia_about_the_pivot(tmp_path, capsys):
+    t = np.arange(0, 8, 0.002)
+    w = 2 * np.pi * 1.7
+    y = np.exp(-0.06 * w * t) * np.cos(w * np.sqrt(1 - 0.06**2) * t)
+    file = write(tmp_path / "drop.csv", "time_s,motion_mm", t, y)
+    options = ["--stiffness-n-per-m", "8e5", "--pivot-inertia-kg-m2", "9000", "--arm-m", "2.2"]
+    assert main(["procedure", "drop-test", file, *options]) == 0
+    text = capsys.readouterr().out
+    assert "damping ratio 0.06" in text
+    assert "1859.5 kg" in text
+
+
+def test_spectrum_refuses_the_claimed_resolution(tmp_path, capsys):
+    t = np.arange(0, 60, 0.01)
+    file = write(tmp_path / "run.csv", "time_s,seat_m_per_s2", t, np.sin(2 * np.pi * 1.6 * t))
+    assert main(["procedure", "spectrum", file, "--column", "seat", "--block", "1024"]) == 0
+    assert "resolution 0.09766 Hz" in capsys.readouterr().out
+    claim = ["--claimed-resolution-hz", "0.2"]
+    assert main(["procedure", "spectrum", file, "--column", "seat", "--block", "1024", *claim]) == 2
+    assert "0.09766" in capsys.readouterr().err
+
+
+def test_modes_that_cannot_be_reached_are_named(capsys):
+    assert main(["procedure", "modes", "--vehicle", VEHICLE, "--measured", "bounce=2.6", "roll=9.0", "lateral=3.0"]) == 0
+    text = capsys.readouterr().out
+    assert "not reachable" in text
+    assert "times the model's" in text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("time_s,displacement_mm,force_n\n", "at least one row"),
+        ("time_s,displacement_mm,force_n\n0,1,x\n", "'x' is not a number"),
+        ("time_s,displacement_mm,force_n\n0,1\n", "row 2 has 2 cells"),
+        ("time_s,displacement_mm,force_n\n0,1,nan\n", "not finite"),
+        ("time_s,stroke_mm,force_n\n0,1,1\n0.1,1,2\n0.2,1,1\n", "no column 'displacement'"),
+    ],
+)
+def test_bad_tables_end_with_code_2_and_one_clear_message(tmp_path, capsys, content, message):
+    path = tmp_path / "bad.csv"
+    path.write_text(content)
+    assert main(["procedure", "loop", str(path), "--frequency", "1"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_missing_file_ends_with_code_2(tmp_path, capsys):
+    assert main(["procedure", "tyre-lift", str(tmp_path / "none.csv")]) == 2
+    assert "cannot be read" in capsys.readouterr().err
