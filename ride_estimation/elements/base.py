@@ -74,12 +74,29 @@ def parameter(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def series(
+    unit: str, *, key: str, lower: float, upper: float, meaning: str, role: str = "shape", source: str = ""
+) -> Any:
+    """Declare a field that is a tuple of floats, all with one unit, bounds and meaning."""
+    declared = {"unit": unit, "key": key, "lower": lower, "upper": upper, "meaning": meaning, "role": role, "source": source}
+    return dataclasses.field(metadata={"series": declared})
+
+
+def choice(*allowed: str, key: str, meaning: str, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a field that is one of some words."""
+    return dataclasses.field(default=default, metadata={"choices": allowed, "key": key, "meaning": meaning})
+
+
 @dataclasses.dataclass(frozen=True)
 class ForceElement(abc.ABC):
     """A one-axis force element, frozen; concrete classes are final and live in one file each."""
 
     #: name of the element in vehicle files and reports
     KIND: ClassVar[str] = ""
+    #: True where no closed path from rest can yield energy
+    PASSIVE: ClassVar[bool] = True
+    #: order at which :meth:`response` converges with the step
+    ORDER: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
         problems = list(self._bound_problems())
@@ -88,18 +105,66 @@ class ForceElement(abc.ABC):
 
     def _bound_problems(self) -> Iterator[str]:
         for p in self.parameters():
-            value = getattr(self, p.name)
-            if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
-                yield f"{p.key}: {value!r} is not a finite number"
-            elif not p.lower <= value <= p.upper:
-                yield f"{p.key}: {value:g} {p.unit} is outside {p.lower:g} to {p.upper:g} {p.unit} ({p.meaning})"
+            yield from _number_problems(p, p.key, getattr(self, p.name))
+        for p in self.series_parameters():
+            entries = getattr(self, p.name)
+            if not isinstance(entries, tuple):
+                yield f"{p.key}: {entries!r} is not a list of numbers [{p.unit}]"
+                continue
+            for i, value in enumerate(entries):
+                yield from _number_problems(p, f"{p.key}[{i}]", value)
+        for f in dataclasses.fields(self):
+            if "choices" in f.metadata and getattr(self, f.name) not in f.metadata["choices"]:
+                allowed = ", ".join(f.metadata["choices"])
+                yield f"{f.metadata['key']}: {getattr(self, f.name)!r} is unknown; allowed: {allowed} ({f.metadata['meaning']})"
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        """Return the declared parameters in order."""
+        """Return the declared single-number parameters in order."""
         return tuple(
             Parameter(name=f.name, **f.metadata) for f in dataclasses.fields(cls) if "unit" in f.metadata
         )
+
+    @classmethod
+    def series_parameters(cls) -> tuple[Parameter, ...]:
+        """Return the declared list-valued parameters in order; unit, bounds and role hold for every entry."""
+        return tuple(
+            Parameter(name=f.name, **f.metadata["series"]) for f in dataclasses.fields(cls) if "series" in f.metadata
+        )
+
+    def addressed(self) -> dict[str, tuple[Parameter, float]]:
+        """Return every number of the element by its address: ``stiffness``, ``stiffnesses[1]``, ``elements[0].stiffness``."""
+        found = {p.name: (p, float(getattr(self, p.name))) for p in self.parameters()}
+        for p in self.series_parameters():
+            found.update({f"{p.name}[{i}]": (p, float(v)) for i, v in enumerate(getattr(self, p.name))})
+        return found
+
+    def with_values(self, changes: Mapping[str, float]) -> Self:
+        """Return a copy with the numbers at some addresses of :meth:`addressed` changed; bounds are checked again.
+
+        Raises
+        ------
+        ConfigurationError
+            Unknown address, or a value out of bounds.
+        """
+        known = self.addressed()
+        unknown = [a for a in changes if a not in known]
+        if unknown:
+            raise ConfigurationError([f"unknown parameter {a!r}; known: {', '.join(known)}" for a in unknown], where=self.KIND)
+        fields: dict[str, Any] = {}
+        for address, value in changes.items():
+            name, bracket, index = address.partition("[")
+            if bracket:
+                entries = list(fields.get(name, getattr(self, name)))
+                entries[int(index[:-1])] = float(value)
+                fields[name] = tuple(entries)
+            else:
+                fields[name] = float(value)
+        return dataclasses.replace(self, **fields)
+
+    def scaled(self, role: str, factor: float) -> Self:
+        """Return a copy with every number of a role (``stiffness``, ``damping``, ``friction``) multiplied by a factor."""
+        return self.with_values({a: factor * value for a, (p, value) in self.addressed().items() if p.role == role})
 
     def values(self) -> Array:
         """Return the parameter values in declared order, shape (P,), SI."""
@@ -111,7 +176,16 @@ class ForceElement(abc.ABC):
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the YAML form: kind plus one key with unit suffix per parameter."""
-        return {"kind": self.KIND, **{p.key: float(getattr(self, p.name)) for p in self.parameters()}}
+        mapping: dict[str, Any] = {"kind": self.KIND}
+        for f in dataclasses.fields(self):
+            value = getattr(self, f.name)
+            if "unit" in f.metadata:
+                mapping[f.metadata["key"]] = float(value)
+            elif "series" in f.metadata:
+                mapping[f.metadata["series"]["key"]] = [float(v) for v in value]
+            elif "choices" in f.metadata:
+                mapping[f.metadata["key"]] = str(value)
+        return mapping
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> Self:
@@ -122,30 +196,50 @@ class ForceElement(abc.ABC):
         ConfigurationError
             Unknown or missing keys, values that are no numbers or out of bounds.
         """
-        declared = {p.key: p for p in cls.parameters()}
-        problems = [f"unknown key {k!r}; allowed: {', '.join(declared)}" for k in mapping if k not in declared and k != "kind"]
-        given: dict[str, float] = {}
-        required = {f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING}
-        for key, p in declared.items():
-            if key in mapping:
-                value = mapping[key]
-                if isinstance(value, bool) or not isinstance(value, (int, float)):
-                    problems.append(f"{key}: {value!r} is not a number [{p.unit}]")
+        given: dict[str, Any] = {}
+        problems: list[str] = []
+        allowed: list[str] = []
+        for f in dataclasses.fields(cls):
+            declared = f.metadata.get("series", f.metadata)
+            key = declared["key"]
+            allowed.append(key)
+            if key not in mapping:
+                if f.default is dataclasses.MISSING:
+                    unit = f" [{declared['unit']}]" if "unit" in declared else ""
+                    problems.append(f"{key}: missing ({declared['meaning']}){unit}")
+                continue
+            value = mapping[key]
+            if "choices" in f.metadata:
+                given[f.name] = value
+            elif "series" in f.metadata:
+                if not isinstance(value, (list, tuple)) or not all(_is_number(v) for v in value):
+                    problems.append(f"{key}: {value!r} is not a list of numbers [{declared['unit']}]")
                 else:
-                    given[p.name] = float(value)
-            elif p.name in required:
-                problems.append(f"{key}: missing ({p.meaning}) [{p.unit}]")
+                    given[f.name] = tuple(float(v) for v in value)
+            elif not _is_number(value):
+                problems.append(f"{key}: {value!r} is not a number [{declared['unit']}]")
+            else:
+                given[f.name] = float(value)
+        problems += [f"unknown key {k!r}; allowed: {', '.join(allowed)}" for k in mapping if k not in allowed and k != "kind"]
         if problems:
             raise ConfigurationError(problems, where=cls.KIND)
         return cls(**given)
 
-    @abc.abstractmethod
     def initial(self) -> Array:
-        """Return the memory at rest, shape (S,)."""
+        """Return the memory at rest at x = 0, shape (S,)."""
+        return np.zeros(0)
 
-    @abc.abstractmethod
     def rate(self, s: Array, x: float, v: float) -> Array:
         """Return ds/dt of the continuous part of the memory, shape (S,)."""
+        return np.zeros_like(s)
+
+    def fastest_rate(self, peak_speed: float) -> float:
+        """Return the fastest rate of the memory [1/s] while the deflection moves at up to ``peak_speed`` [m/s].
+
+        An explicit Euler step h of :meth:`rate` is stable for ``fastest_rate h < 2``; the exact steps of :meth:`terms` have
+        no such bound. See :func:`ride_estimation.elements.stability.require_explicit_step`.
+        """
+        return 0.0
 
     @abc.abstractmethod
     def force(self, s: Array, x: float, v: float) -> float:
@@ -199,6 +293,17 @@ class ForceElement(abc.ABC):
         """Return the energy lost per cycle [J], or None where there is no closed form."""
         stiffness = self.dynamic_stiffness(omega, amplitude)
         return None if stiffness is None else math.pi * amplitude**2 * stiffness.imag
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _number_problems(p: Parameter, key: str, value: Any) -> Iterator[str]:
+    if not _is_number(value) or not math.isfinite(value):
+        yield f"{key}: {value!r} is not a finite number [{p.unit}]"
+    elif not p.lower <= value <= p.upper:
+        yield f"{key}: {value:g} {p.unit} is outside {p.lower:g} to {p.upper:g} {p.unit} ({p.meaning})"
 
 
 def uniform_step(time_s: Array, x: Array) -> float:

@@ -46,10 +46,6 @@ class BergFriction(ForceElement):
         """Return the memory at rest at x = 0, laid out as in :mod:`ride_estimation.elements.terms`."""
         return np.zeros(STATE_SIZE)
 
-    def rate(self, s: Array, x: float, v: float) -> Array:
-        """Return zeros: the memory changes at commits only."""
-        return np.zeros(STATE_SIZE)
-
     def force(self, s: Array, x: float, v: float) -> float:
         """Return the friction force [N] at x, on the running branch or on the one that starts at the extreme."""
         return kernels_memory.berg_trial(s.reshape(1, -1), 0, x, self.friction, self.half_stroke)
@@ -94,7 +90,15 @@ class BergFriction(ForceElement):
         return complex(storage, self.loss_energy(omega, amplitude) / (math.pi * amplitude**2))
 
     def loss_energy(self, omega: float, amplitude: float) -> float:
-        """Return ``W_fr = 2 f (2 A - x_2 (1 + alpha)^2 ln(1 + 2 A / D))`` [J] per cycle (document 003 eq. (11))."""
-        a1 = 1.0 + self.turning_ratio(amplitude)
-        q = 2.0 * amplitude / (self.half_stroke * a1)
-        return 2.0 * self.friction * (2.0 * amplitude - self.half_stroke * a1**2 * math.log1p(q))
+        """Return ``W_fr = 2 f (2 A - x_2 (1 + alpha)^2 ln(1 + 2 A / D))`` [J] per cycle (document 003 eq. (11)).
+
+        With ``q = 2 A / D`` and ``1 + alpha = 2 (1 + q) / (2 + q)`` it is ``2 f D (q (2 + q) - 2 (1 + q) ln(1 + q)) / (2 + q)``;
+        for small q the bracket is ``-2 sum_{k >= 3} (-q)^k / (k (k - 1))``, which does not cancel.
+        """
+        d = self.half_stroke * (1.0 + self.turning_ratio(amplitude))
+        q = 2.0 * amplitude / d
+        if q < 0.05:
+            bracket = -2.0 * sum((-q) ** k / (k * (k - 1)) for k in range(3, 16))
+        else:
+            bracket = q * (2.0 + q) - 2.0 * (1.0 + q) * math.log1p(q)
+        return 2.0 * self.friction * d * bracket / (2.0 + q)

@@ -7,8 +7,6 @@ import dataclasses
 from collections.abc import Iterator
 from typing import ClassVar, final
 
-import numpy as np
-
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.kernels_static import contact_force
 from ride_estimation.elements.terms import CONTACT, Term
@@ -58,14 +56,6 @@ class BumpStop(ForceElement):
                 f"entry_m: {self.entry:g} m is more than the gap of {min(self.compression_gap, self.extension_gap):g} m; "
                 "the stop would push at rest"
             )
-
-    def initial(self) -> Array:
-        """Return an empty memory."""
-        return np.zeros(0)
-
-    def rate(self, s: Array, x: float, v: float) -> Array:
-        """Return an empty rate."""
-        return np.zeros(0)
 
     def force(self, s: Array, x: float, v: float) -> float:
         """Return the force of both sides [N]."""

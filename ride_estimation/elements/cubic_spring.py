@@ -6,8 +6,6 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, final
 
-import numpy as np
-
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.terms import ELASTIC, Term
 
@@ -30,14 +28,6 @@ class CubicSpring(ForceElement):
         "N/m^3", key="cubic_n_per_m3", lower=-1e18, upper=1e18, meaning="cubic rate k_3", role="stiffness",
         source="003 (16)",
     )
-
-    def initial(self) -> Array:
-        """Return an empty memory."""
-        return np.zeros(0)
-
-    def rate(self, s: Array, x: float, v: float) -> Array:
-        """Return an empty rate."""
-        return np.zeros(0)
 
     def force(self, s: Array, x: float, v: float) -> float:
         """Return ``k_1 x + k_3 x^3`` [N]."""

@@ -6,8 +6,6 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, final
 
-import numpy as np
-
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.terms import ELASTIC, Term
 
@@ -28,14 +26,6 @@ class KelvinVoigt(ForceElement):
     damping: float = parameter(
         "N s/m", key="damping_n_s_per_m", lower=0.0, upper=1e8, meaning="viscous damping c", role="damping", source="003 (3)"
     )
-
-    def initial(self) -> Array:
-        """Return an empty memory."""
-        return np.zeros(0)
-
-    def rate(self, s: Array, x: float, v: float) -> Array:
-        """Return an empty rate."""
-        return np.zeros(0)
 
     def force(self, s: Array, x: float, v: float) -> float:
         """Return ``k x + c v`` [N]."""

@@ -48,6 +48,10 @@ class Maxwell(ForceElement):
         """Return m [N]."""
         return float(s[0])
 
+    def fastest_rate(self, peak_speed: float) -> float:
+        """Return ``k / c`` [1/s] (document 004, stability regions)."""
+        return self.corner
+
     def terms(self) -> tuple[Term, ...]:
         """Return the one primitive."""
         return (Term(MAXWELL, (self.stiffness, self.corner)),)

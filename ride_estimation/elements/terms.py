@@ -13,7 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.elements import kernels_curve as curve
+from ride_estimation.elements import kernels_filter as filters
 from ride_estimation.elements import kernels_memory as memory
+from ride_estimation.elements import kernels_network as network
 from ride_estimation.elements import kernels_static as static
 from ride_estimation.jit import compile_lean_kernel, inline_kernel
 
@@ -36,6 +39,11 @@ POWER_SPRING = 6  #: k, x_ref, exponent, rounding: ``k x_ref sign(x) |x / x_ref|
 POWER_DAMPER = 7  #: c, v_ref, exponent, rounding: ``c v_ref sign(v) |v / v_ref|^n``
 ASYMMETRIC_DAMPER = 8  #: c in extension (v > 0), c in compression (v < 0)
 STRIBECK = 9  #: kinetic force, static force, Stribeck speed, rounding speed
+CURVE_SPRING = 10  #: side, offset, points, curve: ``side f(side x - offset)``
+CURVE_DAMPER = 11  #: points, curve: ``f(v)``
+WEIGHTED_DAHL = 12  #: columns of :mod:`kernels_curve`
+RATE_FILTER = 13  #: a_1, a_0, c_1, c_0, d: filter of the rate, :mod:`kernels_filter`
+LOCAL_LINEAR = 14  #: columns of :mod:`kernels_network`
 
 # Memory slots that terms with their own input use instead of the deflection.
 _FRICTION_TURN_X = 3
@@ -61,8 +69,13 @@ def pack_terms(terms: Iterable[Term]) -> tuple[Codes, Array]:
 
 
 def initial_states(codes: Codes, params: Array, x0: float = 0.0) -> Array:
-    """Return the memories of terms that rest, without stored force, at the deflection x0 [m], shape (T, STATE_SIZE)."""
-    states = np.zeros((len(codes), STATE_SIZE))
+    """Return the memories of terms that rest, without stored force, at the deflection x0 [m].
+
+    Shape (T, S) with S at least ``STATE_SIZE``; networks of many local models need more.
+    """
+    networks = params[codes == LOCAL_LINEAR, network.MODELS] if len(codes) else np.zeros(0)
+    width = max([STATE_SIZE, *(network.FIRST_STATE + int(m) for m in networks)])
+    states = np.zeros((len(codes), width))
     for i in range(len(codes)):
         rest_at(int(codes[i]), params, states, i, x0)
     return states
@@ -76,6 +89,12 @@ def rest_at(code: int, params: Array, states: Array, i: int, x0: float) -> None:
     states[i, 0] = x0
     if code == CONTACT_MAXWELL:
         states[i, 0] = static.penetration(x0, params[i, 0], params[i, 1], params[i, 2])
+    elif code == WEIGHTED_DAHL:
+        states[i, 0] = params[i, curve.SIDE] * x0 - params[i, curve.OFFSET]
+        states[i, _FRICTION_TURN_X] = states[i, 0]
+        states[i, _FRICTION_EXTREME_X] = states[i, 0]
+    elif code == LOCAL_LINEAR:
+        network.network_rest(params, states, i, x0)
     elif code in (BERG_FRICTION, DAHL):
         states[i, _FRICTION_TURN_X] = x0
         states[i, _FRICTION_EXTREME_X] = x0
@@ -94,6 +113,10 @@ def _memoryless(code: int, p: Array, i: int, x: float, v: float) -> float:
         return float(p[i, 0] * v if v > 0.0 else p[i, 1] * v)
     if code == STRIBECK:
         return static.stribeck_force(v, p[i, 0], p[i, 1], p[i, 2], p[i, 3])
+    if code == CURVE_SPRING:
+        return float(p[i, 0] * curve.curve_value(p, i, 3, int(p[i, 2]), p[i, 0] * x - p[i, 1]))
+    if code == CURVE_DAMPER:
+        return curve.curve_value(p, i, 1, int(p[i, 0]), v)
     return np.nan
 
 
@@ -113,6 +136,12 @@ def force_at(code: int, p: Array, s: Array, i: int, x: float, v: float, h: float
         if u <= 0.0:
             return 0.0
         return float(p[i, 0] * max(memory.maxwell_trial(s, i, u, h, p[i, 3], p[i, 4]), 0.0))
+    if code == WEIGHTED_DAHL:
+        return curve.weighted_dahl_trial(p, s, i, x)
+    if code == RATE_FILTER:
+        return filters.filter_trial(p, s, i, x, v, h)
+    if code == LOCAL_LINEAR:
+        return network.network_trial(p, s, i, x, v, h)
     return _memoryless(code, p, i, x, v)
 
 
@@ -135,6 +164,12 @@ def commit_at(code: int, p: Array, s: Array, i: int, x: float, v: float, h: floa
             rest_at(code, p, s, i, x)
             return 0.0
         return float(p[i, 0] * max(memory.maxwell_commit(s, i, u, v, h, p[i, 3], p[i, 4]), 0.0))
+    if code == WEIGHTED_DAHL:
+        return curve.weighted_dahl_commit(p, s, i, x, v)
+    if code == RATE_FILTER:
+        return filters.filter_commit(p, s, i, x, v, h)
+    if code == LOCAL_LINEAR:
+        return network.network_commit(p, s, i, x, v, h)
     s[i, 0] = x
     s[i, 1] = v
     return _memoryless(code, p, i, x, v)
