@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -26,7 +27,7 @@ class Channel:
     values
         Shape (N, C), SI, sensor axes.
     variance
-        Per value, shape (N, C) [unit^2], or None where the messages do not state it.
+        Per value, shape (N, C) [unit^2], NaN in rows of messages that do not state it; None where none does.
     arrival_ns
         Bag receive times, shape (N,), int64 [ns].
     order
@@ -78,7 +79,8 @@ class Recording:
         ]
         for index, k in zip(owner[by_arrival].tolist(), position[by_arrival].tolist()):
             stamps, values, variance = columns[index]
-            yield index, stamps[k], values[k], None if variance is None else variance[k]
+            stated = None if variance is None or math.isnan(variance[k][0]) else variance[k]
+            yield index, stamps[k], values[k], stated
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,180 @@
+# Copyright 2026 ride_estimation contributors
+"""Raw messages of a recorded run from any container: rosbag2 folder, ``.mcap``, ``.db3``, ROS 1 ``.bag``."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.typesys import Stores, get_typestore
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.io.mcap_salvage import salvage_mcap
+
+#: On broken files the readers and what they call raise nearly anything (seen: ReaderError, FileNotFoundError, KeyError,
+#: OverflowError, ZstdError, sqlite3.Error, struct.error); every use turns it into an InputDataError that quotes it.
+READER_ERRORS = (Exception,)
+SUFFIXES = (".mcap", ".db3", ".bag")
+
+RawMessage = tuple[str, int, bytes]
+
+
+@dataclasses.dataclass(frozen=True)
+class BagSource:
+    """An open run.
+
+    Attributes
+    ----------
+    path
+        Where it is.
+    types
+        Topic -> message type.
+    counts
+        Topic -> number of messages.
+    messages
+        ``messages(topics)`` yields (topic, receive time [ns], raw bytes) in order of arrival.
+    deserialize
+        ``deserialize(raw, type)`` returns a message object.
+    little_endian_cdr
+        Whether the raw bytes are CDR, so that they can be decoded in bulk.
+    warnings
+        What was wrong and could be worked around.
+    """
+
+    path: Path
+    types: Mapping[str, str]
+    counts: Mapping[str, int]
+    messages: Callable[[Collection[str]], Iterator[RawMessage]]
+    deserialize: Callable[[bytes, str], Any]
+    little_endian_cdr: bool
+    warnings: tuple[str, ...] = ()
+
+
+def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
+    """Open a run.
+
+    Parameters
+    ----------
+    path
+        rosbag2 folder (``metadata.yaml`` may be missing), ``.mcap``, ``.db3`` or ROS 1 ``.bag`` file.
+    salvage
+        Use what is readable of a broken MCAP file.
+
+    Raises
+    ------
+    InputDataError
+        Missing path, no bag, empty, truncated or corrupt file.
+    """
+    files = bag_files(path)
+    warnings: list[str] = []
+    target = path
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        if len(files) > 1:
+            raise InputDataError(f"{path}: metadata.yaml is missing and there are {len(files)} files; name one of them")
+        target = files[0]
+        warnings.append("metadata.yaml is missing; the file was read directly")
+    try:
+        source = _open_ros1(target) if target.suffix == ".bag" else _open_ros2(target)
+    except READER_ERRORS as error:
+        if files[0].suffix == ".mcap" and len(files) == 1:
+            return _salvaged(path, files[0], salvage, _words(error))
+        raise InputDataError(f"{path}: the file cannot be read ({_words(error)}): truncated, corrupt or no bag") from error
+    return dataclasses.replace(source, path=path, warnings=tuple(warnings))
+
+
+def bag_files(path: Path) -> tuple[Path, ...]:
+    """Return the storage files of a run.
+
+    Raises
+    ------
+    InputDataError
+        The path does not exist or holds no bag.
+    """
+    if not path.exists():
+        raise InputDataError(f"{path}: does not exist")
+    if path.is_file():
+        if path.suffix not in SUFFIXES:
+            raise InputDataError(f"{path}: not a bag; allowed: a rosbag2 folder or a file ending in {', '.join(SUFFIXES)}")
+        if path.stat().st_size == 0:
+            raise InputDataError(f"{path}: the file is empty")
+        return (path,)
+    files = tuple(sorted(p for p in path.iterdir() if p.suffix in SUFFIXES))
+    if not files:
+        raise InputDataError(f"{path}: the folder holds no {', '.join(SUFFIXES)} file")
+    return files
+
+
+def checksum_of(path: Path) -> str:
+    """Return the SHA-256 over the storage files of a run in the order of their names."""
+    digest = hashlib.sha256()
+    for file in bag_files(path):
+        with file.open("rb") as stream:
+            while chunk := stream.read(1 << 20):
+                digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _open_ros2(target: Path) -> BagSource:
+    with Ros2Reader(target) as reader:
+        types = {c.topic: c.msgtype for c in reader.connections}
+        counts: Counter[str] = Counter()
+        for connection in reader.connections:
+            counts[connection.topic] += connection.msgcount
+
+    def messages(topics: Collection[str]) -> Iterator[RawMessage]:
+        with Ros2Reader(target) as opened:
+            chosen = [c for c in opened.connections if c.topic in topics]
+            if chosen:
+                for connection, stamp, raw in opened.messages(connections=chosen):
+                    yield connection.topic, stamp, bytes(raw)
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    return BagSource(target, types, counts, messages, store.deserialize_cdr, True)
+
+
+def _open_ros1(target: Path) -> BagSource:
+    with Ros1Reader(target) as reader:
+        types = {c.topic: c.msgtype for c in reader.connections}
+        counts: Counter[str] = Counter()
+        for connection in reader.connections:
+            counts[connection.topic] += connection.msgcount
+
+    def messages(topics: Collection[str]) -> Iterator[RawMessage]:
+        with Ros1Reader(target) as opened:
+            chosen = [c for c in opened.connections if c.topic in topics]
+            if chosen:
+                for connection, stamp, raw in opened.messages(connections=chosen):
+                    yield connection.topic, stamp, bytes(raw)
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    return BagSource(target, types, counts, messages, store.deserialize_ros1, False)
+
+
+def _salvaged(path: Path, file: Path, allowed: bool, reason: str) -> BagSource:
+    found = salvage_mcap(file)
+    if not found.messages:
+        raise InputDataError(f"{path}: the file cannot be read ({reason}) and no message could be recovered")
+    span = (max(m[1] for m in found.messages) - min(m[1] for m in found.messages)) * 1e-9
+    what = f"{len(found.messages)} messages over {span:.1f} s"
+    if not allowed:
+        raise InputDataError(
+            f"{path}: the file is truncated or corrupt ({reason}); {what} before the damage can be recovered with --salvage"
+        )
+    counts = Counter(topic for topic, _, _ in found.messages)
+
+    def messages(topics: Collection[str]) -> Iterator[RawMessage]:
+        yield from (m for m in found.messages if m[0] in topics)
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    warning = f"the file is truncated or corrupt ({reason}); used are the {what} before the damage"
+    return BagSource(path, found.types, counts, messages, store.deserialize_cdr, True, (warning,))

@@ -1,0 +1,302 @@
+# Copyright 2026 ride_estimation contributors
+"""Recorded runs: bags to :class:`~ride_estimation.signals.recording.Recording`, message by message, and back.
+
+``read_recording(path, vehicle)`` decodes whole topics at once; ``iterate_messages(path, topics)`` gives message objects in
+order of arrival, for a replay in lockstep with a node. Both follow :mod:`ride_estimation.io.messages`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.io.bag_source import READER_ERRORS, BagSource, checksum_of, open_bag
+from ride_estimation.io.cdr import DecodedTopic, decode_topic
+from ride_estimation.io.messages import (
+    GYRO_NOT_PROVIDED,
+    INVALID_COVARIANCE,
+    NOT_PROVIDED,
+    accepted_types,
+    make_converter,
+    sensors_by_topic,
+)
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.recording import Channel, Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass
+class _Collected:
+    """Raw messages of one topic."""
+
+    order: list[int] = dataclasses.field(default_factory=list)
+    arrival: list[int] = dataclasses.field(default_factory=list)
+    raw: list[bytes] = dataclasses.field(default_factory=list)
+
+
+def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False) -> Recording:
+    """Read the sensors of a vehicle from a recorded run.
+
+    Parameters
+    ----------
+    path
+        rosbag2 folder, ``.mcap``, ``.db3`` or ROS 1 ``.bag``.
+    vehicle
+        Says which topics belong to which sensor.
+    salvage
+        Use what is readable of a broken file.
+
+    Raises
+    ------
+    InputDataError
+        Unreadable or empty run, a run without duration, or a configured sensor that contributed nothing (the message says
+        which topics there are).
+    """
+    path = Path(path)
+    source = open_bag(path, salvage=salvage)
+    if not any(source.counts.values()):
+        raise InputDataError(f"{path}: the recording holds no messages")
+    by_topic = sensors_by_topic(vehicle.sensors.values())
+    collected, damage = _collect(source, by_topic, salvage)
+    ignored: Counter[str] = Counter()
+    for topic, count in sorted(source.counts.items()):
+        if topic not in by_topic and count:
+            ignored[f"topic {topic} ({source.types[topic]}) belongs to no sensor of the vehicle file"] = count
+    channels: dict[str, Channel] = {}
+    for topic, sensors in by_topic.items():
+        if topic in collected:
+            channels.update(_channels(source, topic, sensors, collected[topic], ignored))
+    missing = [s for s in vehicle.sensors.values() if s.name not in channels or not len(channels[s.name].stamp_ns)]
+    if missing:
+        raise InputDataError(_missing_text(path, source, missing, ignored))
+    recording = Recording(
+        name=str(path),
+        channels={name: channels[name] for name in vehicle.sensors},
+        checksum=checksum_of(path),
+        ignored=dict(ignored),
+        warnings=(*source.warnings, *damage),
+    )
+    if all(np.ptp(c.stamp_ns) == 0 for c in recording.channels.values()):
+        raise InputDataError(f"{path}: the recording lasts 0 s (every sensor has one stamp only)")
+    return recording
+
+
+def iterate_messages(
+    path: str | Path, topics: Collection[str] = (), *, salvage: bool = False
+) -> Iterator[tuple[str, str, int, Any]]:
+    """Yield (topic, message type, receive time [ns], message object) in order of arrival.
+
+    Parameters
+    ----------
+    path
+        A run as in :func:`read_recording`.
+    topics
+        Topics wanted; all topics of readable type where empty.
+    salvage
+        Use what is readable of a broken file.
+    """
+    source = open_bag(Path(path), salvage=salvage)
+    known = {topic: kind for topic, kind in source.types.items() if accepted(kind)}
+    wanted = [topic for topic in (topics or known) if topic in known]
+    try:
+        for topic, arrival, raw in source.messages(wanted):
+            yield topic, known[topic], arrival, source.deserialize(raw, known[topic])
+    except READER_ERRORS as error:
+        raise InputDataError(f"{path}: damaged: {error or type(error).__name__}") from error
+
+
+def accepted(message_type: str) -> bool:
+    """Return whether a message type can feed any kind of sensor."""
+    return any(message_type in accepted_types(kind) for kind in ("accelerometer", "imu", "displacement", "speed", "force"))
+
+
+def _collect(source: BagSource, topics: Collection[str], salvage: bool) -> tuple[dict[str, _Collected], tuple[str, ...]]:
+    """Return the raw messages by topic, and what went wrong on the way if that is to be borne."""
+    collected = {topic: _Collected() for topic in topics if topic in source.types}
+    number = 0
+    try:
+        for topic, arrival, raw in source.messages(tuple(collected)):
+            entry = collected[topic]
+            entry.order.append(number)
+            entry.arrival.append(arrival)
+            entry.raw.append(raw)
+            number += 1
+    except READER_ERRORS as error:
+        what = f"the file is damaged after {number} messages ({error or type(error).__name__})"
+        if not salvage:
+            raise InputDataError(f"{source.path}: {what}; the messages before can be used with --salvage") from error
+        return collected, (f"{what}; used are the messages before",)
+    return collected, ()
+
+
+def _channels(
+    source: BagSource, topic: str, sensors: Sequence[Sensor], entry: _Collected, ignored: Counter[str]
+) -> dict[str, Channel]:
+    """Return the channels of one topic; refused samples are counted in ``ignored``."""
+    message_type = source.types[topic]
+    if make_converter(message_type, sensors) is None:
+        kinds = accepted_types(sensors[0].kind)
+        what = f"topic {topic}: type {message_type} cannot feed a sensor of kind {sensors[0].kind} (allowed: {', '.join(kinds)})"
+        ignored[what] += len(entry.raw)
+        return {}
+    decoded = decode_topic(message_type, entry.raw) if source.little_endian_cdr and len(sensors) == 1 else None
+    if decoded is None:
+        return _channels_one_by_one(source, message_type, sensors, entry, ignored)
+    channel, rest = _bulk_channel(message_type, sensors[0], entry, decoded, ignored)
+    if not len(rest):
+        return {sensors[0].name: channel}
+    others = _Collected([entry.order[i] for i in rest], [entry.arrival[i] for i in rest], [entry.raw[i] for i in rest])
+    extra = _channels_one_by_one(source, message_type, sensors, others, ignored)
+    return {sensors[0].name: _merged(channel, extra[sensors[0].name])}
+
+
+def _bulk_channel(
+    message_type: str, sensor: Sensor, entry: _Collected, decoded: DecodedTopic, ignored: Counter[str]
+) -> tuple[Channel, NDArray[np.int64]]:
+    """Return the channel of the messages decoded in bulk and the numbers of the others."""
+    fields = decoded.fields
+    variance: Array | None = None
+    keep = decoded.decoded.copy()
+    if message_type == "sensor_msgs/msg/Imu":
+        values = fields[:, 25:28]
+        variance, reasons = _judge_covariances(fields[:, 28:37], sensor.trust_despite_minus_one, sensor.noise_std**2)
+        refused = {NOT_PROVIDED: reasons == 1, INVALID_COVARIANCE: reasons == 2}
+        if sensor.kind == "imu":
+            values = np.hstack([values, fields[:, 13:16]])
+            spread, why = _judge_covariances(fields[:, 16:25], sensor.trust_despite_minus_one, sensor.gyro_noise_std**2)
+            variance = _joined_variance(variance, spread, sensor)
+            refused[GYRO_NOT_PROVIDED] = (why == 1) & (reasons == 0)
+            refused[INVALID_COVARIANCE] = refused[INVALID_COVARIANCE] | ((why == 2) & (reasons == 0))
+        for reason, mask in refused.items():
+            count = int(np.sum(mask & decoded.decoded))
+            if count:
+                ignored[f"{sensor.name}: {reason}"] += count
+            keep &= ~mask
+    else:
+        values = fields[:, : sensor.channels]
+    channel = Channel(
+        name=sensor.name,
+        stamp_ns=decoded.stamp_ns[keep],
+        values=np.ascontiguousarray(values[keep]),
+        arrival_ns=np.array(entry.arrival, dtype=np.int64)[keep],
+        variance=None if variance is None else np.ascontiguousarray(variance[keep]),
+        frame_id=decoded.frame_id,
+        order=np.array(entry.order, dtype=np.int64)[keep],
+    )
+    return channel, np.flatnonzero(~decoded.decoded)
+
+
+def _judge_covariances(covariance: Array, trusted: bool, noise: float) -> tuple[Array | None, NDArray[np.int64]]:
+    """Return (variance per axis (N, 3) or None, reason per message: 0 fine, 1 not provided, 2 invalid); NaN rows: not stated."""
+    diagonal = covariance[:, [0, 4, 8]]
+    unknown = np.all(diagonal == 0.0, axis=1)
+    absent = ~unknown & ((diagonal[:, 0] == -1.0) | np.isnan(diagonal[:, 0]))
+    invalid = ~unknown & ~absent & ~np.all(np.isfinite(diagonal) & (diagonal >= 0.0), axis=1)
+    reasons = np.where(absent, 1, np.where(invalid, 2, 0)) * (0 if trusted else 1)
+    stated = ~(unknown | absent | invalid)
+    if not np.any(stated):
+        return None, reasons
+    variance = np.where(diagonal == 0.0, noise, diagonal)
+    variance[~stated] = np.nan
+    return variance, reasons
+
+
+def _joined_variance(variance: Array | None, spread: Array | None, sensor: Sensor) -> Array | None:
+    if variance is None and spread is None:
+        return None
+    known = variance if variance is not None else spread
+    rows = len(known) if known is not None else 0
+    first = np.full((rows, 3), np.nan) if variance is None else variance
+    second = np.full((rows, 3), np.nan) if spread is None else spread
+    neither = np.isnan(first[:, 0]) & np.isnan(second[:, 0])
+    both = np.hstack([
+        np.where(np.isnan(first), sensor.noise_std**2, first), np.where(np.isnan(second), sensor.gyro_noise_std**2, second)
+    ])
+    both[neither] = np.nan
+    return both
+
+
+def _channels_one_by_one(
+    source: BagSource, message_type: str, sensors: Sequence[Sensor], entry: _Collected, ignored: Counter[str]
+) -> dict[str, Channel]:
+    """Return the channels of a topic through message objects."""
+    convert = make_converter(message_type, sensors)
+    rows: dict[str, list[tuple[int, int, int, tuple[float, ...], tuple[float, ...] | None]]] = {s.name: [] for s in sensors}
+    frame = ""
+    for order, arrival, raw in zip(entry.order, entry.arrival, entry.raw):
+        try:
+            message = source.deserialize(raw, message_type)
+            samples = convert(message) if convert is not None else ()
+        except READER_ERRORS:
+            ignored[f"{sensors[0].name}: message_not_decodable"] += 1
+            continue
+        frame = frame or str(message.header.frame_id)
+        for sample in samples:
+            if sample.rejection:
+                ignored[f"{sample.sensor}: {sample.rejection}"] += 1
+            else:
+                rows[sample.sensor].append((order, arrival, sample.stamp_ns, sample.values, sample.variance))
+    return {s.name: _channel_from_rows(s, rows[s.name], frame) for s in sensors}
+
+
+def _channel_from_rows(
+    sensor: Sensor, rows: Sequence[tuple[int, int, int, tuple[float, ...], tuple[float, ...] | None]], frame: str
+) -> Channel:
+    variance: Array | None = None
+    if any(row[4] is not None for row in rows):
+        unknown = (np.nan,) * sensor.channels
+        variance = np.array([row[4] or unknown for row in rows], dtype=float)
+    return Channel(
+        name=sensor.name,
+        stamp_ns=np.array([row[2] for row in rows], dtype=np.int64),
+        values=np.array([row[3] for row in rows], dtype=float).reshape(len(rows), sensor.channels),
+        arrival_ns=np.array([row[1] for row in rows], dtype=np.int64),
+        variance=variance,
+        frame_id=frame,
+        order=np.array([row[0] for row in rows], dtype=np.int64),
+    )
+
+
+def _merged(first: Channel, second: Channel) -> Channel:
+    """Return two parts of one channel in order of arrival."""
+    places = [c.order if c.order is not None else c.arrival_ns for c in (first, second)]
+    by_arrival = np.argsort(np.concatenate(places), kind="stable")
+    variance: Array | None = None
+    if first.variance is not None or second.variance is not None:
+        parts = [np.full(c.values.shape, np.nan) if c.variance is None else c.variance for c in (first, second)]
+        variance = np.vstack(parts)[by_arrival]
+    return Channel(
+        name=first.name,
+        stamp_ns=np.concatenate([first.stamp_ns, second.stamp_ns])[by_arrival],
+        values=np.vstack([first.values, second.values])[by_arrival],
+        arrival_ns=np.concatenate([first.arrival_ns, second.arrival_ns])[by_arrival],
+        variance=variance,
+        frame_id=first.frame_id or second.frame_id,
+        order=np.concatenate(places)[by_arrival],
+    )
+
+
+def _missing_text(path: Path, source: BagSource, missing: Sequence[Sensor], ignored: Counter[str]) -> str:
+    lines = []
+    for sensor in missing:
+        if sensor.topic not in source.types:
+            why = f"the run has no topic {sensor.topic}"
+        else:
+            own = (f"{sensor.name}:", f"topic {sensor.topic}:")
+            reasons = [f"{reason} ({n})" for reason, n in ignored.items() if reason.startswith(own)]
+            why = "; ".join(reasons) or f"topic {sensor.topic} has no messages"
+        lines.append(f"  - {sensor.name}: {why}")
+    there = [f"{topic} ({source.types[topic]}, {count} messages)" for topic, count in sorted(source.counts.items())]
+    return (
+        f"{path}: {len(missing)} sensors of the vehicle file contributed nothing\n" + "\n".join(lines)
+        + f"\n  topics in the run: {', '.join(there)}"
+    )
