@@ -26,7 +26,7 @@ class Adjustable:
     Attributes
     ----------
     kind
-        ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``static_tilt``, ``gain``, ``misalignment``,
+        ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``mount_axes``, ``gain``, ``misalignment``,
         ``position``, ``delay``, ``bandwidth``, ``attitude``.
     place, axis
         Port, body or sensor it belongs to.
@@ -146,7 +146,7 @@ def baseline_columns(
     _port_columns(scene, columns, prior)
     for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
         _body_columns(scene, columns, body)
-    _tilt_columns(scene, columns)
+    _axes_columns(scene, columns)
     _sensor_columns(scene, columns, table)
     _attitude_columns(scene.plant, columns, table)
     return columns.finish()
@@ -206,23 +206,13 @@ def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:
             columns.add(Adjustable("inertia", name, label, relative), columns.wrench(name, np.zeros_like(moment), moment))
 
 
-def _tilt_columns(scene: Scene, columns: ColumnSet) -> None:
-    """Add the share of the static mount load that follows the tilt of the base and of the body."""
-    plant = scene.plant
-    slope = scene.grid.spectrum(scene.slope)
-    for kind in ("base", "body"):
-        total = np.zeros((len(scene.grid.omega), len(plant.outputs)), dtype=complex)
-        for j, name in enumerate(plant.mounts):
-            mount = plant.vehicle.mounts[name]
-            bodies = {b for b, _ in plant.coordinates}
-            if mount.body not in bodies or mount.base in bodies:
-                continue
-            angle = slope[:, 3 * j : 3 * j + 3] if kind == "base" else body_spectra(scene, mount.body)[0][:, 3:]
-            force = plant.static_force[j] * np.cross(angle, [0.0, 0.0, 1.0])
-            moment = np.cross(mount.position - plant.vehicle.bodies[mount.body].cg, force)
-            total += columns.wrench(mount.body, force, moment)
-        if np.any(total):
-            columns.add(Adjustable("static_tilt", kind, "", 1.0), total)
+def _axes_columns(scene: Scene, columns: ColumnSet) -> None:
+    """Add what changes when the mount axes turn with the body, or with nothing, instead of with the base."""
+    base = scene.rotation_wrench("base")
+    for axes in ("body", "world"):
+        change = scene.grid.spectrum(scene.tapered(scene.rotation_wrench(axes) - base))
+        output = np.einsum("fij,fj->fi", scene.response.output_from_wrench, change)
+        columns.add(Adjustable("mount_axes", axes, "", 0.5), output)
 
 
 def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:

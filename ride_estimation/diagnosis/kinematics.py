@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.plant import Plant
-from ride_estimation.frames import AXES, COORDINATES
+from ride_estimation.frames import COORDINATES
 
 Array = NDArray[np.float64]
 
@@ -113,15 +113,40 @@ def output_correction(plant: Plant, motion: BodyMotion) -> Array:
     return out
 
 
-def wrench_correction(plant: Plant, motion: BodyMotion, force: Array, stiffness: Array, damping: Array) -> Array:
+def _mount_force(
+    static: Array, modulus: tuple[Array, Array], relative: tuple[Array, Array], turn: Array | None, spin: Array
+) -> Array:
+    """Return the world force of a linear mount whose axes are turned, tension positive, static share included, (N, 3)."""
+    d, v = relative
+    if turn is None:
+        return static - modulus[0] * d - modulus[1] * v
+    local = np.einsum("nji,nj->ni", turn, d)
+    local_rate = np.einsum("nji,nj->ni", turn, v - np.cross(spin, d))
+    return np.asarray(np.einsum("nij,nj->ni", turn, static - modulus[0] * local - modulus[1] * local_rate))
+
+
+def wrench_correction(
+    plant: Plant,
+    motion: BodyMotion,
+    relative: tuple[Array, Array],
+    bracket: tuple[Array, Array],
+    modulus: tuple[Array, Array],
+    axes: str = "base",
+) -> Array:
     """Return the generalised force that the small-rotation equations of motion leave out, shape (N, n).
 
     Parameters
     ----------
-    force
-        Tension of every port along the linear trajectory [N], shape (N, P).
-    stiffness, damping
-        Of every port, shape (P,).
+    motion
+        Linear trajectory.
+    relative
+        Deflection [m] and rate [m/s] of every mount along the linear trajectory, body minus base, shape (N, 3 M) each.
+    bracket
+        Rotation [rad] and angular rate [rad/s] of every mount base, shape (N, 3 M) each.
+    modulus
+        Stiffness and damping of every mount axis, shape (3 M,) each.
+    axes
+        What the axes of the mounts turn with: ``base``, ``body`` or ``world`` (nothing).
     """
     count = len(motion.position)
     vehicle = plant.vehicle
@@ -136,23 +161,25 @@ def wrench_correction(plant: Plant, motion: BodyMotion, force: Array, stiffness:
         wrench[b][:, 3:] -= rate - body.theta_ddot @ inertia.T
     for j, name in enumerate(plant.mounts):
         mount = vehicle.mounts[name]
+        rows = slice(3 * j, 3 * j + 3)
         ends = [(b, s) for b, s in ((mount.body, 1.0), (mount.base, -1.0)) if b in bodies]
-        linear, excess = np.zeros((count, 3)), np.zeros((count, 3))
         offsets = {b: mount.position - vehicle.bodies[b].cg for b, _ in ends}
+        k, c = modulus[0][rows], modulus[1][rows]
+        d, v = relative[0][:, rows], relative[1][:, rows]
+        linear = k * d + c * v
         extra = [(s, *bodies[b].excess_displacement(offsets[b])) for b, s in ends]
-        for p, port in enumerate(plant.ports):
-            if port.mount != name or port.axis not in AXES:
-                continue
-            i = AXES.index(port.axis)
-            linear[:, i] = force[:, p]
-            excess[:, i] = sum(s * (stiffness[p] * dx[:, i] + damping[p] * dv[:, i]) for s, dx, dv in extra)
+        full = (d + sum(s * dx for s, dx, _ in extra), v + sum(s * dv for s, _, dv in extra))
+        angle, spin = bracket[0][:, rows], bracket[1][:, rows]
+        if mount.base in bodies:
+            angle, spin = bodies[mount.base].theta, bodies[mount.base].omega
+        if axes == "body":
+            angle, spin = bodies[mount.body].theta, bodies[mount.body].omega
+        static = plant.static_force[j] * _UP
+        total = _mount_force(static, (k, c), full, None if axes == "world" else rotation_matrices(angle), spin)
         for b, s in ends:
-            static = s * plant.static_force[j] * _UP
-            total = static - s * (linear + excess)
-            arm = bodies[b].arm(offsets[b])
-            wrench[b][:, :3] -= s * excess
-            small = np.cross(offsets[b], -s * linear) + np.cross(np.cross(bodies[b].theta, offsets[b]), static)
-            wrench[b][:, 3:] += np.cross(arm, total) - small - np.cross(offsets[b], static)
+            small = np.cross(offsets[b], -s * linear) + np.cross(np.cross(bodies[b].theta, offsets[b]), s * static)
+            wrench[b][:, :3] += s * (total - static + linear)
+            wrench[b][:, 3:] += np.cross(bodies[b].arm(offsets[b]), s * total) - small - np.cross(offsets[b], s * static)
     out = np.zeros((count, len(plant.coordinates)))
     for i, (b, c) in enumerate(plant.coordinates):
         out[:, i] = wrench[b][:, COORDINATES.index(c)]

@@ -16,6 +16,7 @@ from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.response import LinearResponse, respond
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import FrequencyGrid, edge_taper, make_grid
+from ride_estimation.frames import AXES
 from ride_estimation.signals.recording import UniformRun
 
 Array = NDArray[np.float64]
@@ -156,6 +157,7 @@ class Scene:
         base = np.einsum("fij,fj->fi", self.response.base_from_input, spectrum)
         slope = np.einsum("ij,fj->fi", self.plant.slope, spectrum) / (-self.grid.omega**2)[:, None]
         self.slope = self.grid.signal(slope)
+        self.slope_rate = self.grid.signal(1j * self.grid.omega[:, None] * slope)
         specific = self.grid.signal(np.einsum("ij,fj->fi", self.plant.base_direct, spectrum))
         specific[:, 2::3] += self.plant.vehicle.gravity
         self.base_spectrum = base + self.grid.spectrum(base_correction(self.plant, specific, self.slope))
@@ -181,9 +183,7 @@ class Scene:
             x = q @ self.plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.port_base.T
             self.motion = BodyMotion(grid.signal(q), grid.signal(iw * q), grid.signal(iw**2 * q))
             self.deflection, self.deflection_rate = grid.signal(x), grid.signal(iw * x)
-            force = self.state.stiffness * self.deflection + self.state.damping * self.deflection_rate
-            correction = wrench_correction(self.plant, self.motion, force, self.state.stiffness, self.state.damping)
-            second_order = grid.spectrum(correction * self._taper[:, None])
+            second_order = grid.spectrum(self.tapered(self.rotation_wrench("base")))
         self.coordinate_spectrum, self.deflection_spectrum = q, x
         outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
         outputs += (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.out_base.T
@@ -194,6 +194,23 @@ class Scene:
         self.ideal_spectrum = ideal
         self.predicted_spectrum = ideal + extra_output
         self.ideal_output = grid.signal(ideal)
+
+    def tapered(self, signal: Array) -> Array:
+        """Return a signal with its ends faded in and out, shape (N, q)."""
+        return signal * self._taper[:, None]
+
+    def rotation_wrench(self, axes: str) -> Array:
+        """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n)."""
+        plant = self.plant
+        size = 3 * len(plant.mounts)
+        d, v = np.zeros((self.grid.samples, size)), np.zeros((self.grid.samples, size))
+        modulus = (np.zeros(size), np.zeros(size))
+        for p, port in enumerate(plant.ports):
+            if port.axis in AXES:
+                i = 3 * plant.mounts.index(port.mount) + AXES.index(port.axis)
+                d[:, i], v[:, i] = self.deflection[:, p], self.deflection_rate[:, p]
+                modulus[0][i], modulus[1][i] = self.state.stiffness[p], self.state.damping[p]
+        return wrench_correction(plant, self.motion, (d, v), (self.slope, self.slope_rate), modulus, axes)
 
     def _whiten(self) -> None:
         noise_y = np.array([s.noise_std for s in self.plant.outputs]) * self.noise_scale
