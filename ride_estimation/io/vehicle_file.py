@@ -164,12 +164,25 @@ def _mount_mapping(mount: Mount) -> dict[str, Any]:
     axes: dict[str, Any] = {}
     for axis, element in mount.elements.items():
         mapping = element.to_mapping()
-        for p in element.parameters():
-            prior = mount.priors.get((axis, p.name))
-            if prior is not None and isinstance(mapping.get(p.key), float):
-                mapping[p.key] = _quantity(dataclasses.replace(prior, value=mapping[p.key]))
+        priors = {address: prior for (on, address), prior in mount.priors.items() if on == axis}
+        for address, (p, value) in element.addressed().items():
+            if address in priors:
+                _put(mapping, address, p.key, _quantity(dataclasses.replace(priors[address], value=value)))
         axes[axis] = mapping
     return {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+
+
+def _put(mapping: dict[str, Any], address: str, key: str, quantity: Any) -> None:
+    """Put a quantity at the place an element address (``elements[1].stiffnesses[0]``) has in the YAML form."""
+    place: Any = mapping
+    for step in address.split(".")[:-1]:
+        name, _, index = step.partition("[")
+        place = place[name][int(index[:-1])] if index else place[name]
+    _, _, index = address.rsplit(".", maxsplit=1)[-1].partition("[")
+    if index:
+        place[key][int(index[:-1])] = quantity
+    else:
+        place[key] = quantity
 
 
 def _sensor_mapping(sensor: Sensor) -> dict[str, Any]:

@@ -225,7 +225,8 @@ def _plain_numbers(
         )
         return None
     declared = {p.key: p for p in kinds()[kind].parameters()}
-    by_base = {(split_suffix(key)[0], si_unit(split_suffix(key)[1])): key for key in declared}
+    series = {p.key: p for p in kinds()[kind].series_parameters()}
+    by_base = {(split_suffix(key)[0], si_unit(split_suffix(key)[1])): key for key in (*declared, *series)}
     result: dict[str, Any] = {}
     for key, value in entry.items():
         base, printed, factor = split_suffix(str(key))
@@ -240,6 +241,12 @@ def _plain_numbers(
             result[target] = p.lower if prior is None else prior.value
             if prior is not None:
                 priors[prefix + p.name] = prior
+        elif target in series and isinstance(value, list):
+            p = series[target]
+            scale = 1.0 if target == key else factor
+            entries = [quantity_from(v, f"{path}[{i}]", p.unit, scale, problems) for i, v in enumerate(value)]
+            result[target] = [p.lower if prior is None else prior.value for prior in entries]
+            priors.update({f"{prefix}{p.name}[{i}]": prior for i, prior in enumerate(entries) if prior is not None})
         elif isinstance(value, Mapping) and "kind" in value:
             result[key] = _plain_numbers(value, path, problems, priors, f"{prefix}{key}.")
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) and "kind" in v for v in value):
