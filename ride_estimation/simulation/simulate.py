@@ -32,15 +32,12 @@ from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.simulation.kernel import Input, Output, Structure, integrate, make_output
 from ride_estimation.simulation.response import Response
+from ride_estimation.simulation.rotation import simulate_full_rotation
+from ride_estimation.simulation.substeps import choose_substeps
 from ride_estimation.vehicles.assembly import Assembly
-from ride_estimation.vehicles.modes import linearise, undamped_modes
 
 Array = NDArray[np.float64]
 Changes = Mapping[tuple[str, str], ForceElement]
-
-#: radians of the fastest undamped mode per internal step that keep the Runge-Kutta phase error below 1e-5 per step
-_STEP_PHASE = 0.25
-_MOST_SUBSTEPS = 64
 
 
 def simulate(
@@ -73,8 +70,6 @@ def simulate(
         Shapes that do not fit; a motion that leaves every bound (named with its time).
     """
     if full_rotation:
-        from ride_estimation.simulation.rotation import simulate_full_rotation  # noqa: PLC0415 (breaks a cycle)
-
         return simulate_full_rotation(assembly, base_motion, load=load, substeps=substeps)
     return CompiledModel(assembly, base_motion, load=load, substeps=substeps).run()
 
@@ -194,15 +189,6 @@ class CompiledModel:
         return Response(
             self.assembly, self.base_motion, out.q, out.qd, out.qdd, out.deflection, out.rate, out.tension
         )
-
-
-def choose_substeps(assembly: Assembly, rate_hz: float) -> int:
-    """Return internal steps per sample such that the fastest mode advances at most 0.25 rad a step, 1 to 64."""
-    model = linearise(assembly, 10.0, 1.0e-3)
-    fastest = max(abs(m.frequency_hz) for m in undamped_modes(model)) * 2.0 * np.pi
-    dampers = np.linalg.eigvals(np.linalg.solve(model.mass, model.damping))
-    fastest = max(fastest, 0.25 * float(np.abs(dampers).max()))
-    return int(np.clip(np.ceil(fastest / rate_hz / _STEP_PHASE), 1, _MOST_SUBSTEPS))
 
 
 def _sparse(matrix: Array) -> tuple[NDArray[np.uint32], Array]:

@@ -1,0 +1,311 @@
+# Copyright 2026 ride_estimation contributors
+"""Simulation with exact rigid-body kinematics and, where given, a payload that comes aboard during the run."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.elements.terms import initial_states, pack_terms
+from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.frames import COORDINATES, skew
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.simulation.base_motion import BaseMotion
+from ride_estimation.simulation.response import Response
+from ride_estimation.simulation.rotation_kernel import STATE, RotationModel, integrate_rotation
+from ride_estimation.simulation.substeps import choose_substeps
+from ride_estimation.vehicles.assembly import Assembly, sensor_offset
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: steps in which a payload that comes aboard gradually is made heavier
+_RAMP_LEVELS = 100
+
+
+@dataclasses.dataclass(frozen=True)
+class Payload:
+    """A point mass that comes aboard a body.
+
+    Attributes
+    ----------
+    body
+        Name.
+    mass
+        [kg]; negative where load is taken off.
+    position
+        Vehicle-file axes [m], shape (3,).
+    begin, duration
+        From when and over which time it comes aboard, linearly [s].
+    """
+
+    body: str
+    mass: float
+    position: Array
+    begin: float
+    duration: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class RotationResponse(Response):
+    """Response with finite rotations. B bodies.
+
+    ``coordinates`` are the displacement (world) and roll, pitch, yaw of each body; ``rates`` its velocity (world) and
+    angular velocity (body axes); ``accelerations`` acceleration of the reference point and angular acceleration, both in
+    body axes, gravity not included.
+
+    Attributes
+    ----------
+    rotation
+        Body to world, shape (N, B, 3, 3).
+    force_world
+        Force on the body by each mount, world axes, shape (N, M, 3).
+    mass, offset, inertia
+        Actual mass (N, B), CG from the reference point in body axes (N, B, 3), inertia about the reference (N, B, 3, 3).
+    """
+
+    rotation: Array
+    force_world: Array
+    mass: Array
+    offset: Array
+    inertia: Array
+
+    def _body(self, body: str) -> int:
+        names = tuple(self.assembly.vehicle.bodies)
+        if body not in names:
+            raise ConfigurationError(f"body: {body!r}; allowed: {', '.join(names)}")
+        return names.index(body)
+
+    def mount_force(self) -> Array:
+        """Return the force on the body by each mount in the axes of that body, static share included, shape (N, M, 3)."""
+        bodies = [self._body(m.body) for m in self.assembly.vehicle.mounts.values()]
+        return np.einsum("nmji,nmj->nmi", self.rotation[:, bodies], self.force_world)
+
+    def cg_motion(self, body: str) -> Array:
+        """Return acceleration of the actual CG (payload included) and angular acceleration, body axes, shape (N, 6)."""
+        number = self._body(body)
+        motion = self.body_motion(body)
+        omega = self.body_motion(body, "rates")[:, 3:]
+        offset = self.offset[:, number]
+        centre = motion[:, :3] + np.cross(motion[:, 3:], offset) + np.cross(omega, np.cross(omega, offset))
+        return np.hstack([centre, motion[:, 3:]])
+
+    def inertial_load(self, body: str) -> Array:
+        """Return ``(M a_cg, J alpha + w x J w)`` of body and payload about the actual CG, body axes, shape (N, 6)."""
+        number = self._body(body)
+        motion = self.cg_motion(body)
+        omega = self.body_motion(body, "rates")[:, 3:]
+        mass, s = self.mass[:, number], self.offset[:, number]
+        about_cg = self.inertia[:, number] + mass[:, None, None] * np.array([skew(v) @ skew(v) for v in s])
+        spin = np.einsum("nij,nj->ni", about_cg, omega)
+        moment = np.einsum("nij,nj->ni", about_cg, motion[:, 3:]) + np.cross(omega, spin)
+        return np.hstack([mass[:, None] * motion[:, :3], moment])
+
+    def specific_force(self, sensor_name: str) -> Array:
+        """Return the ideal reading of a sensor with gravity tilt and centripetal terms, sensor axes, (N, channels)."""
+        vehicle = self.assembly.vehicle
+        sensor = vehicle.sensors.get(sensor_name)
+        if sensor is None or sensor.kind not in ("accelerometer", "imu"):
+            return super().specific_force(sensor_name)
+        force, omega = self._on_body(sensor) if sensor.body in vehicle.bodies else self._on_base(sensor)
+        reading = force @ sensor.rotation
+        return reading if sensor.kind == "accelerometer" else np.hstack([reading, omega @ sensor.rotation])
+
+    def _on_body(self, sensor: Sensor) -> tuple[Array, Array]:
+        number = self._body(sensor.body)
+        motion = self.body_motion(sensor.body)
+        omega = self.body_motion(sensor.body, "rates")[:, 3:]
+        arm = sensor_offset(self.assembly.vehicle, sensor)
+        up = self.assembly.vehicle.gravity * self.rotation[:, number, 2, :]
+        turning = np.cross(motion[:, 3:], arm) + np.cross(omega, np.cross(omega, arm))
+        return motion[:, :3] + up + turning, omega
+
+    def _on_base(self, sensor: Sensor) -> tuple[Array, Array]:
+        mount = self.assembly.mount_names.index(sensor.mount)
+        base = self.base_motion
+        matrix = _bracket_matrices(base.angle[:, mount])
+        omega = _bracket_rates(base.angle[:, mount], base.angular_rate[:, mount])
+        turning = np.gradient(omega, 1.0 / base.rate_hz, axis=0)
+        arm = sensor_offset(self.assembly.vehicle, sensor)
+        world = base.acceleration[:, mount] + np.array([0.0, 0.0, self.assembly.vehicle.gravity])
+        local = np.einsum("nji,nj->ni", matrix, world)
+        return local + np.cross(turning, arm) + np.cross(omega, np.cross(omega, arm)), omega
+
+
+def _bracket_matrices(angle: Array) -> Array:
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angle).T, np.sin(angle).T
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _bracket_rates(angle: Array, rate: Array) -> Array:
+    roll, pitch = angle[:, 0], angle[:, 1]
+    return np.stack(
+        [
+            rate[:, 0] - rate[:, 2] * np.sin(pitch),
+            rate[:, 1] * np.cos(roll) + rate[:, 2] * np.sin(roll) * np.cos(pitch),
+            -rate[:, 1] * np.sin(roll) + rate[:, 2] * np.cos(roll) * np.cos(pitch),
+        ],
+        axis=1,
+    )
+
+
+def simulate_full_rotation(
+    assembly: Assembly,
+    base_motion: BaseMotion,
+    *,
+    load: Array | None = None,
+    substeps: int | None = None,
+    payloads: Sequence[Payload] = (),
+) -> RotationResponse:
+    """Simulate one run from rest with exact rigid-body kinematics.
+
+    Parameters
+    ----------
+    assembly, base_motion, substeps
+        As :func:`ride_estimation.simulation.simulate.simulate`; every body needs all six coordinates.
+    load
+        External force (world axes) and moment (body axes) per body, shape (N, 6 B) or (1, 6 B).
+    payloads
+        Masses that come aboard.
+
+    Raises
+    ------
+    ConfigurationError
+        A body without six coordinates, an unknown payload body, a mass that does not stay positive.
+    InputDataError
+        Shapes that do not fit; a motion that leaves every bound.
+    """
+    vehicle, samples = assembly.vehicle, base_motion.samples
+    locked = [b.name for b in vehicle.bodies.values() if set(b.coordinates) != set(COORDINATES)]
+    if locked:
+        raise ConfigurationError(
+            f"full_rotation: {', '.join(locked)} have locked coordinates; allowed: bodies with all of {', '.join(COORDINATES)}"
+        )
+    if base_motion.displacement.shape[1] != len(vehicle.mounts):
+        raise InputDataError(f"base motion: {base_motion.displacement.shape[1]} mounts; the vehicle has {len(vehicle.mounts)}")
+    size = 6 * len(vehicle.bodies)
+    acting = np.zeros((1, size)) if load is None else np.atleast_2d(np.asarray(load, dtype=float))
+    if acting.shape not in ((samples, size), (1, size)):
+        raise InputDataError(f"load: shape {acting.shape}; allowed: ({samples}, {size}) or (1, {size})")
+    levels, level = _mass_levels(vehicle, payloads, base_motion)
+    terms = [e.terms() for e in assembly.elements]
+    channel = np.repeat(np.arange(len(terms), dtype=np.int64), [len(t) for t in terms])
+    codes, parameters = pack_terms(t for group in terms for t in group)
+    model = _model(assembly, levels, level, codes, channel)
+    value = np.ascontiguousarray(np.concatenate([base_motion.displacement, base_motion.angle], axis=2))
+    rate = np.ascontiguousarray(np.concatenate([base_motion.velocity, base_motion.angular_rate], axis=2))
+    bodies, mounts, components = len(vehicle.bodies), len(vehicle.mounts), len(terms)
+    state = np.zeros((bodies, STATE))
+    state[:, 3] = 1.0
+    out_state, out_slope = np.empty((samples, bodies, STATE)), np.empty((samples, bodies, STATE))
+    out_force = np.empty((samples, mounts, 3))
+    out = [np.empty((samples, components)) for _ in range(3)]
+    steps = choose_substeps(assembly, base_motion.rate_hz) if substeps is None else int(substeps)
+    reached = integrate_rotation(
+        model, parameters, initial_states(codes, parameters), value, rate, np.ascontiguousarray(acting), state,
+        1.0 / base_motion.rate_hz, steps, out_state, out_slope, out_force, *out,
+    )
+    if reached < samples:
+        raise InputDataError(
+            f"the simulated motion is not finite any more at t = {reached / base_motion.rate_hz:.3f} s; "
+            f"take more substeps (now {steps}) or check stiffness and damping of the elements"
+        )
+    return _response(assembly, base_motion, model, out_state, out_slope, out_force, out)
+
+
+def _model(
+    assembly: Assembly, levels: tuple[Array, Array, Array], level: NDArray[np.int64],
+    codes: NDArray[np.int64], channel: NDArray[np.int64],
+) -> RotationModel:
+    vehicle = assembly.vehicle
+    names = tuple(vehicle.bodies)
+    mounts = tuple(vehicle.mounts.values())
+    mass, offset, inertia = levels
+    inverse = np.empty((*mass.shape, 6, 6))
+    for i in np.ndindex(mass.shape):
+        cross = mass[i] * skew(offset[i])
+        inverse[i] = np.linalg.inv(np.block([[mass[i] * np.eye(3), -cross], [cross, inertia[i]]]))
+    number, axis = assembly.component_index()
+    return RotationModel(
+        mount_body=np.array([names.index(m.body) for m in mounts], dtype=np.int64),
+        mount_base=np.array([names.index(m.base) if m.base in names else -1 for m in mounts], dtype=np.int64),
+        arm_body=np.array([m.position - vehicle.bodies[m.body].cg for m in mounts]),
+        arm_base=np.array([m.position - vehicle.bodies[m.base].cg if m.base in names else np.zeros(3) for m in mounts]),
+        static_force=np.ascontiguousarray(assembly.static_force),
+        component_mount=number,
+        component_axis=axis,
+        mass=mass,
+        offset=offset,
+        inertia=inertia,
+        inverse=inverse,
+        level=level,
+        codes=codes,
+        channel=channel,
+        gravity=float(vehicle.gravity),
+    )
+
+
+def _mass_levels(
+    vehicle: Vehicle, payloads: Sequence[Payload], base_motion: BaseMotion
+) -> tuple[tuple[Array, Array, Array], NDArray[np.int64]]:
+    """Return mass, offset, inertia per level and body, and the level of each sample."""
+    names = tuple(vehicle.bodies)
+    unknown = [p.body for p in payloads if p.body not in names]
+    if unknown:
+        raise ConfigurationError(f"payload body: {', '.join(unknown)}; allowed: {', '.join(names)}")
+    share = np.zeros((base_motion.samples, len(payloads)))
+    for i, p in enumerate(payloads):
+        ramp = np.clip((base_motion.time_s - p.begin) / max(p.duration, 1e-9), 0.0, 1.0)
+        share[:, i] = np.round(ramp * _RAMP_LEVELS) / _RAMP_LEVELS
+    states, level = np.unique(share, axis=0, return_inverse=True)
+    mass = np.empty((len(states), len(names)))
+    offset = np.empty((len(states), len(names), 3))
+    inertia = np.empty((len(states), len(names), 3, 3))
+    for row, shares in enumerate(states):
+        for b, body in enumerate(vehicle.bodies.values()):
+            arms = [(s * p.mass, p.position - body.cg) for s, p in zip(shares, payloads) if p.body == body.name]
+            mass[row, b] = body.mass.value + sum(m for m, _ in arms)
+            if mass[row, b] <= 0.0:
+                raise ConfigurationError(f"payload: {body.name} would weigh {mass[row, b]:g} kg; allowed: more than zero")
+            offset[row, b] = sum((m * r for m, r in arms), np.zeros(3)) / mass[row, b]
+            inertia[row, b] = body.inertia - sum((m * skew(r) @ skew(r) for m, r in arms), np.zeros((3, 3)))
+    return (mass, offset, inertia), np.asarray(level, dtype=np.int64).reshape(-1)
+
+
+def _response(
+    assembly: Assembly, base_motion: BaseMotion, model: RotationModel, state: Array, slope: Array, force: Array,
+    components: list[Array],
+) -> RotationResponse:
+    samples, bodies = state.shape[:2]
+    w, x, y, z = np.moveaxis(state[:, :, 3:7], 2, 0)
+    rotation = np.empty((samples, bodies, 3, 3))
+    rotation[..., 0, 0], rotation[..., 0, 1], rotation[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    rotation[..., 1, 0], rotation[..., 1, 1], rotation[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    rotation[..., 2, 0], rotation[..., 2, 1], rotation[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    angles = np.stack(
+        [
+            np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+            -np.arcsin(np.clip(rotation[..., 2, 0], -1.0, 1.0)),
+            np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
+        ],
+        axis=2,
+    )
+    local = np.einsum("nbji,nbj->nbi", rotation, slope[:, :, 7:10])
+
+    def flat(first: Array, second: Array) -> Array:
+        return np.concatenate([first, second], axis=2).reshape(samples, 6 * bodies)
+
+    return RotationResponse(
+        assembly, base_motion,
+        flat(state[:, :, :3], angles), flat(state[:, :, 7:10], state[:, :, 10:13]), flat(local, slope[:, :, 10:13]),
+        *components, rotation=rotation, force_world=force,
+        mass=model.mass[model.level], offset=model.offset[model.level], inertia=model.inertia[model.level],
+    )

@@ -1,0 +1,51 @@
+# Copyright 2026 ride_estimation contributors
+"""A vehicle with identified values in place of its priors, to be written as a vehicle file that loads again."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from ride_estimation.vehicles.vehicle import Mount, Prior, Vehicle
+
+
+def with_identified(vehicle: Vehicle, values: Mapping[str, tuple[float, float]], source: str) -> Vehicle:
+    """Return a copy whose elements and masses have identified values, with their standard deviations as priors.
+
+    Parameters
+    ----------
+    vehicle
+        The vehicle file the values were identified with.
+    values
+        ``<mount>.<axis>.<parameter>`` or ``<body>.mass`` -> (value, standard deviation), SI. Other names are left out.
+    source
+        Where the values come from, written to the file.
+    """
+    bodies = dict(vehicle.bodies)
+    mounts = dict(vehicle.mounts)
+    for name, (value, std) in values.items():
+        owner, _, last = name.rpartition(".")
+        mount_name, _, axis = owner.rpartition(".")
+        if last == "mass" and owner in bodies:
+            mass = dataclasses.replace(bodies[owner].mass, value=value, std=std, source=source)
+            bodies[owner] = dataclasses.replace(bodies[owner], mass=mass)
+        elif mount_name in mounts and axis in mounts[mount_name].elements:
+            mounts[mount_name] = _with_parameter(mounts[mount_name], axis, last, value, std, source)
+    return dataclasses.replace(vehicle, bodies=bodies, mounts=mounts, checksum="")
+
+
+def _with_parameter(mount: Mount, axis: str, name: str, value: float, std: float, source: str) -> Mount:
+    element = mount.elements[axis]
+    declared = {p.name: p for p in element.parameters()}
+    if name not in declared:
+        return mount
+    kept = min(max(value, declared[name].lower), declared[name].upper)
+    old = mount.priors.get((axis, name), Prior(kept))
+    prior = dataclasses.replace(
+        old, value=kept, std=std, lower=min(old.lower, kept), upper=max(old.upper, kept), source=source
+    )
+    return dataclasses.replace(
+        mount,
+        elements={**mount.elements, axis: element.replace(**{name: kept})},
+        priors={**mount.priors, (axis, name): prior},
+    )
