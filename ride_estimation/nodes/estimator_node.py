@@ -16,11 +16,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSRequestedIncompatibleQoSInfo, qos_policy_name_from_kind
+from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
@@ -103,7 +103,7 @@ class EstimatorNode(LifecycleNode):
             session = Session(vehicle, pipeline_settings(given))
             state_file = Path(str(given["state_file"])).expanduser()
             if given["state_file"] and state_file.exists():
-                session.pipeline.load_state(load_state(state_file, vehicle))
+                session.pipeline.load_state(load_state(state_file))
                 self.get_logger().info(f"continuing from {state_file}")
             elif given["state_file"]:
                 self.get_logger().warning(f"state_file {state_file} does not exist yet; starting from the vehicle file")
@@ -114,7 +114,8 @@ class EstimatorNode(LifecycleNode):
         self._fault = ""
         self._session = session
         frames = Frames(str(given["cg_frame"]), str(given["vehicle_frame"]), str(given["mount_frame_prefix"]))
-        self._outputs = EstimatePublishers(self._new_publisher, vehicle, frames, qos.output(int(given["output_depth"])))
+        profile = qos.output(int(given["output_depth"]))
+        self._outputs = EstimatePublishers(self._new_publisher, session.mount_names, frames, profile)
         self.get_logger().info(f"vehicle {vehicle.name!r}: {len(vehicle.sensors)} sensors on {len(session.topics)} topics")
         return super().on_configure(state)
 
@@ -162,7 +163,7 @@ class EstimatorNode(LifecycleNode):
         self._session = None
         self._reported_ns = None
 
-    def _new_publisher(self, message: type, topic: str, profile: qos.QoSProfile, options: QoSOverridingOptions) -> object:
+    def _new_publisher(self, message: type, topic: str, profile: QoSProfile, options: QoSOverridingOptions) -> object:
         return self.create_lifecycle_publisher(message, topic, profile, qos_overriding_options=options)
 
     # ---- parameters ----
@@ -194,7 +195,8 @@ class EstimatorNode(LifecycleNode):
             resolved = self.resolve_topic_name(name)
             state.publishers = self.count_publishers(resolved)
             state.offered = tuple(graph.get(resolved, ())) if state.publishers else ()
-            if state.received or not (chosen := topic.choose(state.offered) or "") != state.type_name:
+            chosen = topic.choose(state.offered)
+            if state.received or chosen == state.type_name:
                 continue
             if name in self._subscriptions_by_topic:
                 self.destroy_subscription(self._subscriptions_by_topic.pop(name))
@@ -297,7 +299,7 @@ class EstimatorNode(LifecycleNode):
             return response
         folder = Path(str(self.get_parameter("save_directory").value)).expanduser()
         try:
-            files = save_results(folder, self._session.vehicle, self._session.pipeline)
+            files = save_results(folder, self._session.pipeline)
         except (OSError, RideEstimationError) as error:
             response.message = f"not saved: {error}"
             return response

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped, WrenchStamped
 from sensor_msgs.msg import Imu, JointState
 
+from ride_estimation.io.messages import accepted_types, sensors_by_topic
 from ride_estimation.sensors.sensor import Sensor
 
 #: message classes by their ROS type name
@@ -21,14 +22,8 @@ MESSAGE_CLASSES: dict[str, type] = {
     "geometry_msgs/msg/WrenchStamped": WrenchStamped,
 }
 
-#: kind of sensor -> accepted types, the first is assumed until a publisher says otherwise
-ACCEPTED_TYPES: dict[str, tuple[str, ...]] = {
-    "accelerometer": ("sensor_msgs/msg/Imu", "geometry_msgs/msg/AccelStamped", "geometry_msgs/msg/Vector3Stamped"),
-    "imu": ("sensor_msgs/msg/Imu",),
-    "displacement": ("sensor_msgs/msg/JointState",),
-    "speed": ("geometry_msgs/msg/TwistStamped",),
-    "force": ("geometry_msgs/msg/WrenchStamped",),
-}
+#: type that is assumed until a publisher says otherwise, where it is not the first accepted one
+_USUAL = {"force": "geometry_msgs/msg/WrenchStamped"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,18 +44,18 @@ class InputTopic:
     sensors: tuple[Sensor, ...]
     accepted: tuple[str, ...]
 
-    def choose(self, offered: list[str]) -> str | None:
-        """Return the type to subscribe with, given the types publishers offer; None where none is accepted."""
+    def choose(self, offered: tuple[str, ...]) -> str:
+        """Return the type to subscribe with, given the types publishers offer; empty where none is accepted."""
         if not offered:
             return self.accepted[0]
-        return next((name for name in self.accepted if name in offered), None)
+        return next((name for name in self.accepted if name in offered), "")
 
 
 def input_topics(sensors: Mapping[str, Sensor]) -> dict[str, InputTopic]:
-    """Group the sensors of a vehicle by topic, in file order."""
-    groups: dict[str, list[Sensor]] = {}
-    for sensor in sensors.values():
-        groups.setdefault(sensor.topic, []).append(sensor)
-    return {
-        topic: InputTopic(topic, tuple(group), ACCEPTED_TYPES[group[0].kind]) for topic, group in groups.items()
-    }
+    """Return the topics of a vehicle's sensors by name, in file order."""
+    topics = {}
+    for name, group in sensors_by_topic(sensors.values()).items():
+        accepted = accepted_types(group[0].kind)
+        usual = _USUAL.get(group[0].kind, accepted[0])
+        topics[name] = InputTopic(name, group, (usual, *(t for t in accepted if t != usual)))
+    return topics

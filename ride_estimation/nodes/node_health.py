@@ -1,13 +1,15 @@
 # Copyright 2026 ride_estimation contributors
-"""What /diagnostics says about one input topic and about the node; facts in, status messages out."""
+"""What /diagnostics says about topics, sensors and estimates; facts in, status messages out."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Iterator, Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from ride_estimation.estimation.health import Health, SensorHealth
 from ride_estimation.nodes.conversions import status
 
 #: hardware id of everything that is about the node itself
@@ -69,3 +71,65 @@ class TopicState:
         }
         values |= {f"rejected {reason}": count for reason, count in sorted(self.rejected.items())}
         return status(level, f"topic {self.name}", message, NODE, values)
+
+
+def pipeline_statuses(health: Health, body: str, faults: Mapping[str, int], unpublished: int) -> Iterator[DiagnosticStatus]:
+    """Return one status for the estimates and one per sensor.
+
+    Parameters
+    ----------
+    health
+        Of the pipeline.
+    body
+        Hardware id of the estimates.
+    faults
+        Arithmetic that failed: message -> count.
+    unpublished
+        Ticks without a publishable estimate.
+    """
+    silent = any(sensor.accepted == 0 for sensor in health.sensors.values())
+    level = DiagnosticStatus.OK
+    if faults or silent:
+        level = DiagnosticStatus.ERROR
+    elif not health.ok:
+        level = DiagnosticStatus.WARN
+    messages = [*(f"numerical fault: {text}" for text in faults), *health.messages]
+    values: dict[str, object] = {
+        "ticks": health.ticks,
+        "ticks without complete motion": health.invalid_ticks,
+        "ticks not published": unpublished,
+        "residual ratio": float(health.residual.ratio),
+        "equilibrium ratio": float(health.equilibrium_ratio),
+        "innovation ratio": float(health.innovation_ratio),
+        "excited": bool(health.excited),
+        "parameters at a bound": " ".join(health.at_bound),
+    }
+    values |= {f"restart {reason}": count for reason, count in sorted(health.restarts.items())}
+    values |= {f"not used {name}": count for name, count in sorted(health.unknown_samples.items())}
+    values |= {f"note {number + 1}": text for number, text in enumerate(messages)}
+    yield status(level, "estimates", messages[0] if messages else "running", body, values)
+    for sensor in health.sensors.values():
+        yield sensor_status(sensor)
+
+
+def sensor_status(sensor: SensorHealth) -> DiagnosticStatus:
+    """Return rate, gaps, clipping and rejected samples of one sensor."""
+    level, message = DiagnosticStatus.OK, "contributing"
+    if sensor.accepted == 0:
+        level, message = DiagnosticStatus.ERROR, "configured, but has contributed no sample"
+    elif sensor.silent:
+        level, message = DiagnosticStatus.ERROR, "has stopped"
+    elif sensor.clipped or sensor.rejected or sensor.gaps:
+        found = [("at full scale", sensor.clipped), ("samples rejected", sum(sensor.rejected.values())), ("gaps", sensor.gaps)]
+        level, message = DiagnosticStatus.WARN, ", ".join(f"{count} {what}" for what, count in found if count)
+    values: dict[str, object] = {
+        "accepted": sensor.accepted,
+        "rate_hz": sensor.rate_hz,
+        "gaps": sensor.gaps,
+        "longest_gap_s": sensor.longest_gap_s,
+        "clipped": sensor.clipped,
+        "ticks without sample": sensor.invalid_ticks,
+        "residual ratio": sensor.residual_ratio,
+    }
+    values |= {f"rejected {reason}": count for reason, count in sorted(sensor.rejected.items())}
+    return status(level, f"sensor {sensor.name}", message, sensor.name, values)

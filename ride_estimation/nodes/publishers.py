@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelWithCovarianceStamped, InertiaStamped, WrenchStamped
+from numpy.typing import NDArray
 from rclpy.lifecycle import LifecyclePublisher
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -17,7 +18,7 @@ from sensor_msgs.msg import Imu, JointState
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.nodes import conversions
-from ride_estimation.vehicles.vehicle import Body, Vehicle
+from ride_estimation.vehicles.vehicle import Body
 
 #: creates a lifecycle publisher: (message class, topic, QoS, overriding options)
 CreatePublisher = Callable[[type, str, QoSProfile, QoSOverridingOptions], LifecyclePublisher]
@@ -45,32 +46,32 @@ class Frames:
 
 
 class EstimatePublishers:
-    """All output topics of one vehicle.
+    """All output topics.
 
     Parameters
     ----------
     create
         Creates one publisher on the node.
-    vehicle
-        Gives the mounts and the body the forces act on.
+    mount_names
+        In the order of the (.., M, 3) arrays.
     frames
         Frame names.
     qos
         Profile of every topic.
     """
 
-    def __init__(self, create: CreatePublisher, vehicle: Vehicle, frames: Frames, qos: QoSProfile) -> None:
+    def __init__(self, create: CreatePublisher, mount_names: Sequence[str], frames: Frames, qos: QoSProfile) -> None:
         def topic(message: type, name: str) -> LifecyclePublisher:
             return create(message, name, qos, QoSOverridingOptions.with_default_policies())
 
         self._cg_frame = frames.cg
         self._vehicle_frame = frames.vehicle
-        self._mount_frames = [f"{frames.mount_prefix}{mount}" for mount in vehicle.mount_names]
-        self._joints = [f"{mount}_{axis}" for mount in vehicle.mount_names for axis in AXES]
+        self._mount_frames = [f"{frames.mount_prefix}{mount}" for mount in mount_names]
+        self._joints = [f"{mount}_{axis}" for mount in mount_names for axis in AXES]
         self._cg_accel = topic(AccelWithCovarianceStamped, "~/cg_accel")
         self._cg_imu = topic(Imu, "~/cg_imu")
         self._load = topic(WrenchStamped, "~/inertial_load")
-        self._forces = [topic(WrenchStamped, f"~/mounts/{mount}/force") for mount in vehicle.mount_names]
+        self._forces = [topic(WrenchStamped, f"~/mounts/{mount}/force") for mount in mount_names]
         self._states = topic(JointState, "~/mounts/states")
         self._stddev = topic(JointState, "~/mounts/stddev")
         self._inertia = topic(InertiaStamped, "~/inertia")
@@ -85,11 +86,8 @@ class EstimatePublishers:
         frame = self._cg_frame
         force = block.mount_force[tick]
         self._cg_accel.publish(conversions.cg_acceleration(stamp, frame, block.cg_accel[tick], block.cg_accel_covariance))
-        self._cg_imu.publish(
-            conversions.cg_imu(
-                stamp, frame, block.cg_specific_force[tick, :3], block.cg_specific_force_covariance[:3, :3], block.angular_rate[tick]
-            )
-        )
+        specific_force, spread = block.cg_specific_force[tick, :3], block.cg_specific_force_covariance[:3, :3]
+        self._cg_imu.publish(conversions.cg_imu(stamp, frame, specific_force, spread, block.angular_rate[tick]))
         load = block.inertial_load[tick]
         self._load.publish(conversions.wrench(stamp, frame, load[:3], load[3:]))
         for publisher, mount_frame, mount_force in zip(self._forces, self._mount_frames, force, strict=True):
@@ -110,11 +108,11 @@ class EstimatePublishers:
         self._inertia.publish(conversions.inertia(stamp_ns, self._vehicle_frame, mass, body.cg, body.inertia))
 
 
-def finite(block: OutputBlock) -> np.ndarray:
+def finite(block: OutputBlock) -> NDArray[np.bool_]:
     """Return which ticks of a block hold only finite numbers, shape (K,)."""
     parts = (
-        block.cg_accel, block.cg_specific_force, block.angular_rate, block.inertial_load, block.mount_force, block.mount_force_std,
-        block.mount_deflection, block.mount_rate,
+        block.cg_accel, block.cg_specific_force, block.angular_rate, block.inertial_load,
+        block.mount_force, block.mount_force_std, block.mount_deflection, block.mount_rate,
     )  # fmt: skip
     count = len(block.stamp_ns)
     good = np.ones(count, dtype=bool)

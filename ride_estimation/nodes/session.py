@@ -3,19 +3,32 @@
 
 from __future__ import annotations
 
+import struct
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 
+from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
-from ride_estimation.io.messages import decode
+from ride_estimation.io.messages import Converter, Sample, make_converter
+from ride_estimation.nodes.cdr import Reader, make_reader
 from ride_estimation.nodes.inputs import input_topics
-from ride_estimation.nodes.node_health import TopicState
+from ride_estimation.nodes.node_health import TopicState, pipeline_statuses
 from ride_estimation.vehicles.vehicle import Body, Vehicle
+
+#: what decoding a damaged message raises (RMWError of rclpy is a RuntimeError)
+DECODE_ERRORS = (RuntimeError, ValueError, OverflowError, struct.error)
+#: what arithmetic on unforeseen numbers may raise (LinAlgError is a ValueError)
+NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
+
+UNDECODABLE = "message_damaged"
+WRONG_TYPE = "message_type_not_accepted"
+NUMERICAL_FAULT = "numerical fault, estimates start again"
 
 
 class Session:
@@ -34,28 +47,75 @@ class Session:
         self.pipeline = Pipeline(vehicle, settings)
         self.topics = input_topics(vehicle.sensors)
         self.states = {t.name: TopicState(t.name, tuple(s.name for s in t.sensors)) for t in self.topics.values()}
+        self.faults: Counter[str] = Counter()
+        self._decoders: dict[tuple[str, str], tuple[Reader, Converter] | None] = {}
         self._ticks = 0
         self._unpublished = 0
 
     @property
     def body(self) -> Body:
         """Return the body whose loads are estimated."""
-        return self.vehicle.bodies[next(iter(self.vehicle.mounts.values())).body]
+        return self.pipeline.arrangement.body
+
+    @property
+    def mount_names(self) -> tuple[str, ...]:
+        """Return the mounts whose forces are estimated, the order of every (.., M, 3) array."""
+        return self.pipeline.arrangement.mount_names
 
     def change_settings(self, settings: PipelineSettings) -> None:
-        """Go on with other settings from what was learned so far."""
+        """Go on with other settings from what was learned so far; the time base begins anew."""
         learned = self.pipeline.save_state()
         self.pipeline = Pipeline(self.vehicle, settings)
         self.pipeline.load_state(learned)
 
     def receive(self, topic: str, type_name: str, payload: bytes) -> tuple[OutputBlock, ...]:
-        """Decode one message and let the pipeline observe every sensor it carries."""
-        raise RuntimeError
+        """Decode one message and let the pipeline observe every sensor it carries; nothing is dropped uncounted.
+
+        Parameters
+        ----------
+        topic
+            One of :attr:`topics`.
+        type_name
+            Message type.
+        payload
+            CDR bytes.
+        """
+        state = self.states[topic]
+        state.received += 1
+        key = (topic, type_name)
+        if key not in self._decoders:
+            converter = make_converter(type_name, self.topics[topic].sensors)
+            self._decoders[key] = None if converter is None else (make_reader(type_name), converter)
+        decoder = self._decoders[key]
+        if decoder is None:
+            state.rejected[WRONG_TYPE] += 1
+            return ()
+        read, convert = decoder
+        try:
+            samples = convert(read(payload))
+        except DECODE_ERRORS:
+            state.rejected[UNDECODABLE] += 1
+            return ()
+        blocks: tuple[OutputBlock, ...] = ()
+        for sample in samples:
+            if sample.rejection:
+                state.rejected[sample.rejection] += 1
+            else:
+                blocks += self._observe(sample)
+        return blocks
+
+    def _observe(self, sample: Sample) -> tuple[OutputBlock, ...]:
+        try:
+            return self.pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
+        except NUMERICAL_ERRORS as error:
+            self.faults[f"{type(error).__name__}: {error}"] += 1
+            self.pipeline.reset(NUMERICAL_FAULT)
+            return ()
 
     def ticks_to_publish(self, good: NDArray[np.bool_], every: int) -> list[int]:
         """Return the ticks of a block to publish: every n-th, of those that hold an estimate."""
         chosen = []
-        for tick, usable in enumerate(good):
+        for tick, usable in enumerate(good.tolist()):
             due = self._ticks % every == 0
             self._ticks += 1
             if not usable:
@@ -65,6 +125,7 @@ class Session:
         return chosen
 
     def statuses(self) -> Iterator[DiagnosticStatus]:
-        """Return one status per topic and those of the pipeline."""
+        """Return the statuses of the estimates, of every sensor and of every topic."""
+        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished)
         for state in self.states.values():
             yield state.status()

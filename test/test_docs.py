@@ -1,0 +1,151 @@
+# Copyright 2026 ride_estimation contributors
+"""Documents are run: every command in a bash block is checked here, and those of the package are executed."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ride_estimation.cli.main import build_parser, main, verbs
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "bags").glob("*.md")])
+#: longer than a few seconds: run by the slow suite
+SLOW_VERBS = {"demo", "diagnose"}
+#: commands of the shell and of other programs that need no check here
+OTHER_PROGRAMS = {"cd", "source", ".", "git", "touch", "mkdir", "pip", "colcon", "deactivate", "export"}
+
+
+def commands() -> list[tuple[str, str]]:
+    """Return (document, command) for every line of every bash block, continued lines joined."""
+    found = []
+    for path in DOCUMENTS:
+        for block in re.findall(r"```(?:bash|sh)\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL):
+            for line in block.replace("\\\n", " ").splitlines():
+                for part in re.split(r"&&|;", re.sub(r"(^|\s)#.*", "", line)):
+                    if part.strip():
+                        found.append((path.relative_to(ROOT).as_posix(), " ".join(part.split())))
+    return found
+
+
+COMMANDS = commands()
+VERB_COMMANDS = sorted({(d, c) for d, c in COMMANDS if Path(shlex.split(c)[0]).name == "ride-estimation"})
+
+
+def words_of(command: str) -> list[str]:
+    """Return the words of a command without variable assignments before it."""
+    words = shlex.split(command)
+    while words and re.fullmatch(r"[A-Z_]+=.*", words[0]):
+        words.pop(0)
+    return words
+
+
+def entry_points() -> set[str]:
+    return set(re.findall(r'"([\w-]+) = ride_estimation', (ROOT / "setup.py").read_text(encoding="utf-8")))
+
+
+def launch_arguments(name: str) -> set[str]:
+    """Return the arguments a launch file declares, read from its source."""
+    tree = ast.parse((ROOT / "launch" / name).read_text(encoding="utf-8"))
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "DeclareLaunchArgument"]
+    return {call.args[0].value for call in calls if isinstance(call.args[0], ast.Constant)}
+
+
+def check_ros2(words: list[str]) -> None:
+    """Check a ros2 command as far as this repository defines it."""
+    if words[1] == "launch":
+        package, launch_file, *arguments = words[2:]
+        assert package == "ride_estimation"
+        assert {a.partition(":=")[0] for a in arguments} <= launch_arguments(launch_file)
+    elif words[1] == "run":
+        assert words[2] == "ride_estimation"
+        assert words[3] in entry_points()
+    else:
+        assert words[1] in {"service", "topic", "param", "lifecycle", "bag"}
+
+
+@pytest.mark.parametrize(("document", "command"), sorted(set(COMMANDS)), ids=lambda text: text.replace("/", "_"))
+def test_command_exists_as_written(document: str, command: str) -> None:
+    words = words_of(command)
+    if not words:
+        return  # only sets a variable
+    program = Path(words[0]).name
+    if program == "ride-estimation":
+        build_parser().parse_args([w for w in words[1:]]) if "--help" not in words else None
+    elif program == "make":
+        done = subprocess.run(["make", "-n", *words[1:]], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    elif program.startswith("python") and words[1:2] == ["-m"]:
+        assert words[2] in {"venv", "pytest", "pip", "colcon"} or importlib.util.find_spec(words[2]) is not None
+    elif program == "ros2":
+        check_ros2(words)
+    elif program in entry_points() or (ROOT / words[0]).is_file():
+        return
+    else:
+        assert program in OTHER_PROGRAMS, f"{document}: no check for {program!r}"
+
+
+def run_in_copy(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a ride-estimation command in a folder that has the bundled files of the repository."""
+    for name in ("bags", "config"):
+        (folder / name).symlink_to(ROOT / name)
+    words = shlex.split(command)
+    return subprocess.run(
+        [sys.executable, "-m", "ride_estimation.cli.main", *words[1:]], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def needs(command: str, slow: bool) -> bool:
+    return (shlex.split(command)[1] in SLOW_VERBS) == slow
+
+
+@pytest.mark.parametrize(("document", "command"), [c for c in VERB_COMMANDS if needs(c[1], False)], ids=lambda t: t.replace("/", "_"))
+def test_command_runs(document: str, command: str, tmp_path: Path) -> None:
+    done = run_in_copy(command, tmp_path)
+    assert done.returncode == 0, f"{document}: {command}\n{done.stderr}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("document", "command"), [c for c in VERB_COMMANDS if needs(c[1], True)], ids=lambda t: t.replace("/", "_"))
+def test_long_command_runs(document: str, command: str, tmp_path: Path) -> None:
+    done = run_in_copy(command, tmp_path)
+    assert done.returncode == 0, f"{document}: {command}\n{done.stderr}"
+
+
+def test_readme_starts_with_the_two_commands() -> None:
+    readme = [command for document, command in COMMANDS if document == "README.md"]
+    assert "make demo" in readme
+    assert "make test" in readme
+
+
+@pytest.mark.parametrize("verb", sorted(verbs()))
+def test_verb_has_help_and_an_end_to_end_test(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([verb, "--help"])
+    assert ended.value.code == 0
+    assert verb in capsys.readouterr().out
+    assert (ROOT / "test" / "cli" / f"test_{verb.replace('-', '_')}.py").is_file(), "every verb has an end-to-end test"
+
+
+def test_readme_names_every_verb() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    missing = [verb for verb in verbs() if not re.search(rf"`?(ride-estimation )?{verb}\b", readme)]
+    assert not missing
+
+
+def test_links_between_documents_lead_somewhere() -> None:
+    for path in DOCUMENTS:
+        for target in re.findall(r"\]\((?!https?:|#)([^)#]+)\)", path.read_text(encoding="utf-8")):
+            assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_make_is_here_to_check_its_targets() -> None:
+    assert shutil.which("make"), "make is needed to check the commands of the documents"
