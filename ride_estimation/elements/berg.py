@@ -1,0 +1,63 @@
+# Copyright 2026 ride_estimation contributors
+"""The Berg bushing: spring, one Maxwell cell, smooth friction."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar, final
+
+from ride_estimation.elements.base import ForceElement, parameter
+from ride_estimation.elements.berg_friction import BergFriction
+from ride_estimation.elements.composite import CompositeElement
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.elements.maxwell import Maxwell
+
+
+@final
+@dataclasses.dataclass(frozen=True)
+class Berg(CompositeElement):
+    """Berg model, ``F = k_e x + m + F_fr``: five parameters and the dead band of the friction.
+
+    Source: document 003 eq. (6)-(9).
+    """
+
+    KIND: ClassVar[str] = "berg"
+
+    stiffness: float = parameter(
+        "N/m", key="stiffness_n_per_m", lower=0.0, upper=1e10, meaning="static spring rate k_e", role="stiffness",
+        source="003 (7)",
+    )
+    cell_stiffness: float = parameter(
+        "N/m", key="cell_stiffness_n_per_m", lower=0.0, upper=1e10, meaning="spring rate k_v of the Maxwell cell",
+        role="stiffness", source="003 (8)",
+    )
+    cell_damping: float = parameter(
+        "N s/m", key="cell_damping_n_s_per_m", lower=1e-9, upper=1e9, meaning="damping c_v of the Maxwell cell",
+        role="damping", source="003 (8)",
+    )
+    friction: float = parameter(
+        "N", key="friction_n", lower=0.0, upper=1e6, meaning="largest friction force f_max", role="friction",
+        source="003 (9)",
+    )
+    half_stroke: float = parameter(
+        "m", key="half_stroke_m", lower=1e-9, upper=1.0, meaning="stroke x_2 from rest to half the largest friction force",
+        source="003 (9)",
+    )
+    dead_band: float = parameter(
+        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
+        meaning="shortest way back that is a reversal; about 6 standard deviations of the noise of a measured deflection",
+        source="this project",
+    )
+
+    def parts(self) -> tuple[ForceElement, ...]:
+        """Return spring, Maxwell cell and friction."""
+        return (
+            KelvinVoigt(self.stiffness, 0.0),
+            Maxwell(self.cell_stiffness, self.cell_damping),
+            BergFriction(self.friction, self.half_stroke, self.dead_band),
+        )
+
+    @classmethod
+    def example(cls) -> Berg:
+        """Return the bushing of document 003, Table 1."""
+        return cls(stiffness=60e3, cell_stiffness=60e3, cell_damping=2387.0, friction=60.0, half_stroke=0.25e-3)
