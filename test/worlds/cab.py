@@ -314,7 +314,8 @@ def measure(
         Noise standard deviation of every accelerometer as a share of the pooled rms of the moving part of the cab
         accelerometers (for displacement sensors: of the pooled deflection rms); None: each sensor's ``noise_std``.
     anti_alias
-        Corner of a second-order Butterworth low-pass, the same in all sensors, as a share of the sample rate; 0: none.
+        Corner of a second-order Butterworth low-pass, the same in all sensors, as a share of the sample rate; 0: none. The
+        truth of the measurement passes the same filter.
     jitter_s, phases_s
         Standard deviation of stamp jitter (true sampling times move with the stamp), largest phase between sensors.
     """
@@ -329,7 +330,8 @@ def measure(
     rms = pooled_rms([clean[s.name][:, :3] for s in sensors if s.place == "cab" and s.kind != "displacement"])
     defl_rms = pooled_rms([clean[s.name] for s in sensors if s.kind == "displacement"])
     data, stamps, used = {}, {}, []
-    for sensor in sensors:
+    for declared in sensors:
+        sensor = declared
         if noise_share is not None:
             scale = defl_rms if sensor.kind == "displacement" else rms
             sensor = dataclasses.replace(sensor, noise_std=noise_share * scale)
@@ -357,15 +359,24 @@ def measure(
             values = np.round(values / sensor.quantum) * sensor.quantum
         data[sensor.name] = np.clip(values, -min(sensor.clip, sensor.full_scale), min(sensor.clip, sensor.full_scale))
     mass, cg, _ = run.mass_properties()
+
+    def seen(values: np.ndarray) -> np.ndarray:
+        """Return a true signal through the filter of the sensors: what any estimate could at best be."""
+        if anti_alias > 0.0:
+            b, a = butter(2, min(anti_alias * rate_hz * 2 * run.step, 0.99))
+            zi = lfilter_zi(b, a).reshape(-1, *[1] * (values.ndim - 1))
+            values = lfilter(b, a, values, axis=0, zi=zi * values[:1])[0]
+        return values[keep]
+
     truth = {
         "time": time,
-        "specific_force": run.specific_force[keep],
-        "cg_accel": run.cg_accel[keep],
-        "angular_rate": run.angular_rate[keep],
-        "inertial_load": run.inertial_load[keep],
-        "mount_force": run.force[keep],
-        "deflection": run.deflection[keep],
-        "deflection_rate": run.rate[keep],
+        "specific_force": seen(run.specific_force),
+        "cg_accel": seen(run.cg_accel),
+        "angular_rate": seen(run.angular_rate),
+        "inertial_load": seen(run.inertial_load),
+        "mount_force": seen(run.force),
+        "deflection": seen(run.deflection),
+        "deflection_rate": seen(run.rate),
         "mass": mass[keep],
         "cg": cg[keep],
         "rotation": run.rotation[keep],

@@ -137,13 +137,14 @@ def _ideal(run: object, sensor: CabSensor) -> np.ndarray:
     return np.clip(values * sensor.gain + sensor.bias, -sensor.clip, sensor.clip)
 
 
+def _is_faulty(sensor: CabSensor) -> bool:
+    scaled = np.any(np.asarray(sensor.gain) != 1.0) or np.any(np.asarray(sensor.bias) != 0.0)
+    return bool(scaled or sensor.true_rotation is not None or sensor.delay_s > 0.0 or np.isfinite(sensor.clip))
+
+
 def _seen_base(vehicle: CabVehicle, sensors: tuple[CabSensor, ...], base: BaseMotion) -> BaseMotion:
     """Return the base motion as faulty chassis-side sensors report it (their error, integrated above 0.3 Hz, added)."""
-    faulty = [
-        s for s in sensors
-        if s.place != "cab" and s.kind != "displacement"
-        and (s.true_rotation is not None or s.delay_s or np.any(np.asarray(s.gain) != 1.0) or np.isfinite(s.clip) or np.any(np.asarray(s.bias) != 0.0))
-    ]  # fmt: skip
+    faulty = [s for s in sensors if s.place != "cab" and s.kind != "displacement" and _is_faulty(s)]
     if not faulty:
         return base
     frames = bracket_motion(base, vehicle.mounts)

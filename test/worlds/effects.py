@@ -283,7 +283,7 @@ def _mass_change(ref: Reference, rng: np.random.Generator, mount: str | None, ax
             inertia = inertia + m * (r @ r * np.eye(3) - np.outer(r, r))
         return _changed(ref, mass_after=(when, mass, cg, inertia))
 
-    return Effect("mass_change", "cab", "", "step", apply, largest=3.0 if sign > 0 else 3.0)
+    return Effect("mass_change", "cab", "", "step", apply, largest=3.0)
 
 
 def _cg_offset(ref: Reference, rng: np.random.Generator, mount: str | None, axis: str | None) -> Effect:
