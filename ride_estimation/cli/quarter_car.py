@@ -1,0 +1,93 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation quarter-car``: the six models of document 002 on a recorded table, with everything it left out."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.quarter_car.checks import check_road, pitch_evidence
+from ride_estimation.identification.quarter_car.fit import QuarterCarFit, fit_models, line_coherence
+from ride_estimation.identification.quarter_car.models import PARAMETERS, QuarterCarSimulation
+from ride_estimation.io.json_file import write_json
+from ride_estimation.io.tables import column, read_table
+
+HELP = "fit the six quarter-car models of document 002 with bounds, multi-start and a plausibility gate"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("table", type=Path, help="CSV: time_s, road_m, body_acceleration_m_per_s2, axle_acceleration_m_per_s2")
+    parser.add_argument("--sprung-mass-kg", type=float, required=True)
+    parser.add_argument("--unsprung-mass-kg", type=float, required=True)
+    parser.add_argument("--speed-m-per-s", type=float, default=0.0, help="to check that a wheel can follow the road")
+    parser.add_argument("--wheel-radius-m", type=float, default=0.5)
+    parser.add_argument("--noise-m-per-s2", type=float, default=0.02, help="noise of the accelerometers (default 0.02)")
+    parser.add_argument("--spring-rate-n-per-m", type=float, default=None, help="known spring rate (leaf geometry), held")
+    parser.add_argument("--roll-envelope", action="store_true", help="fit with the rolled envelope of the road")
+    parser.add_argument("--models", type=int, nargs="+", choices=range(1, 7), default=range(1, 7), help="which of the six")
+    parser.add_argument("--starts", type=int, default=4, help="random starts per model (default 4)")
+    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write quarter_car.json")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit, print the table of models and what is doubtful about each."""
+    table = read_table(options.table)
+    time, road, body, axle = (
+        column(table, options.table, n) for n in ("time", "road", "body_acceleration", "axle_acceleration")
+    )
+    rate = (time.size - 1) / float(time[-1] - time[0]) if time[-1] > time[0] else 0.0
+    if rate <= 0.0 or np.any(np.abs(np.diff(time) * rate - 1.0) > 0.1):
+        raise InputDataError(f"{options.table}: time must rise in equal steps")
+    if options.speed_m_per_s > 0.0:
+        check = check_road(road, rate, options.speed_m_per_s, options.wheel_radius_m)
+        if options.roll_envelope:
+            road = check.envelope
+            print("road replaced by the envelope of the rolling wheel")
+        elif check.objection:
+            print(f"warning: {check.objection} (--roll-envelope)")
+    fixed = {} if options.spring_rate_n_per_m is None else {"spring_rate": options.spring_rate_n_per_m}
+    masses = (options.sprung_mass_kg, options.unsprung_mass_kg)
+    noise = (options.noise_m_per_s2, options.noise_m_per_s2)
+    results = fit_models(
+        road, np.column_stack([body, axle]), rate, sprung_mass=masses[0], unsprung_mass=masses[1], noise_std=noise,
+        fixed=fixed, models=tuple(options.models), starts=options.starts,
+    )
+    for result in results:
+        _print(result)
+    best = min(results, key=lambda r: r.sum_of_squares)
+    plain = min((r for r in results if not r.model.sine), key=lambda r: r.sum_of_squares, default=best)
+    residual = body - QuarterCarSimulation(*masses, road, rate).run(plain.values, "")[:, 0]
+    print(f"best fit: model {best.model.number}, {best.model.title}")
+    if best.sinusoid is not None:
+        coherence = line_coherence(residual, rate, best.sinusoid.frequency_hz)
+        print(f"phase coherence of the line over the record: {coherence:.2f} (1 for a sinusoid, about 0.4 for chance)")
+    if options.speed_m_per_s > 0.0:
+        offer = pitch_evidence(residual, axle, rate, options.speed_m_per_s).offer
+        if offer:
+            print(offer)
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        write_json(options.out / "quarter_car.json", {"models": [dataclasses.asdict(r) for r in results]})
+    return 0
+
+
+def _print(result: QuarterCarFit) -> None:
+    body, axle = (100.0 * v for v in result.nrmse)
+    print(
+        f"\nmodel {result.model.number}, {result.model.title}: weighted sum of squares {result.sum_of_squares:.5g}, error body "
+        f"{body:.1f} %, axle {axle:.1f} %"
+    )
+    for name in result.std:
+        if not name.startswith("sine"):
+            flag = " ON BOUND" if name in result.on_bounds else " not identified" if name in result.not_identified else ""
+            print(f"  {name:<18}{result.values[name]:>12.5g} +- {result.std[name]:<9.2g} {PARAMETERS[name].unit}{flag}")
+    if result.sinusoid is not None:
+        s = result.sinusoid
+        print(f"  sinusoid          {s.amplitude:>12.4g} {s.unit} at {s.frequency_hz:.3f} Hz, phase {s.phase_rad:+.2f} rad")
+    for objection in result.plausible.objections:
+        print(f"  implausible: {objection}")

@@ -1,0 +1,52 @@
+# Copyright 2026 ride_estimation contributors
+"""End to end: ``ride-estimation quarter-car`` on the fire truck of document 002."""
+
+import json
+
+import numpy as np
+import pytest
+from worlds.fire_truck import MS, MU, RADIUS, SPEED, TIME, hub_path, truth
+
+from ride_estimation.cli.main import main
+
+MASSES = ["--sprung-mass-kg", str(MS), "--unsprung-mass-kg", str(MU)]
+DRIVE = ["--speed-m-per-s", str(SPEED), "--wheel-radius-m", str(RADIUS)]
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    y = truth(hub_path)
+    path = tmp_path_factory.mktemp("run") / "truck.csv"
+    header = "time_s,road_mm,body_acceleration_m_per_s2,axle_acceleration_m_per_s2"
+    np.savetxt(path, np.column_stack([TIME, 1000 * hub_path(TIME), y]), delimiter=",", header=header, comments="")
+    return str(path)
+
+
+def test_six_models_are_fitted_and_written(table, tmp_path, capsys):
+    assert main(["quarter-car", table, *MASSES, *DRIVE, "--starts", "0", "--out", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    for number in range(1, 7):
+        assert f"model {number}," in text
+    assert "the input is the problem" not in text
+    document = json.loads((tmp_path / "quarter_car.json").read_text())
+    sums = [m["sum_of_squares"] for m in document["models"]]
+    assert sums[1] <= sums[0]
+    assert sums[2] <= sums[1]
+    assert sums[5] <= sums[4]
+
+
+def test_the_step_is_warned_of(table, tmp_path, capsys):
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    rows[:, 1] = np.where(rows[:, 1] > 50, 100.0, 0.0)
+    path = tmp_path / "step.csv"
+    header = "time_s,road_mm,body_acceleration_m_per_s2,axle_acceleration_m_per_s2"
+    np.savetxt(path, rows[::2], delimiter=",", header=header, comments="")
+    assert main(["quarter-car", str(path), *MASSES, *DRIVE, "--models", "2", "--starts", "0"]) == 0
+    assert "the input is the problem" in capsys.readouterr().out
+
+
+def test_unequal_time_steps_end_with_code_2(tmp_path, capsys):
+    path = tmp_path / "bad.csv"
+    path.write_text("time_s,road_m,body_acceleration_m_per_s2,axle_acceleration_m_per_s2\n0,0,0,0\n0.1,0,0,0\n0.5,0,0,0\n")
+    assert main(["quarter-car", str(path), *MASSES]) == 2
+    assert "equal steps" in capsys.readouterr().err

@@ -1,0 +1,141 @@
+# Copyright 2026 ride_estimation contributors
+"""The fire truck of document 002 (rows 2-1 to 2-11): truth from an independent ODE, the six models, the wrong input."""
+
+import numpy as np
+import pytest
+from worlds.fire_truck import CS, CT, KS, KT, MS, MU, RADIUS, RATE, SPEED, TIME, hub_path, truth
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.quarter_car import checks, plausibility
+from ride_estimation.identification.quarter_car.fit import fit_models, line_coherence
+from ride_estimation.identification.quarter_car.models import MODELS, REFERENCE_STROKE
+
+TABLE_2 = {
+    1: dict(k_s=10000, k_t=44767, c_s=19882),
+    2: dict(k_s=10000, k_t=56741, c_s=62045, c_t=5000),
+    3: dict(k_s=739230, k_t=10000, c_s=8800, c_t=5000, n_ks=1.7236, n_kt=0.6529, n_cs=0.3414),
+    4: dict(k_s=10000, k_t=51287, c_s=90587, c_t=5000),
+    5: dict(k_s=109190, k_t=57040, c_s=59960, c_t=5000),
+    6: dict(k_s=44550, k_t=60183, c_s=8948, c_t=5000, n_ks=0.7978, n_kt=1.0199, n_cs=0.4166),
+}
+TABLE_2_SUM = {1: 45.4653, 2: 35.9316, 3: 43.9029, 4: 33.7879, 5: 32.2651, 6: 31.1266}
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return truth(hub_path)
+
+
+def fit(road, y, **options):
+    return fit_models(road, y, RATE, sprung_mass=MS, unsprung_mass=MU, noise_std=(0.02, 0.02), **options)
+
+
+def test_the_wheel_takes_half_a_second_over_the_block():
+    raised = TIME[hub_path(TIME) > 0]
+    assert raised[-1] - raised[0] == pytest.approx(0.504, abs=0.01)
+
+
+def test_the_right_input_brings_the_parameters_back(measured):
+    linear = fit(hub_path(TIME), measured, models=(2,), starts=1)[0]
+    assert linear.values["spring_rate"] == pytest.approx(KS, rel=1e-3)  # 0.1 %
+    assert linear.values["tyre_rate"] == pytest.approx(KT, rel=2e-3)
+    assert linear.values["damping"] == pytest.approx(CS, rel=1e-3)
+    assert linear.plausible.objections == ()
+    assert linear.on_bounds == ()
+    for name, true in (("spring_rate", KS), ("tyre_rate", KT), ("damping", CS)):
+        assert abs(linear.values[name] - true) < 4 * linear.std[name] + 5e-4 * true
+
+
+def test_the_step_of_the_document_is_named_as_the_problem(measured):
+    step = np.where(SPEED * TIME > 0.8, 0.1, 0.0)
+    check = checks.check_road(step, RATE, SPEED, RADIUS)
+    assert "the input is the problem" in check.objection
+    wrong = fit(step, measured, models=(2,), starts=2)[0]
+    right = fit(hub_path(TIME), measured, models=(2,), starts=1)[0]
+    assert wrong.sum_of_squares > 50 * right.sum_of_squares
+    assert abs(wrong.values["tyre_rate"] / KT - 1) > 0.5 or wrong.plausible.objections
+
+
+def test_a_rolled_envelope_is_not_objected_to():
+    assert checks.check_road(hub_path(TIME), RATE, SPEED, RADIUS).objection == ""
+
+
+def test_larger_models_never_fit_worse_and_the_vehicle_sinusoid_is_found_with_all_its_numbers():
+    y = truth(hub_path, body_force=lambda t: 1500.0 * np.sin(2 * np.pi * 6.3 * t + 0.7))
+    results = {r.model.number: r for r in fit(hub_path(TIME), y, starts=1)}
+    for model in MODELS:
+        for inner in model.contains:
+            assert results[model.number].sum_of_squares <= results[inner].sum_of_squares * (1 + 1e-9)
+    sine = results[5].sinusoid
+    assert sine.unit == "N"
+    assert sine.amplitude == pytest.approx(1500.0, rel=0.01)
+    assert sine.frequency_hz == pytest.approx(6.3, abs=0.01)
+    assert sine.phase_rad == pytest.approx(0.7, abs=0.05)
+    assert results[5].sum_of_squares < 0.1 * results[2].sum_of_squares
+    assert results[5].sum_of_squares < results[4].sum_of_squares
+
+
+def test_published_table_2_breaks_nestedness():
+    """Model 3 contains model 2 and is printed worse: an optimiser that stopped early, not a property of the truck."""
+    assert 2 in MODELS[2].contains
+    assert TABLE_2_SUM[3] > TABLE_2_SUM[2]
+
+
+@pytest.mark.parametrize("number", TABLE_2)
+def test_no_column_of_table_2_is_plausible(number):
+    result = plausibility.check(MS, MU, plausibility.published_values(TABLE_2[number]))
+    assert result.objections
+
+
+def test_static_deflections_of_the_published_columns():
+    def sag(row):
+        result = plausibility.check(MS, MU, plausibility.published_values(row))
+        return result.spring_deflection, result.tyre_deflection
+
+    assert sag(TABLE_2[1]) == pytest.approx((2.45, 0.62), abs=0.01)
+    assert sag(TABLE_2[3]) == pytest.approx((0.139, 4.73), abs=0.02)
+    assert sag(TABLE_2[6]) == pytest.approx((0.473, 0.47), abs=0.01)
+    literature = dict(k_s=KS, k_t=KT, c_s=CS, c_t=CT)
+    assert sag(literature) == pytest.approx((0.082, 0.028), abs=0.001)
+    assert plausibility.check(MS, MU, plausibility.published_values(literature)).objections == ()
+
+
+def test_coefficients_convert_to_force_at_a_stroke():
+    value = plausibility.from_power_law(739230, 1.7236, REFERENCE_STROKE)
+    assert value * REFERENCE_STROKE == pytest.approx(739230 * REFERENCE_STROKE**1.7236, rel=1e-12)
+
+
+def test_a_fixed_spring_rate_can_only_raise_the_sum_of_squares(measured):
+    free = fit(hub_path(TIME), measured, models=(2,), starts=0)[0]
+    held = fit(hub_path(TIME), measured, models=(2,), starts=0, fixed={"spring_rate": 328_353.0})[0]
+    assert held.sum_of_squares >= free.sum_of_squares
+    assert held.values["spring_rate"] == 328_353.0
+
+
+def test_a_missing_rear_axle_is_offered_as_half_car_and_a_clean_residual_is_not():
+    rng = np.random.default_rng(2)
+    axle = np.convolve(rng.standard_normal(4000), np.hanning(20))[:4000]
+    rear = 0.5 * np.convolve(np.concatenate([np.zeros(1080), axle])[:4000], np.hanning(30) / 15)[:4000]
+    noise = 0.2 * rng.standard_normal(4000)
+    found = checks.pitch_evidence(rear + noise, axle, RATE, SPEED)
+    assert "half car" in found.offer
+    assert found.wheelbase == pytest.approx(1080 / RATE * SPEED, abs=0.3)
+    assert checks.pitch_evidence(noise, axle, RATE, SPEED).offer == ""
+
+
+def test_line_coherence_tells_a_sinusoid_from_a_burst():
+    t = np.arange(0, 30, 1 / 100)
+    rng = np.random.default_rng(1)
+    sine = np.sin(2 * np.pi * 3.0 * t) + 0.3 * rng.standard_normal(t.size)
+    assert line_coherence(sine, 100.0, 3.0) > 0.95
+    noise = rng.standard_normal(t.size)
+    assert line_coherence(noise, 100.0, 3.0) < 0.8
+
+
+def test_bad_input_is_refused(measured):
+    with pytest.raises(InputDataError, match="shape"):
+        fit(hub_path(TIME)[:-1], measured)
+    with pytest.raises(InputDataError, match="not finite"):
+        fit(hub_path(TIME) * np.nan, measured)
+    with pytest.raises(InputDataError, match="unknown parameter"):
+        fit(hub_path(TIME), measured, fixed={"colour": 1.0})
