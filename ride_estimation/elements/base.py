@@ -93,8 +93,6 @@ class ForceElement(abc.ABC):
 
     #: name of the element in vehicle files and reports
     KIND: ClassVar[str] = ""
-    #: True where no closed path from rest can yield energy
-    PASSIVE: ClassVar[bool] = True
     #: order at which :meth:`response` converges with the step
     ORDER: ClassVar[int] = 2
 
@@ -232,6 +230,10 @@ class ForceElement(abc.ABC):
     def rate(self, s: Array, x: float, v: float) -> Array:
         """Return ds/dt of the continuous part of the memory, shape (S,)."""
         return np.zeros_like(s)
+
+    def is_passive(self) -> bool:
+        """Return whether no closed path of the deflection from rest can yield energy."""
+        return True
 
     def fastest_rate(self, peak_speed: float) -> float:
         """Return the fastest rate of the memory [1/s] while the deflection moves at up to ``peak_speed`` [m/s].

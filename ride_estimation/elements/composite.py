@@ -48,6 +48,10 @@ class CompositeElement(ForceElement):
         """Return the primitives of all parts."""
         return tuple(term for part in self.parts() for term in part.terms())
 
+    def is_passive(self) -> bool:
+        """Return whether all parts are passive."""
+        return all(part.is_passive() for part in self.parts())
+
     def fastest_rate(self, peak_speed: float) -> float:
         """Return the fastest rate among the parts [1/s]."""
         return max((part.fastest_rate(peak_speed) for part in self.parts()), default=0.0)

@@ -48,8 +48,8 @@ class Dahl(ForceElement):
         """Return ``sigma (1 - s F / f_c)^n v`` [N/s]."""
         if self.friction == 0.0:
             return np.zeros(1)
-        room = max(1.0 - math.copysign(1.0, v) * float(s[0]) / self.friction, 0.0)
-        return np.array([self.slope * room**self.exponent * v], dtype=float)
+        room: float = max(1.0 - math.copysign(1.0, v) * float(s[0]) / self.friction, 0.0)
+        return np.array([self.slope * math.pow(room, self.exponent) * v])
 
     def force(self, s: Array, x: float, v: float) -> float:
         """Return F [N]."""
@@ -59,7 +59,8 @@ class Dahl(ForceElement):
         """Return ``n sigma v / f_c`` times the factor 2^(n-1) of a full reversal [1/s]."""
         if self.friction == 0.0:
             return 0.0
-        return self.exponent * 2.0 ** max(self.exponent - 1.0, 0.0) * self.slope * abs(peak_speed) / self.friction
+        reversal = math.pow(2.0, max(self.exponent - 1.0, 0.0))
+        return self.exponent * reversal * self.slope * abs(peak_speed) / self.friction
 
     def terms(self) -> tuple[Term, ...]:
         """Return the one primitive."""

@@ -100,7 +100,7 @@ class SumOfElements(CompositeElement):
     @classmethod
     def example(cls) -> SumOfElements:
         """Return a rubber mount with a bump stop."""
-        from ride_estimation.elements.contact import BumpStop
+        from ride_estimation.elements.bump_stop import BumpStop
         from ride_estimation.elements.modified_berg import ModifiedBerg
 
         return cls(elements=(ModifiedBerg.example(), BumpStop.example()))

@@ -216,13 +216,18 @@ def network_commit(
 
 
 @compile_lean_kernel
-def run(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float, force: Array) -> None:
-    """Add the tension over a signal to ``force``, shape (N,); the first sample is a step of length zero."""
+def _continue(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float, force: Array) -> None:
+    """Add the tension over a signal whose first sample is a step h after the memory."""
     for t in range(codes.shape[0]):
-        step = 0.0
         for i in range(x.shape[0]):
-            force[i] += commit_at(codes[t], params, states, t, x[i], v[i], step)
-            step = h
+            force[i] += commit_at(codes[t], params, states, t, x[i], v[i], h)
+
+
+def continued(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float) -> Array:
+    """Return the tension [N] over a signal that follows what ``states`` has seen; ``states`` is advanced. Shape (N,)."""
+    force = np.zeros(len(x))
+    _continue(codes, params, states, np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(v, dtype=float), h, force)
+    return force
 
 
 @compile_lean_kernel
@@ -258,6 +263,8 @@ def response(codes: Codes, params: Array, x: Array, v: Array, h: float, states: 
     """
     if states is None:
         states = initial_states(codes, params, float(x[0]) if x.size else 0.0)
-    force = np.zeros(len(x))
-    run(codes, params, states, np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(v, dtype=float), h, force)
-    return force
+    if x.size == 0:
+        return np.zeros(0)
+    # the first sample sets the memory without time passing
+    first = terms_commit(codes, params, states, float(x[0]), float(v[0]), 0.0)
+    return np.concatenate([[first], continued(codes, params, states, x[1:], v[1:], h)])

@@ -1,9 +1,10 @@
 # Copyright 2026 ride_estimation contributors
-"""Stops: force only past a gap, entered smoothly."""
+"""Bump stops and free play: force only past a gap, entered smoothly."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import ClassVar, final
 
@@ -12,14 +13,20 @@ from ride_estimation.elements.kernels_static import contact_force
 from ride_estimation.elements.terms import CONTACT, Term
 
 
+def gap_harmonic(ratio: float) -> float:
+    """Return the first harmonic of a spring behind a gap on both sides over that of the spring, ``ratio = gap / A``."""
+    if ratio >= 1.0:
+        return 0.0
+    return 1.0 - 2.0 / math.pi * (math.asin(ratio) + ratio * math.sqrt(1.0 - ratio**2))
+
+
 @final
 @dataclasses.dataclass(frozen=True)
 class BumpStop(ForceElement):
     """One- or two-sided stop, ``F = side max(k u + k_3 u^3 + c u' v, 0)`` per side; it pushes, never pulls.
 
     u is the penetration past the gap, quadratic inside ``gap +- entry`` and C1 (document 004; the cubic coefficient of its
-    third-order polynomial is identically zero). A gap of ``inf`` means there is no stop on that side. With both gaps equal
-    it is free play (backlash) of a spring.
+    third-order polynomial is identically zero). A gap of 10 m means there is no stop on that side.
     """
 
     KIND: ClassVar[str] = "bump_stop"
@@ -69,6 +76,13 @@ class BumpStop(ForceElement):
         rest = (self.entry, self.stiffness, self.cubic, self.damping)
         sides = ((-1.0, self.compression_gap), (1.0, self.extension_gap))
         return tuple(Term(CONTACT, (side, gap, *rest)) for side, gap in sides)
+
+    def dynamic_stiffness(self, omega: float, amplitude: float) -> complex | None:
+        """Return the first harmonic [N/m] of the two gaps; None with smooth entry, cubic rate or damping."""
+        if self.entry > 0.0 or self.cubic > 0.0 or self.damping > 0.0 or amplitude == 0.0:
+            return None
+        shares = (gap_harmonic(gap / amplitude) for gap in (self.compression_gap, self.extension_gap))
+        return complex(0.5 * self.stiffness * sum(shares))
 
     @classmethod
     def example(cls) -> BumpStop:
