@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.bench.element_mapping import element_parts, sum_mapping
+from ride_estimation.identification.bench.element_mapping import element_mapping
 from ride_estimation.identification.bench.ladder import Rung, climb
 from ride_estimation.identification.bench.models import LADDER, BenchModel, model_by_name
 from ride_estimation.identification.bench.record import BenchRecord
@@ -112,10 +112,10 @@ def identify_records(
         prepared = tuple(prepare(r) for r in records)
     final = fit_time_domain(rungs[chosen].fit.model, prepared) if not validation else rungs[chosen].fit
     spread = uncertainty(final, prepared)
-    parts = element_parts(final, max(p.motion.dead_band for p in prepared))
+    element = element_mapping(final, max(p.motion.dead_band for p in prepared))
     warnings = [w for r in (*records, *validation) for w in r.warnings] + _coverage_warnings(prepared, held)
     return BenchIdentification(
-        rungs, chosen, final, spread, sum_mapping(parts), prepared, held, tuple(_noise(p) for p in prepared),
+        rungs, chosen, final, spread, element, prepared, held, tuple(_noise(p) for p in prepared),
         unexplained(final, rungs[chosen], spread, prepared), tuple(dict.fromkeys(warnings)),
     )
 

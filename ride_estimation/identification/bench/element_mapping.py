@@ -10,12 +10,13 @@ from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.identification.bench.columns import FRICTION_BERG
+from ride_estimation.identification.bench.frequency_domain import FrequencyDomainFit
 from ride_estimation.identification.bench.time_domain import TimeDomainFit
 
 Mapping = dict[str, Any]
 
 
-def element_parts(fit: TimeDomainFit, dead_band: float = 0.0) -> list[Mapping]:
+def element_parts(fit: TimeDomainFit | FrequencyDomainFit, dead_band: float = 0.0) -> list[Mapping]:
     """Return the YAML forms of the elements the model is the sum of.
 
     Parts held at zero are left out.
@@ -59,6 +60,33 @@ def element_parts(fit: TimeDomainFit, dead_band: float = 0.0) -> list[Mapping]:
                 "slope_n_per_m": value["friction"] / value["presliding"], "dead_band_m": dead_band,
             })
     return parts
+
+
+def element_mapping(fit: TimeDomainFit | FrequencyDomainFit, dead_band: float = 0.0) -> Mapping:
+    """Return the YAML form of the element: a named element where there is one, else the sum of its parts."""
+    lay = fit.model.layout
+    parts = element_parts(fit, dead_band)
+    complete = len(parts) == 1 + lay.cells + 1
+    value = {q.name: float(v) for q, v in zip(fit.model.quantities, fit.values, strict=True)}
+    if lay.friction == FRICTION_BERG and complete and not lay.viscous:
+        tail = {"friction_n": value["friction"], "half_stroke_m": value["half_stroke"], "dead_band_m": dead_band}
+        if lay.cubic and lay.cells == 2:
+            cells = {
+                f"cell_{i}_{what}_{unit}": value[f"cell_{i}_{what}"]
+                for i in (1, 2)
+                for what, unit in (("stiffness", "n_per_m"), ("damping", "n_s_per_m"))
+            }
+            return {
+                "kind": "modified_berg", "stiffness_n_per_m": value["stiffness"],
+                "cubic_n_per_m3": value["cubic_stiffness"], **cells, **tail,
+            }
+        if not lay.cubic and lay.cells == 1:
+            return {
+                "kind": "berg", "stiffness_n_per_m": value["stiffness"],
+                "cell_stiffness_n_per_m": value["cell_1_stiffness"],
+                "cell_damping_n_s_per_m": value["cell_1_damping"], **tail,
+            }
+    return sum_mapping(parts)
 
 
 def sum_mapping(parts: Sequence[Mapping]) -> Mapping:

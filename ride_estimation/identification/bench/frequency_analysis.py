@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.bench.element_mapping import element_parts, sum_mapping
+from ride_estimation.identification.bench.element_mapping import element_mapping
 from ride_estimation.identification.bench.frequency_domain import (
     FrequencyDomainFit,
     fit_frequency_domain,
@@ -110,7 +110,7 @@ def identify_operating_points(
         )
     chosen = int(np.argmin([r.criterion for r in rungs])) if len(models) > 1 else 0
     best = rungs[chosen]
-    return FrequencyIdentification(points, tuple(rungs), chosen, sum_mapping(element_parts(best.fit)), tuple(warnings))
+    return FrequencyIdentification(points, tuple(rungs), chosen, element_mapping(best.fit), tuple(warnings))
 
 
 def _subset(points: OperatingPoints, keep: NDArray[np.bool_]) -> OperatingPoints:

@@ -70,7 +70,15 @@ class BenchModel:
 
     @property
     def positive(self) -> NDArray[np.bool_]:
-        """Return which linear coefficients may not be negative (cells and friction), shape (P,)."""
+        """Return which linear coefficients may not be negative (all but the cubic rate), shape (P,)."""
+        positive = np.ones(self.layout.linear, dtype=bool)
+        if self.layout.cubic:
+            positive[int(self.layout.spring)] = False
+        return positive
+
+    @property
+    def with_memory(self) -> NDArray[np.bool_]:
+        """Return which linear coefficients belong to cells and friction, shape (P,)."""
         return np.arange(self.layout.linear) >= self.layout.static
 
     @property
@@ -136,6 +144,7 @@ LADDER: tuple[BenchModel, ...] = (
     _model("dahl", "spring, viscous damper and Dahl friction", viscous=True, friction=FRICTION_DAHL),
     _model("berg_viscous", "spring, viscous damper and Berg friction", viscous=True, friction=FRICTION_BERG),
     _model("berg", "spring, one Maxwell cell and Berg friction", cells=1, friction=FRICTION_BERG),
+    _model("maxwell_dahl", "spring, viscous damper, one Maxwell cell and Dahl friction", viscous=True, cells=1, friction=FRICTION_DAHL),
     _model(
         "cubic_dahl", "cubic spring, viscous damper and Dahl friction", cubic=True, viscous=True, friction=FRICTION_DAHL
     ),

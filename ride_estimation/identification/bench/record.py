@@ -125,20 +125,26 @@ def _require_uniform(where: str, t: Array) -> None:
 
 
 def _clipping(where: str, name: str, values: Array) -> list[str]:
-    """Return a warning where many samples sit on one extreme for several samples in a row."""
+    """Return a warning where a signal runs into an extreme and stays on it, again and again.
+
+    Rest is not clipping: an extreme at zero, a stay at the start or end of the record, and an extreme that is reached
+    gently do not count.
+    """
     found = []
+    speed = float(np.median(np.abs(np.diff(values))))
     for label, extreme in (("largest", values.max()), ("smallest", values.min())):
         at = values == extreme
-        share = float(np.mean(at))
-        if share <= CLIPPED_SHARE:
+        if float(np.mean(at)) <= CLIPPED_SHARE or extreme == 0.0:
             continue
-        runs = np.flatnonzero(at[1:] & at[:-1]).size
-        # a coarse transducer repeats every value: only an extreme far commoner than its neighbours is clipping
-        levels = np.unique(values).size
-        if runs > 0.5 * at.sum() and levels > 50:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
+        firsts, lasts = edges[::2], edges[1::2]
+        inner = (firsts > 0) & (lasts < values.size) & (lasts - firsts >= 3)
+        arrivals = np.abs(values[firsts[inner]] - values[firsts[inner] - 1])
+        if inner.sum() >= 3 and np.mean(arrivals > 0.3 * speed) > 0.5:
+            consequence = "these samples are left out of the fit" if name == "force" else "the true stroke is larger than recorded"
             found.append(
-                f"{where}: {name} looks clipped: {100 * share:.2g} % of the samples sit on its {label} value "
-                f"{extreme:g}; these samples are left out of the fit"
+                f"{where}: {name} looks clipped: {100 * float(np.mean(at)):.2g} % of the samples sit on its {label} value "
+                f"{extreme:g}; {consequence}"
             )
     return found
 

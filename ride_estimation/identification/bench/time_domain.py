@@ -247,7 +247,7 @@ def _search_physical(
 
     found = run(start, free)
     repairs = 0
-    while repairs < _REPAIRS and np.any(found.coefficients[model.positive] < 0.0):
+    while repairs < _REPAIRS and np.any(found.coefficients[model.with_memory] < 0.0):
         found = run(_moved(model, found, lower, upper, repairs), free)
         repairs += 1
     if np.any(found.coefficients[model.positive] < 0.0):
