@@ -1,0 +1,123 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation replay``: a recorded run through the code that runs live, with results and report."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+
+from ride_estimation.cli.progress import Progress
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.offline import OfflineRun, run_offline
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.io.bags import read_recording
+from ride_estimation.io.results import output_folder, result_document, write_json, write_signals
+from ride_estimation.io.vehicle_file import body_layout, load_vehicle
+from ride_estimation.reporting.replay_report import write_replay_report
+from ride_estimation.sensors.quality import judge_sensors
+from ride_estimation.signals.quality import ChannelQuality
+from ride_estimation.signals.recording import Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+HELP = "estimate motion, loads, mount parameters and attachment forces from a recorded run"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
+    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for result.json, signals.npz, report.html")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
+    parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")
+    parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
+    parser.add_argument("--no-report", action="store_true", help="write no report.html")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay one run; see :data:`HELP`."""
+    vehicle = without_sensors(load_vehicle(options.vehicle), options.without)
+    pipeline = Pipeline(vehicle, PipelineSettings(rate_hz=options.rate))
+    require_layout(vehicle, pipeline)
+    folder = output_folder(options.out)
+    recording = read_recording(options.recording, vehicle, salvage=options.salvage)
+    quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity)
+    samples = sum(len(c.stamp_ns) for c in recording.channels.values())
+    progress = Progress(samples, "replay")
+    result = run_offline(recording, pipeline, progress.update)
+    progress.close()
+    warnings = all_warnings(recording, quality, result)
+    write_json(folder / "result.json", result_document(recording, vehicle, result, quality, warnings))
+    write_signals(folder / "signals.npz", result)
+    if not options.no_report:
+        write_replay_report(folder / "report.html", recording, vehicle, result, quality, warnings)
+    print(summary(recording, result, warnings))
+    print(f"written to {folder}: result.json, signals.npz{'' if options.no_report else ', report.html'}")
+    return 0
+
+
+def without_sensors(vehicle: Vehicle, names: Sequence[str]) -> Vehicle:
+    """Return the vehicle without some of its sensors.
+
+    Raises
+    ------
+    ConfigurationError
+        A name that is no sensor of the vehicle.
+    """
+    unknown = [name for name in names if name not in vehicle.sensors]
+    if unknown:
+        known = ", ".join(vehicle.sensors)
+        raise ConfigurationError([f"--without {name}: no such sensor; there are {known}" for name in unknown])
+    return dataclasses.replace(vehicle, sensors={k: v for k, v in vehicle.sensors.items() if k not in names})
+
+
+def require_layout(vehicle: Vehicle, pipeline: Pipeline) -> None:
+    """Refuse a layout that cannot tell the motion of the body.
+
+    Raises
+    ------
+    ConfigurationError
+        Names what is not determined.
+    """
+    body = pipeline.arrangement.body.name
+    check = body_layout(vehicle, body)
+    if not check.complete:
+        raise ConfigurationError(check.sentence(body), where=f"sensor layout of {vehicle.name}")
+
+
+def all_warnings(recording: Recording, quality: dict[str, ChannelQuality], result: OfflineRun) -> tuple[str, ...]:
+    """Return every warning of a replay, data quality first."""
+    found = list(recording.warnings)
+    found += [f"{name}: {finding}" for name, q in quality.items() for finding in q.findings]
+    found += [f"ignored: {reason}: {count}" for reason, count in recording.ignored.items()]
+    found += [m for m in result.health.messages if m not in found]
+    return tuple(found)
+
+
+def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str]) -> str:
+    """Return the short text the command prints."""
+    time = result.time_s
+    lines = [
+        f"{recording.name}: {time[-1]:.1f} s, {len(time)} ticks, {100.0 * result.valid.mean():.1f} % valid",
+        f"{'parameter':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status",
+    ]
+    for p in result.parameters:
+        reason = f" ({p.reason})" if p.reason else ""
+        lines.append(f"{p.name:<34}{p.value:>12.5g}{p.std:>10.3g}{p.prior:>12.5g}  {p.unit:<7} {p.status.value}{reason}")
+    if result.mount_names:
+        lines.append(f"{'force on the body by mount [N]':<34}{'mean':>30}{'largest deviation from it':>30}")
+        force = result.signals["mount_force"][result.valid]
+        for i, name in enumerate(result.mount_names if len(force) else ()):
+            mean = force[:, i].mean(axis=0)
+            swing = abs(force[:, i] - mean).max(axis=0)
+            lines.append(f"{name:<34}{_three(mean):>30}{_three(swing):>30}")
+    lines += [f"warning: {text}" for text in warnings[:12]]
+    if len(warnings) > 12:
+        lines.append(f"... {len(warnings) - 12} more warnings in result.json")
+    lines.append(f"digest {result.digest}")
+    return "\n".join(lines)
+
+
+def _three(values: Sequence[float]) -> str:
+    return "  ".join(f"{v:8.1f}" for v in values)

@@ -1,0 +1,203 @@
+# Copyright 2026 ride_estimation contributors
+"""A recorded run through the online pipeline, sample by sample in order of arrival, with everything kept."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.health import Health
+from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.signals.recording import Recording
+
+Array = NDArray[np.float64]
+
+#: time between two kept points of the parameter history [ns]
+HISTORY_STEP = 500_000_000
+#: samples between two calls of the progress function
+_REPORT_EVERY = 2000
+
+
+class EstimateDigest:
+    """SHA-256 over estimates, to compare a live run in lockstep with a replay.
+
+    It covers per block the stamps, CG acceleration, inertial load, mount forces and their standard deviation, bit by bit.
+    """
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def update(self, block: OutputBlock) -> None:
+        """Add one block."""
+        for values in (block.stamp_ns, block.cg_accel, block.inertial_load, block.mount_force, block.mount_force_std):
+            self._hash.update(np.ascontiguousarray(values).tobytes())
+
+    def parameters(self, estimates: tuple[Estimate, ...]) -> None:
+        """Add the parameters."""
+        for estimate in estimates:
+            self._hash.update(f"{estimate.name} {estimate.status.value} ".encode())
+            self._hash.update(np.array([estimate.value, estimate.std]).tobytes())
+
+    def hexdigest(self) -> str:
+        """Return the digest so far."""
+        return self._hash.hexdigest()
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterHistory:
+    """How the parameters developed.
+
+    Attributes
+    ----------
+    names
+        Parameters, P of them.
+    stamp_ns
+        Shape (H,).
+    value, std
+        Shape (H, P).
+    """
+
+    names: tuple[str, ...]
+    stamp_ns: NDArray[np.int64]
+    value: Array
+    std: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class OfflineRun:
+    """Everything the pipeline found in one run; arrays as in :class:`OutputBlock`, all blocks joined.
+
+    Attributes
+    ----------
+    signals
+        Name of an ``OutputBlock`` array -> shape (N, ...); standard deviations per tick.
+    measured, predicted
+        Per accelerometer of the body, shape (N, 3), single precision.
+    """
+
+    mount_names: tuple[str, ...]
+    signals: Mapping[str, Array]
+    stamp_ns: NDArray[np.int64]
+    valid: NDArray[np.bool_]
+    measured: Mapping[str, NDArray[np.float32]]
+    predicted: Mapping[str, NDArray[np.float32]]
+    parameters: tuple[Estimate, ...]
+    history: ParameterHistory
+    health: Health
+    identifiability: Mapping[str, Any]
+    digest: str
+
+    @property
+    def time_s(self) -> Array:
+        """Return seconds since the first tick, shape (N,)."""
+        return np.asarray((self.stamp_ns - self.stamp_ns[0]) * 1e-9, dtype=np.float64)
+
+
+_KEPT = (
+    "cg_accel", "cg_specific_force", "angular_rate", "tilt", "inertial_load", "support_load", "mount_force", "mount_force_std",
+    "mount_force_std_equilibrium", "mount_force_std_model", "mount_deflection", "mount_rate",
+)
+
+
+def run_offline(
+    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None
+) -> OfflineRun:
+    """Feed a recording to a pipeline in order of arrival.
+
+    Parameters
+    ----------
+    recording
+        The run.
+    pipeline
+        A fresh pipeline, or one that continues from a saved state.
+    on_progress
+        Called now and then with the number of samples since the last call.
+
+    Raises
+    ------
+    InputDataError
+        The run is too short to give a single tick.
+    """
+    names = list(recording.channels)
+    blocks: list[OutputBlock] = []
+    digest = EstimateDigest()
+    history = _History(pipeline)
+    count = 0
+    for index, stamp, values, variance in recording.in_order():
+        for block in pipeline.observe(names[index], stamp, values, variance):
+            blocks.append(block)
+            digest.update(block)
+            history.note(int(block.stamp_ns[-1]))
+        count += 1
+        if count == _REPORT_EVERY:
+            on_progress(count)
+            count = 0
+    for block in pipeline.finish():
+        blocks.append(block)
+        digest.update(block)
+    on_progress(count)
+    if not blocks:
+        raise InputDataError(f"{recording.name}: too short, or no stamp of the sensors in common: not a single tick")
+    parameters = pipeline.parameters()
+    digest.parameters(parameters)
+    history.note(int(blocks[-1].stamp_ns[-1]), force=True)
+    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest())
+
+
+class _History:
+    """Points of the parameter history."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline = pipeline
+        self._due = 0
+        self._stamps: list[int] = []
+        self._rows: list[tuple[list[float], list[float]]] = []
+
+    def note(self, stamp: int, force: bool = False) -> None:
+        """Keep a point when one is due; a clock that jumped back makes one due at once."""
+        if not force and self._due - HISTORY_STEP <= stamp < self._due:
+            return
+        self._due = stamp + HISTORY_STEP
+        estimates = self._pipeline.parameters()
+        self._stamps.append(stamp)
+        self._rows.append(([e.value for e in estimates], [e.std for e in estimates]))
+
+    def finished(self) -> ParameterHistory:
+        """Return the history."""
+        names = tuple(e.name for e in self._pipeline.parameters())
+        return ParameterHistory(
+            names,
+            np.array(self._stamps, dtype=np.int64),
+            np.array([row[0] for row in self._rows], dtype=float).reshape(len(self._rows), len(names)),
+            np.array([row[1] for row in self._rows], dtype=float).reshape(len(self._rows), len(names)),
+        )
+
+
+def _joined(
+    blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str
+) -> OfflineRun:
+    signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
+    signals["cg_accel_std"] = np.concatenate([b.cg_accel_std for b in blocks])
+    signals["inertial_load_std"] = np.concatenate([np.tile(b.inertial_load_std, (len(b.stamp_ns), 1)) for b in blocks])
+    sensors = list(blocks[0].measured)
+    return OfflineRun(
+        mount_names=pipeline.arrangement.mount_names,
+        signals=signals,
+        stamp_ns=np.concatenate([b.stamp_ns for b in blocks]),
+        valid=np.concatenate([b.valid for b in blocks]),
+        measured={n: np.concatenate([b.measured[n].astype(np.float32) for b in blocks]) for n in sensors},
+        predicted={n: np.concatenate([b.predicted[n].astype(np.float32) for b in blocks]) for n in sensors},
+        parameters=parameters,
+        history=history,
+        health=pipeline.health(),
+        identifiability=pipeline.identifiability(),
+        digest=digest,
+    )

@@ -1,0 +1,149 @@
+# Copyright 2026 ride_estimation contributors
+"""``result.json`` and ``signals.npz`` of a replay, the same bytes for the same run."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+import ride_estimation
+from ride_estimation.errors import InputDataError, RideEstimationError
+from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.frames import AXES
+from ride_estimation.metrics import nrmse
+from ride_estimation.signals.quality import ChannelQuality
+from ride_estimation.signals.recording import Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+RESULT_SCHEMA = "ride_estimation/result/1"
+
+
+def output_folder(path: str | Path) -> Path:
+    """Create and return the folder results go to.
+
+    Raises
+    ------
+    InputDataError
+        The path is a file, or the folder cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputDataError(f"{folder}: the output folder cannot be made: {error.strerror or error}") from error
+    return folder
+
+
+def finite(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, what is not finite as null."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return finite(value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a JSON document with two blanks of indent and a final newline."""
+    path.write_text(json.dumps(finite(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def software() -> dict[str, str]:
+    """Return the versions a result depends on."""
+    return {
+        "ride_estimation": ride_estimation.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+
+
+def channel_fit(run: OfflineRun) -> dict[str, float | None]:
+    """Return the NRMSE (over the standard deviation of the measurement) per accelerometer channel, None for a constant one."""
+    fit: dict[str, float | None] = {}
+    for sensor, measured in run.measured.items():
+        for i, axis in enumerate(AXES):
+            given, model = measured[run.valid, i].astype(float), run.predicted[sensor][run.valid, i].astype(float)
+            try:
+                fit[f"{sensor}.{axis}"] = nrmse(given, model)
+            except RideEstimationError:
+                fit[f"{sensor}.{axis}"] = None
+    return fit
+
+
+def parameter_entry(estimate: Estimate) -> dict[str, Any]:
+    """Return one parameter as results state it."""
+    return {
+        "name": estimate.name, "value": estimate.value, "std": estimate.std, "unit": estimate.unit, "prior": estimate.prior,
+        "status": estimate.status.value, "reason": estimate.reason,
+    }
+
+
+def result_document(
+    recording: Recording, vehicle: Vehicle, run: OfflineRun, quality: Mapping[str, ChannelQuality], warnings: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return the content of ``result.json``."""
+    channels = {}
+    for name, q in quality.items():
+        health = run.health.sensors.get(name)
+        channels[name] = {
+            "samples": q.samples, "used": health.accepted if health else q.samples, "rate_hz": q.rate_hz,
+            "gaps": q.gaps, "longest_gap_s": q.longest_gap_s, "clipped": q.clipped,
+            "rejected": dict(sorted(health.rejected.items())) if health else {}, "findings": list(q.findings),
+        }
+    return {
+        "schema": RESULT_SCHEMA,
+        "software": software(),
+        "run": {
+            "path": Path(recording.name).name, "checksum": recording.checksum,
+            "duration_s": float((run.stamp_ns.max() - run.stamp_ns.min()) * 1e-9),
+            "ticks": len(run.stamp_ns), "valid_ticks": int(run.valid.sum()), "restarts": dict(run.health.restarts),
+            "channels": channels, "ignored": dict(recording.ignored),
+        },
+        "vehicle": {"name": vehicle.name, "checksum": vehicle.checksum},
+        "parameters": [parameter_entry(estimate) for estimate in run.parameters],
+        "identifiability": run.identifiability,
+        "fit": channel_fit(run),
+        "digest": run.digest,
+        "warnings": list(warnings),
+    }
+
+
+def write_signals(path: Path, run: OfflineRun) -> None:
+    """Write ``signals.npz``: the arrays of interface section 3 and some more."""
+    s = run.signals
+    np.savez(
+        path,
+        time_s=run.time_s,
+        stamp_ns=run.stamp_ns,
+        valid=run.valid,
+        cg_accel=s["cg_accel"],
+        cg_accel_std=s["cg_accel_std"],
+        inertial_load=s["inertial_load"],
+        inertial_load_std=s["inertial_load_std"],
+        cg_specific_force=s["cg_specific_force"],
+        angular_rate=s["angular_rate"],
+        tilt=s["tilt"],
+        mount_names=np.array(run.mount_names, dtype=np.str_),
+        mount_force=s["mount_force"],
+        mount_force_std=s["mount_force_std"],
+        mount_force_std_equilibrium=s["mount_force_std_equilibrium"],
+        mount_force_std_model=s["mount_force_std_model"],
+        mount_deflection=s["mount_deflection"],
+    )

@@ -1,0 +1,209 @@
+# Copyright 2026 ride_estimation contributors
+"""Data quality of raw samples, before anything is estimated: rate, gaps, clipping, flat line, spikes, gravity, units.
+
+Every finding is a sentence with numbers; thresholds are relative to the signal itself, none belongs to a vehicle.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.signals.recording import Channel
+
+Array = NDArray[np.float64]
+
+#: periods without a sample that make a gap
+GAP_PERIODS = 3.5
+#: time without any change that makes a flat line [s]
+FLAT_SECONDS = 1.0
+#: distance of a sample from its neighbours, in robust standard deviations of that distance, that makes a spike
+SPIKE_RATIO = 15.0
+_AXES = "xyz"
+
+
+@dataclasses.dataclass(frozen=True)
+class ChannelQuality:
+    """What one sensor delivered.
+
+    Attributes
+    ----------
+    samples
+        Samples in the run.
+    rate_hz, jitter_s
+        From the median distance of stamps, and its robust standard deviation.
+    duplicates, backwards
+        Stamps equal to and before the stamp received just before.
+    gaps, longest_gap_s
+        Holes longer than :data:`GAP_PERIODS` periods.
+    clipped
+        Samples at the full scale, or resting at the extreme value where no full scale is stated.
+    flat_s
+        Longest time without any change [s].
+    spikes
+        Isolated samples far from both neighbours.
+    not_finite
+        Samples with NaN or infinity.
+    mean, std
+        Per value, of the finite samples.
+    findings
+        Sentences about what is not well.
+    """
+
+    samples: int
+    rate_hz: float
+    jitter_s: float
+    duplicates: int
+    backwards: int
+    gaps: int
+    longest_gap_s: float
+    clipped: int
+    flat_s: float
+    spikes: int
+    not_finite: int
+    mean: Array
+    std: Array
+    findings: tuple[str, ...]
+
+
+def judge_channel(channel: Channel, full_scale: float = float("inf")) -> ChannelQuality:
+    """Judge the samples of one sensor.
+
+    Parameters
+    ----------
+    channel
+        Samples in order of arrival.
+    full_scale
+        Largest magnitude the first three values can have [unit of the sensor].
+    """
+    good = np.all(np.isfinite(channel.values), axis=1)
+    values, stamps = channel.values[good], channel.stamp_ns[good]
+    raw_steps = np.diff(channel.stamp_ns)
+    steps = np.diff(np.unique(stamps[stamps > 0])).astype(np.float64) * 1e-9
+    period = float(np.median(steps)) if steps.size else 0.0
+    jitter = 1.4826 * float(np.median(np.abs(steps - period))) if steps.size else 0.0
+    long = steps[steps > GAP_PERIODS * period] if period else steps[:0]
+    clipped = _clipped(values[:, :3], full_scale)
+    spikes = _spikes(values)
+    flat = _longest_flat(values, period)
+    width = channel.values.shape[1]
+    quality = ChannelQuality(
+        samples=len(channel.stamp_ns),
+        rate_hz=1.0 / period if period else 0.0,
+        jitter_s=jitter,
+        duplicates=int(np.sum(raw_steps == 0)),
+        backwards=int(np.sum(raw_steps < 0)),
+        gaps=len(long),
+        longest_gap_s=float(long.max()) if len(long) else 0.0,
+        clipped=clipped,
+        flat_s=flat,
+        spikes=spikes,
+        not_finite=int(np.sum(~good)),
+        mean=values.mean(axis=0) if len(values) else np.zeros(width),
+        std=values.std(axis=0) if len(values) else np.zeros(width),
+        findings=(),
+    )
+    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, period)))
+
+
+def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
+    found = []
+    if q.not_finite:
+        found.append(f"{q.not_finite} samples are not finite")
+    if np.any(channel.stamp_ns <= 0):
+        found.append(f"{int(np.sum(channel.stamp_ns <= 0))} stamps are zero")
+    if q.duplicates:
+        found.append(f"{q.duplicates} stamps are repeated")
+    if q.backwards:
+        found.append(f"stamps run backwards {q.backwards} times")
+    if q.gaps:
+        found.append(f"{q.gaps} gaps of more than {GAP_PERIODS:g} periods, the longest {q.longest_gap_s:.3g} s")
+    if period and q.jitter_s > 0.1 * period:
+        found.append(f"stamps jitter by {1e3 * q.jitter_s:.2g} ms at a period of {1e3 * period:.3g} ms")
+    if q.clipped:
+        found.append(f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped")
+    if q.flat_s > FLAT_SECONDS:
+        found.append(f"no change at all during {q.flat_s:.3g} s (flat line)")
+    if q.spikes:
+        found.append(f"{q.spikes} isolated spikes")
+    return found
+
+
+def _clipped(values: Array, full_scale: float) -> int:
+    """Return the number of samples at full scale; without one, of samples resting on a shared extreme value."""
+    if not len(values):
+        return 0
+    if np.isfinite(full_scale):
+        return int(np.sum(np.any(np.abs(values) >= 0.999 * full_scale, axis=1)))
+    resting = np.zeros(len(values), dtype=bool)
+    for column in values.T:
+        for extreme in (column.max(), column.min()):
+            at = column == extreme
+            # three in a row at the very extreme of a signal that moves otherwise does not happen by chance
+            run = at[:-2] & at[1:-1] & at[2:]
+            if np.any(run) and np.mean(at) < 0.5:
+                resting |= at
+    return int(np.sum(resting))
+
+
+def _spikes(values: Array) -> int:
+    """Return the number of single samples that leave their two neighbours, both on the same side, by far."""
+    if len(values) < 16:
+        return 0
+    before, behind = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    away = np.where(before * behind > 0.0, np.minimum(np.abs(before), np.abs(behind)), 0.0)
+    typical = 1.4826 * np.median(np.abs(np.diff(values, axis=0)), axis=0)
+    spread = np.std(values, axis=0)
+    limit = np.maximum(SPIKE_RATIO * typical, 3.0 * spread)
+    return int(np.sum(np.any((away > limit) & (limit > 0.0), axis=1)))
+
+
+def _longest_flat(values: Array, period: float) -> float:
+    """Return the longest time in which one of the values does not change although it does elsewhere [s]."""
+    if len(values) < 2 or not period:
+        return 0.0
+    longest = 0
+    for column in values.T:
+        changes = np.flatnonzero(np.diff(column) != 0.0)
+        edges = np.concatenate([[-1], changes, [len(column) - 1]])
+        longest = max(longest, int(np.max(np.diff(edges))))
+    return longest * period
+
+
+def gravity_findings(mean_body: Array, gravity: float) -> tuple[str, ...]:
+    """Return what the mean specific force of an accelerometer in body axes says about axes and units.
+
+    Parameters
+    ----------
+    mean_body
+        Mean over the run in body axes, shape (3,) [m/s^2]; +g on z where everything is right (REP-145).
+    gravity
+        [m/s^2].
+    """
+    size = float(np.linalg.norm(mean_body))
+    largest = int(np.argmax(np.abs(mean_body)))
+    share = abs(mean_body[largest]) / size if size > 0.0 else 0.0
+    for name, unit in (("g", 1.0), ("milli-g", 1000.0)):
+        if abs(size - unit) < 0.1 * unit:
+            return (f"the mean magnitude is {size:.4g}: the values look like {name}, not m/s^2",)
+    if size < 0.3 * gravity:
+        return (f"the mean magnitude is {size:.3g} m/s^2: no gravity in the signal (ac coupled, or removed by the driver)",)
+    found = []
+    if abs(size - gravity) > 0.05 * gravity:
+        found.append(f"the mean magnitude is {size:.4g} m/s^2 instead of {gravity:.4g}: wrong scale or offset")
+    if share > 0.8 and largest == 2 and mean_body[2] > 0.0:
+        angle = np.degrees(np.arccos(min(share, 1.0)))
+        if angle > 10.0:
+            found.append(f"gravity is {angle:.0f} deg off the z axis: the sensor's rotation in the vehicle file, or a slope")
+    elif share > 0.8:
+        sign = "+" if mean_body[largest] > 0.0 else "-"
+        found.append(
+            f"gravity lies on {sign}{_AXES[largest]} ({mean_body[largest]:.2f} m/s^2), not on +z: the sensor's axes are not "
+            "those the vehicle file states (its rotation)"
+        )
+    else:
+        direction = ", ".join(f"{v / size:.2f}" for v in mean_body)
+        found.append(f"gravity points along ({direction}), not along z: check the sensor's rotation in the vehicle file")
+    return tuple(found)
