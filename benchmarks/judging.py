@@ -20,13 +20,14 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
-from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from worlds.adapters import START_NS, arrivals, believed_vehicle
 from worlds.cab import CabVehicle, Measurement, measure, random_sensors, random_vehicle, simulate
 from worlds.effects import Effect
 from worlds.roads import Road, base_motion
 from worlds.vehicle_text import Belief
+
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.estimation.settings import PipelineSettings
 
 AXES = ("x", "y", "z")
 
@@ -154,7 +155,9 @@ def judge(
     def truth(key: str) -> np.ndarray:
         values = measurement.truth[key]
         flat = values.reshape(len(values), -1)
-        return np.stack([np.interp(seconds, measurement.time, c) for c in flat.T], axis=1).reshape(len(seconds), *values.shape[1:])
+        return np.stack([np.interp(seconds, measurement.time, c) for c in flat.T], axis=1).reshape(
+            len(seconds), *values.shape[1:]
+        )
 
     force = truth("mount_force")
     error = out["mount_force"][keep] - force
@@ -196,7 +199,7 @@ def make_measurement(
     road: Road | None = None,
     anti_alias: float = 0.0,
 ) -> Measurement:
-    """Return a cab run for a seed. ``change(vehicle, duration)`` may plant a change (see ``payload_step``, ``stiffness_step``)."""
+    """Return a cab run for a seed; ``change(vehicle, duration)`` may plant a change (``payload_step``, ``stiffness_step``)."""
     rng = np.random.default_rng([seed, 2])
     cab = random_vehicle(rng, vehicle_kind)
     sensors = random_sensors(cab, rng, displacement=displacement, chassis=chassis)
@@ -222,7 +225,9 @@ def payload_step(relative: float, when_share: float = 0.5) -> Callable[[CabVehic
     return change
 
 
-def stiffness_step(relative: float, mount: int = 0, axis: int = 2, when_share: float = 0.5) -> Callable[[CabVehicle, float], CabVehicle]:
+def stiffness_step(
+    relative: float, mount: int = 0, axis: int = 2, when_share: float = 0.5
+) -> Callable[[CabVehicle, float], CabVehicle]:
     """Return a change of the stiffness of one mount axis within a tenth of a second."""
 
     def change(cab: CabVehicle, duration: float) -> CabVehicle:
@@ -233,7 +238,9 @@ def stiffness_step(relative: float, mount: int = 0, axis: int = 2, when_share: f
     return change
 
 
-def judge_cab(seed: int, *, belief: Belief | None = None, settings: PipelineSettings | None = None, from_s: float = 12.0, **options: object) -> CabJudgement:
+def judge_cab(
+    seed: int, *, belief: Belief | None = None, settings: PipelineSettings | None = None, from_s: float = 12.0, **options: object
+) -> CabJudgement:
     """Judge one seed; ``options`` go to :func:`make_measurement`."""
     measurement = make_measurement(seed, **options)  # type: ignore[arg-type]
     vehicle = believed_vehicle(measurement, belief, seed)
@@ -282,7 +289,9 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--vehicle", default="any")
     parser.add_argument("--road", default="any")
-    parser.add_argument("--when", type=float, default=12.0, help="seconds at which parameters are judged (excitation starts at 1-2)")
+    parser.add_argument(
+        "--when", type=float, default=12.0, help="seconds at which parameters are judged (excitation starts at 1-2)"
+    )
     parser.add_argument("--no-chassis", action="store_true")
     arguments = parser.parse_args()
     judgements = []

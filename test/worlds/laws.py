@@ -156,11 +156,13 @@ def law_force(code, p, z, x, v, h, zn):
     if code == INERTER:
         y, w = z[1], z[2]
         steps = 4
-        for i in range(steps):
-            dt = h / steps
-            xi = z[0] + (x - z[0]) * (i + 1.0) / steps
-            w += dt * (p[1] * (xi - y) + p[2] * (v - w)) / p[0]
-            y += dt * w
+        if h > 0.0:
+            mean_rate = (x - z[0]) / h
+            for i in range(steps):
+                dt = h / steps
+                xi = z[0] + (x - z[0]) * (i + 0.5) / steps
+                w += dt * (p[1] * (xi - y) + p[2] * (mean_rate - w)) / p[0]
+                y += dt * w
         zn[1] = y
         zn[2] = w
         return p[1] * (x - y) + p[2] * (v - w)
