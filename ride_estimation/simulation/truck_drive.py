@@ -1,0 +1,202 @@
+# Copyright 2026 ride_estimation contributors
+"""Drive the two-axle truck over the scenario's road and return how each cab mount base moves.
+
+The cab's mass rides on the frame as a lump; the cab's own motion does not act back on the frame.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.excitation import obstacles as shapes
+from ride_estimation.excitation.driving import lane_change, speed_profile, travelled
+from ride_estimation.excitation.engine import crank_angle, order_lines
+from ride_estimation.excitation.road import Road, flat_road, random_road
+from ride_estimation.simulation.base_motion import BaseMotion, derivative
+from ride_estimation.simulation.response import Response
+from ride_estimation.simulation.scenario import Engine, Obstacle, Pave, Scenario
+from ride_estimation.simulation.simulate import simulate
+from ride_estimation.vehicles.assembly import Assembly, assemble
+from ride_estimation.vehicles.two_axle_truck import FRAME_HALVES, WHEELS, TruckData, two_axle_truck
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: seconds driven before the run is recorded, so that it begins in full motion
+RUN_UP_S = 6.0
+#: road beyond the wheels at both ends [m]
+_MARGIN_M = 12.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """Result of driving the truck: motion of the cab mount bases, vehicle speed [m/s], distance [m], run-up samples.
+
+    ``speed`` and ``distance`` have shape (N,) like the base motion; the first ``lead`` samples are the run-up.
+    """
+
+    base: BaseMotion
+    speed: Array
+    distance: Array
+    lead: int
+
+
+def drive(scenario: Scenario, cab: Vehicle) -> Drive:
+    """Drive the truck through a scenario.
+
+    Parameters
+    ----------
+    cab
+        The vehicle whose mount bases are wanted; its mounts with a prescribed base ride on the frame.
+    """
+    rate = scenario.simulation_rate
+    lead = round(RUN_UP_S * rate)
+    count = lead + round(scenario.duration * rate) + 1
+    time = (np.arange(count) - lead) / rate
+    speed = speed_profile(time, scenario.speed)
+    distance = travelled(time, speed)
+    distance -= distance[lead]
+    road = make_road(scenario, distance)
+    truck = assemble(two_axle_truck(scenario.truck))
+    wheels, slopes = _wheel_paths(road, scenario.truck, truck, distance, rate)
+    forward = derivative(speed, rate)
+    sideways = sum((lane_change(time, c.begin, c.duration, c.peak) for c in scenario.lane_changes), np.zeros(count))
+    load = _inertia_load(truck, forward, sideways) + _slope_load(truck, slopes)
+    response = simulate(truck, wheels, load=load)
+    base = _frame_motion(response, scenario.truck, cab, speed, sideways)
+    if scenario.engine is not None:
+        base = _with_engine(base, scenario.engine, time, scenario.seed)
+    return Drive(base, speed, distance, lead)
+
+
+def make_road(scenario: Scenario, distance: Array) -> Road:
+    """Make the road of a scenario, long enough for all wheels at the given distances of the front axle [m].
+
+    Sharp obstacles and cobbles are laid as the hub path of the rolling wheel, the random road as the mean over the tyre
+    patch.
+    """
+    truck = scenario.truck
+    start = float(distance.min()) - truck.wheelbase - _MARGIN_M
+    length = float(distance.max()) + _MARGIN_M - start
+    spec = scenario.road
+    if spec.roughness > 0.0:
+        road = random_road(
+            length, scenario.seed, roughness=spec.roughness, waviness=spec.waviness,
+            coherence_length=spec.coherence_length, start=start,
+        )
+    else:
+        road = flat_road(length, start=start)
+    road = road.smoothed(truck.contact_length)
+    for number, pave in enumerate(scenario.pave):
+        tracks = [_pave_track(road, pave, 1000 * scenario.seed + 10 * number + side) for side in range(2)]
+        road = road.plus(*(shapes.rolled_envelope(t, road.spacing, truck.wheel_radius) for t in tracks))
+    for obstacle in scenario.obstacles:
+        path = _obstacle_path(road, obstacle, truck.wheel_radius)
+        road = road.plus(*(path if obstacle.side in ("both", side) else 0.0 * path for side in ("left", "right")))
+    return road
+
+
+def _pave_track(road: Road, pave: Pave, seed: int) -> Array:
+    inside = (road.distance >= pave.begin) & (road.distance <= pave.end)
+    track = np.zeros(len(inside))
+    if np.any(inside):
+        track[inside] = shapes.belgian_pave(road.distance[inside], seed, stone=pave.stone, height_std=pave.height_std)
+    return track
+
+
+def _obstacle_path(road: Road, obstacle: Obstacle, radius: float) -> Array:
+    shape = {"cosine": shapes.cosine_bump, "block": shapes.block, "ramp": shapes.ramp}[obstacle.kind]
+    profile = shape(road.distance, obstacle.at, obstacle.length, obstacle.height)
+    return profile if obstacle.kind == "cosine" else shapes.rolled_envelope(profile, road.spacing, radius)
+
+
+def _wheel_paths(
+    road: Road, data: TruckData, truck: Assembly, distance: Array, rate: float
+) -> tuple[BaseMotion, Array]:
+    """Return the motion under the tyres, faded in over two seconds, and the road slope at the wheels, shape (N, 4)."""
+    fade = np.clip(np.arange(len(distance)) / (2.0 * rate), 0.0, 1.0)
+    fade = fade**2 * (3.0 - 2.0 * fade)
+    grade = Road(road.spacing, *(np.gradient(t, road.spacing) for t in (road.left, road.right)), road.start)
+    at = (distance, distance - data.wheelbase)
+    height = np.hstack([road.heights(s) for s in at]) * fade[:, None]
+    slope = np.hstack([grade.heights(s) for s in at]) * fade[:, None]
+    displacement = np.zeros((len(distance), len(truck.mount_names), 3))
+    for column, wheel in enumerate(WHEELS):
+        displacement[:, truck.mount_names.index(f"tyre_{wheel}"), 2] = height[:, column]
+    return BaseMotion.from_displacement(displacement, rate), slope
+
+
+def _inertia_load(truck: Assembly, forward: Array, sideways: Array) -> Array:
+    """Return the load in the frame that drives along, ``-m a`` on every body, shape (N, Q)."""
+    load = np.zeros((len(forward), len(truck.coordinates)))
+    for column, (body, coordinate) in enumerate(truck.coordinates):
+        if coordinate in ("x", "y"):
+            load[:, column] = -truck.vehicle.bodies[body].mass.value * (forward if coordinate == "x" else sideways)
+    return load
+
+
+def _slope_load(truck: Assembly, slopes: Array) -> Array:
+    """Return the fore-aft force of a wheel on a slope, ``-F_static dz/ds``, as generalised load, shape (N, Q)."""
+    load = np.zeros((len(slopes), len(truck.coordinates)))
+    for column, wheel in enumerate(WHEELS):
+        number = truck.mount_names.index(f"tyre_{wheel}")
+        mount = truck.vehicle.mounts[f"tyre_{wheel}"]
+        row = truck.point_map(mount.body, mount.position)[0]
+        load -= np.outer(truck.static_force[number, 2] * slopes[:, column], row)
+    return load
+
+
+def _frame_motion(response: Response, data: TruckData, cab: Vehicle, speed: Array, sideways: Array) -> BaseMotion:
+    """Return the motion of the frame at the cab mounts, in the inertial frame that moves with the initial speed."""
+    rate = response.base_motion.rate_hz
+    rest = np.zeros((len(speed), 3))
+    rest[:, 1] = sideways
+    rest[:, 0] = derivative(speed, rate)
+    path_velocity = np.stack([speed - speed[0], _integral(sideways, rate), np.zeros(len(speed))], axis=1)
+    path = np.stack([_integral(path_velocity[:, i], rate) for i in range(3)], axis=1)
+    heading_rate = np.where(speed > 1.0, sideways / np.maximum(speed, 1.0), 0.0)
+    heading = _integral(heading_rate, rate)
+    arrays = [np.zeros((len(speed), len(cab.mounts), 3)) for _ in range(6)]
+    for number, mount in enumerate(cab.mounts.values()):
+        share = data.share_of_front(float(mount.position[0]))
+        maps = [response.assembly.point_map(half, mount.position) for half in FRAME_HALVES]
+        point = share * maps[0] + (1.0 - share) * maps[1]
+        motions = (response.coordinates @ point.T, response.rates @ point.T, response.accelerations @ point.T)
+        for i, (motion, common) in enumerate(zip(motions, (path, path_velocity, rest))):
+            arrays[i][:, number] = motion[:, :3] + common
+            arrays[3 + i][:, number] = motion[:, 3:]
+        arrays[3][:, number, 2] += heading
+        arrays[4][:, number, 2] += heading_rate
+        arrays[5][:, number, 2] += derivative(heading_rate, rate)
+    return BaseMotion(rate, *arrays)
+
+
+def _with_engine(base: BaseMotion, engine: Engine, time: Array, seed: int) -> BaseMotion:
+    """Add the engine's order lines to the base displacement, each mount with its own strength and phase."""
+    revolutions = np.interp(time, [p[0] for p in engine.speed], [p[1] for p in engine.speed])
+    angle = crank_angle(time, revolutions)
+    omega = 2.0 * math.pi * np.maximum(revolutions, 1.0)
+    generator = np.random.default_rng([seed, 77])
+    mounts = base.displacement.shape[1]
+    strength = 1.0 + 0.2 * generator.uniform(-1.0, 1.0, (mounts, 3))
+    strength *= np.array([engine.fore_aft_share, engine.lateral_share, 1.0])
+    phase = generator.uniform(0.0, 2.0 * math.pi, (mounts, 3))
+    fade = np.clip((time - time[0]) / 2.0, 0.0, 1.0) * (revolutions > 1.0)
+    added = np.zeros_like(base.displacement)
+    for order, amplitude in engine.orders.items():
+        for m, a in np.ndindex(mounts, 3):
+            line = order_lines(angle, {order: amplitude * strength[m, a]}, {order: phase[m, a]})
+            added[:, m, a] -= fade * line / (order * omega) ** 2
+    velocity = derivative(added, base.rate_hz)
+    return dataclasses.replace(
+        base, displacement=base.displacement + added, velocity=base.velocity + velocity,
+        acceleration=base.acceleration + derivative(velocity, base.rate_hz),
+    )
+
+
+def _integral(signal: Array, rate: float) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (signal[1:] + signal[:-1]))]) / rate
