@@ -93,6 +93,11 @@ class EstimatorNode(LifecycleNode):
         """Return what was built by configure, None before."""
         return self._session
 
+    @property
+    def fault(self) -> str:
+        """Return why the node could not be configured, empty where it could."""
+        return self._fault
+
     # ---- lifecycle ----
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -107,6 +112,7 @@ class EstimatorNode(LifecycleNode):
                 self.get_logger().info(f"continuing from {state_file}")
             elif given["state_file"]:
                 self.get_logger().warning(f"state_file {state_file} does not exist yet; starting from the vehicle file")
+            session.warm_up()
         except RideEstimationError as error:
             self._fault = str(error)
             self.get_logger().error(self._fault)

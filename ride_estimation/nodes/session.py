@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections import Counter
 from collections.abc import Iterator
@@ -25,6 +26,11 @@ from ride_estimation.vehicles.vehicle import Body, Vehicle
 DECODE_ERRORS = (RuntimeError, ValueError, OverflowError, struct.error)
 #: what arithmetic on unforeseen numbers may raise (LinAlgError is a ValueError)
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
+
+#: length and rate of the made-up data that compile the kernels
+WARM_UP_S = 3.0
+WARM_UP_RATE_HZ = 50.0
+WARM_UP_START_NS = 1_000_000_000_000
 
 UNDECODABLE = "message_damaged"
 WRONG_TYPE = "message_type_not_accepted"
@@ -61,6 +67,21 @@ class Session:
     def mount_names(self) -> tuple[str, ...]:
         """Return the mounts whose forces are estimated, the order of every (.., M, 3) array."""
         return self.pipeline.arrangement.mount_names
+
+    def warm_up(self) -> None:
+        """Run a second, throw-away pipeline so that every kernel is compiled before the first message is waiting."""
+        pipeline = Pipeline(self.vehicle, self.pipeline.settings)
+        period_ns = round(1e9 / WARM_UP_RATE_HZ)
+        for k in range(round(WARM_UP_S * WARM_UP_RATE_HZ)):
+            for number, sensor in enumerate(self.vehicle.sensors.values()):
+                phase = 0.3 * k + number
+                sample = [0.01 * math.sin(phase + channel) for channel in range(sensor.channels)]
+                if sensor.kind in ("accelerometer", "imu"):
+                    sample[2] += self.vehicle.gravity
+                pipeline.observe(sensor.name, WARM_UP_START_NS + k * period_ns, sample, None)
+        pipeline.finish()
+        pipeline.parameters()
+        pipeline.health()
 
     def change_settings(self, settings: PipelineSettings) -> None:
         """Go on with other settings from what was learned so far; the time base begins anew."""
