@@ -36,12 +36,17 @@ SUFFIXES: dict[str, tuple[str, float]] = {
     "_pa": ("Pa", 1.0),
     "_bar": ("bar", 1.0e5),
     "_m2": ("m^2", 1.0),
+    "_m3": ("m^3", 1.0),
+    "_n_m_per_rad": ("N m/rad", 1.0),
+    "_n_m_s_per_rad": ("N m s/rad", 1.0),
+    "_rpm": ("rpm", 1.0 / 60.0),
 }
 
 #: printed unit -> SI unit of the same dimension, where it is not SI itself
 SI_UNITS: dict[str, str] = {
     "N s/mm": "N s/m", "N/mm": "N/m", "kgf/mm": "N/m", "kg mm^2": "kg m^2", "deg/s": "rad/s", "g": "m/s^2", "km/h": "m/s",
     "mm": "m", "kN": "N", "ms": "s", "deg": "rad", "bar": "Pa",
+    "rpm": "Hz",
 }
 
 
