@@ -48,11 +48,13 @@ def run(options: argparse.Namespace) -> int:
     result = run_offline(recording, pipeline, progress.update)
     progress.close()
     warnings = all_warnings(recording, quality, result)
-    write_json(folder / "result.json", result_document(recording, vehicle, result, quality, warnings))
+    layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
+    document = result_document(recording, vehicle, result, quality, warnings, (layout,))
+    write_json(folder / "result.json", document)
     write_signals(folder / "signals.npz", result)
     if not options.no_report:
-        write_replay_report(folder / "report.html", recording, vehicle, result, quality, warnings)
-    print(summary(recording, result, warnings))
+        write_replay_report(folder / "report.html", recording, vehicle, result, quality, document)
+    print(summary(recording, result, (*warnings,), layout))
     print(f"written to {folder}: result.json, signals.npz{'' if options.no_report else ', report.html'}")
     return 0
 
@@ -95,11 +97,12 @@ def all_warnings(recording: Recording, quality: dict[str, ChannelQuality], resul
     return tuple(found)
 
 
-def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str]) -> str:
+def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], layout: str) -> str:
     """Return the short text the command prints."""
     time = result.time_s
     lines = [
         f"{recording.name}: {time[-1]:.1f} s, {len(time)} ticks, {100.0 * result.valid.mean():.1f} % valid",
+        layout,
         f"{'parameter':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status",
     ]
     for p in result.parameters:

@@ -96,7 +96,12 @@ def parameter_entry(estimate: Estimate) -> dict[str, Any]:
 
 
 def result_document(
-    recording: Recording, vehicle: Vehicle, run: OfflineRun, quality: Mapping[str, ChannelQuality], warnings: tuple[str, ...]
+    recording: Recording,
+    vehicle: Vehicle,
+    run: OfflineRun,
+    quality: Mapping[str, ChannelQuality],
+    warnings: tuple[str, ...],
+    layout: tuple[str, ...],
 ) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     channels = {}
@@ -118,6 +123,7 @@ def result_document(
         },
         "vehicle": {"name": vehicle.name, "checksum": vehicle.checksum},
         "parameters": [parameter_entry(estimate) for estimate in run.parameters],
+        "layout": list(layout),
         "identifiability": run.identifiability,
         "fit": channel_fit(run),
         "digest": run.digest,

@@ -3,14 +3,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.frames import AXES
+from ride_estimation.reporting import replay_plots as plots
 from ride_estimation.reporting.page import Page
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
+
+_STATUS_WORDS = {
+    "starting": "has not begun", "estimating": "is on its way", "valid": "settled", "suspect": "is doubtful",
+    "not_identifiable": "cannot be told from these data", "invalid": "is invalid",
+}
 
 
 def write_replay_report(
@@ -19,10 +29,137 @@ def write_replay_report(
     vehicle: Vehicle,
     run: OfflineRun,
     quality: Mapping[str, ChannelQuality],
-    warnings: Sequence[str],
+    result: Mapping[str, Any],
 ) -> None:
-    """Write ``report.html``."""
+    """Write ``report.html``.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    recording, vehicle, run, quality
+        What was read, what was known, what was found, how good the data are.
+    result
+        Content of ``result.json``.
+    """
     page = Page(f"Replay of {Path(recording.name).name} with {vehicle.name}")
-    for text in warnings:
-        page.warning(text)
+    _head(page, recording, vehicle, run, result)
+    _quality(page, run, quality)
+    _fit(page, run, result)
+    page.heading("Motion and inertial load of the body")
+    page.text("At the centre of gravity, gravity removed; the load is m a and I alpha + omega x I omega.")
+    _signal_table(page, run)
+    page.figure(plots.motion_and_load(run), "Acceleration of the CG and inertial load over the run")
+    _forces(page, run)
+    _parameters(page, run, result)
     page.write(path)
+
+
+def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, result: Mapping[str, Any]) -> None:
+    settled = sum(p.status.value == "valid" for p in run.parameters)
+    page.verdict(
+        f"{run.time_s[-1]:.1f} s, {100.0 * run.valid.mean():.1f} % of it usable; {settled} of {len(run.parameters)} parameters "
+        f"settled; {len(result['warnings'])} warnings."
+    )
+    for text in result["warnings"]:
+        page.warning(text)
+    for text in result["layout"]:
+        page.text(text)
+    software = ", ".join(f"{name} {version}" for name, version in result["software"].items())
+    page.table(["", ""], [
+        ["recording", f"{recording.name} (SHA-256 {recording.checksum[:16]})"],
+        ["vehicle file", f"{vehicle.name} (SHA-256 {vehicle.checksum[:16]})"],
+        ["software", software],
+        ["digest of the estimates", run.digest],
+    ])  # fmt: skip
+
+
+def _quality(page: Page, run: OfflineRun, quality: Mapping[str, ChannelQuality]) -> None:
+    page.heading("Data quality")
+    rows = []
+    for name, q in quality.items():
+        health = run.health.sensors.get(name)
+        rows.append([
+            name, q.samples, health.accepted if health else 0, sum(health.rejected.values()) if health else 0,
+            q.rate_hz, 1e3 * q.jitter_s, q.gaps, 1e3 * q.longest_gap_s, q.clipped, q.spikes, "  ".join(f"{v:.2f}" for v in q.mean[:3]),
+            "  ".join(f"{v:.2f}" for v in q.std[:3]), "; ".join(q.findings) or "fine",
+        ])  # fmt: skip
+    page.table([
+        "sensor", "samples", "used", "rejected", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped", "spikes",
+        "mean [unit]", "std [unit]", "findings",
+    ], rows)  # fmt: skip
+    page.text("Mean of an accelerometer in sensor axes; a specific force of +9.81 m/s² points up at rest.")
+
+
+def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
+    page.heading("Measured against model, channel by channel")
+    page.text(
+        "The model is one rigid body that moves so that all accelerometers agree best. NRMSE is the error over the standard "
+        "deviation of the measurement. A sensor that stands out is mounted, turned or placed otherwise than the vehicle file "
+        "says, or the body is not rigid there."
+    )
+    rows = []
+    for sensor in run.measured:
+        values = [result["fit"].get(f"{sensor}.{axis}") for axis in AXES]
+        rows.append([sensor, *("constant" if v is None else float(v) for v in values)])
+    page.table(["sensor", "x", "y", "z"], rows)
+    for sensor in run.measured:
+        page.figure(plots.measured_against_model(run, sensor), f"{sensor}, sensor axes: busiest 5 s; spectra of the whole run")
+
+
+def _signal_table(page: Page, run: OfflineRun) -> None:
+    rows = []
+    for name, unit in (("cg_accel", ("m/s²", "rad/s²")), ("inertial_load", ("N", "N m"))):
+        values, std = run.signals[name][run.valid], run.signals[f"{name}_std"][run.valid]
+        for i, axis in enumerate((*AXES, "roll", "pitch", "yaw")):
+            column = values[:, i]
+            if len(column):
+                rms = float(np.sqrt(np.mean(column**2)))
+                rows.append([
+                    f"{name} {axis} [{unit[i // 3]}]", float(column.mean()), rms, float(column.min()), float(column.max()),
+                    float(np.abs(column).max() / rms) if rms > 0.0 else 0.0, float(np.median(std[:, i])),
+                ])  # fmt: skip
+    page.table(["signal", "mean", "rms", "min", "max", "crest factor", "std of the estimate"], rows)
+
+
+def _forces(page: Page, run: OfflineRun) -> None:
+    if not run.mount_names:
+        return
+    page.heading("Attachment forces")
+    page.text(
+        "Force on the body by each mount, body axes, static share included. The standard deviation has a part that rigid-body "
+        "equilibrium determines and a part that rests on the mount model (how the forces are split among the mounts)."
+    )
+    s = run.signals
+    rows = []
+    for m, mount in enumerate(run.mount_names):
+        for i, axis in enumerate(AXES):
+            force = s["mount_force"][run.valid, m, i]
+            if len(force):
+                parts = [
+                    float(np.median(s[name][run.valid, m, i]))
+                    for name in ("mount_force_std", "mount_force_std_equilibrium", "mount_force_std_model")
+                ]
+                numbers = (force.mean(), force.std(), force.min(), force.max())
+                rows.append([mount, axis, *(float(v) for v in numbers), *parts])
+    page.table([
+        "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", "std [N]", "of it equilibrium", "of it model",
+    ], rows)  # fmt: skip
+    for m, mount in enumerate(run.mount_names):
+        page.figure(plots.mount_forces(run, m), f"Force on the body by mount {mount}")
+
+
+def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
+    page.heading("Parameters")
+    rows = [
+        [p.name, p.value, 1.96 * p.std, p.unit, p.prior, f"{p.status.value}: {_STATUS_WORDS[p.status.value]}", p.reason]
+        for p in run.parameters
+    ]
+    page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
+    for kind in dict.fromkeys(p.name.rsplit(".", 1)[-1] for p in run.parameters):
+        names = [p.name for p in run.parameters if p.name.rsplit(".", 1)[-1] == kind]
+        page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std")
+    page.heading("What these data can and cannot tell")
+    for key, value in result["identifiability"].items():
+        text = "; ".join(str(v) for v in value) if isinstance(value, (list, tuple)) else str(value)
+        page.text(f"{key.replace('_', ' ')}: {text or 'nothing'}")

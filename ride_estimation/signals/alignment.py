@@ -46,8 +46,9 @@ _CONFIRM = 3
 _CONFIRM_SPAN = 100_000_000
 #: longest the last value of a stream that is not waited for is held [ns]
 _HOLD = 2 * NANOSECONDS
-#: samples of a stream that tell its rate at the start
-_WARM_UP = 16
+#: samples of a stream that tell its rate at the start, and the time they span [ns]
+_WARM_UP = 8
+_WARM_UP_SPAN = 400_000_000
 
 
 class StampAligner:
@@ -313,7 +314,7 @@ class StampAligner:
         spoken = [s for s in self._streams if s.stamps]
         awaited = [s for s in self._streams if s.spec.waited_for]
         first = min(s.stamps[0] for s in spoken)
-        enough = all(len(s.stamps) >= _WARM_UP for s in awaited)
+        enough = all(len(s.stamps) >= _WARM_UP and s.last - s.stamps[0] >= _WARM_UP_SPAN for s in awaited)
         if not enough and not force and self._newest - first <= self._wait:
             return
         for s in spoken:
@@ -402,10 +403,13 @@ def _period(stamps: NDArray[np.int64]) -> int:
 
 
 def _tidy_step(period: int) -> int:
-    """Return the tick [ns] of a stream: that of a whole number of hertz where its rate is within 0.2 % of one."""
+    """Return the tick [ns] of a stream: that of a multiple of 10 Hz within 0.5 % of its rate, of a whole hertz within 0.1 %."""
     rate = NANOSECONDS / period
-    whole = round(rate)
-    return round(NANOSECONDS / whole) if whole >= 1 and abs(rate - whole) <= 0.002 * whole else period
+    for unit, tolerance in ((10, 0.005), (1, 0.001)):
+        whole = unit * round(rate / unit)
+        if whole > 0 and abs(rate - whole) <= tolerance * whole:
+            return round(NANOSECONDS / whole)
+    return period
 
 
 def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: float = 2.0) -> UniformRun:

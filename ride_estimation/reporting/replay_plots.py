@@ -1,0 +1,169 @@
+# Copyright 2026 ride_estimation contributors
+"""Pictures of a replay. Every axis has a unit, every estimate its two-sigma band."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy import signal
+
+from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.frames import AXES
+
+Array = NDArray[np.float64]
+
+MEASURED, MODEL, BAND = "#57606a", "#0969da", "#9ec5fe"
+_POINTS = 3000
+
+
+def thinned(time_s: Array, values: Array) -> tuple[Array, Array]:
+    """Return a signal with at most a few thousand points that still shows every extreme.
+
+    Parameters
+    ----------
+    time_s
+        Shape (N,).
+    values
+        Shape (N,).
+    """
+    if len(values) <= _POINTS:
+        return time_s, values
+    width = int(np.ceil(2 * len(values) / _POINTS))
+    count = len(values) // width
+    parts = values[: count * width].reshape(count, width)
+    starts = np.arange(count) * width
+    places = np.sort(np.concatenate([starts + parts.argmin(axis=1), starts + parts.argmax(axis=1)]))
+    return time_s[places], values[places]
+
+
+def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) -> Figure:
+    """Return measured and modelled specific force of one sensor where it moves most, and both spectra.
+
+    Parameters
+    ----------
+    run
+        The replay.
+    sensor
+        Accelerometer of the body.
+    window_s
+        Length of the stretch shown [s].
+    """
+    measured, predicted = run.measured[sensor].astype(float), run.predicted[sensor].astype(float)
+    time = run.time_s
+    first, last = busiest_stretch(time, measured[:, 2], window_s)
+    figure = Figure(figsize=(11, 6.2))
+    axes = figure.subplots(3, 2, width_ratios=(2, 1))
+    for i, axis in enumerate(AXES):
+        left, right = axes[i]
+        left.plot(time[first:last], measured[first:last, i], color=MEASURED, linewidth=1.2, label="measured")
+        left.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label="rigid body")
+        left.set_ylabel(f"{axis} [m/s²]")
+        for values, colour in ((measured, MEASURED), (measured - predicted, "#cf222e")):
+            frequency, density = spectrum(values[run.valid, i], time)
+            right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
+        right.set_ylabel("m/s²/√Hz")
+    axes[0][0].legend(loc="upper right", fontsize=8)
+    axes[0][1].set_title("spectrum: measured (grey), difference (red)", fontsize=9)
+    axes[2][0].set_xlabel("time [s]")
+    axes[2][1].set_xlabel("frequency [Hz]")
+    figure.tight_layout()
+    return figure
+
+
+def spectrum(values: Array, time_s: Array) -> tuple[Array, Array]:
+    """Return frequency [Hz] and power spectral density [unit^2/Hz] without the mean."""
+    rate = 1.0 / max(float(np.median(np.diff(time_s))), 1e-9)
+    frequency, density = signal.welch(values, fs=rate, nperseg=min(len(values), max(int(4 * rate), 16)))
+    floor = max(float(density.max()) * 1e-15, 1e-300) if len(density) else 1e-300
+    return frequency[1:], np.maximum(density[1:], floor)
+
+
+def busiest_stretch(time_s: Array, values: Array, window_s: float) -> tuple[int, int]:
+    """Return first and last index of the stretch of a given length with the largest variance."""
+    if len(values) < 2:
+        return 0, len(values)
+    n = min(len(values), max(int(window_s / max(float(np.median(np.diff(time_s))), 1e-9)), 2))
+    sums = np.concatenate([[0.0], np.cumsum((values - values.mean()) ** 2)])
+    first = int(np.argmax(sums[n:] - sums[:-n])) if len(values) > n else 0
+    return first, first + n
+
+
+def motion_and_load(run: OfflineRun) -> Figure:
+    """Return CG acceleration and inertial load over the run."""
+    figure = Figure(figsize=(11, 7.5))
+    axes = figure.subplots(4, 1, sharex=True)
+    time = run.time_s
+    groups = (
+        ("cg_accel", 0, "acceleration [m/s²]"), ("cg_accel", 3, "angular accel. [rad/s²]"),
+        ("inertial_load", 0, "force [N]"), ("inertial_load", 3, "moment [N m]"),
+    )
+    for axis, (name, start, label) in zip(axes, groups):
+        for i, direction in enumerate(AXES if start == 0 else ("roll", "pitch", "yaw")):
+            axis.plot(*thinned(time, run.signals[name][:, start + i]), linewidth=0.6, label=direction)
+        axis.set_ylabel(label)
+        axis.legend(loc="upper right", fontsize=8, ncols=3)
+    axes[-1].set_xlabel("time [s]")
+    figure.tight_layout()
+    return figure
+
+
+def mount_forces(run: OfflineRun, mount: int, window_s: float = 5.0) -> Figure:
+    """Return the force on the body by one mount with its two-sigma band: whole run and the busiest stretch."""
+    figure = Figure(figsize=(11, 6.2))
+    axes = figure.subplots(3, 2, width_ratios=(2, 1))
+    time, force, std = run.time_s, run.signals["mount_force"][:, mount], run.signals["mount_force_std"][:, mount]
+    first, last = busiest_stretch(time, force[:, 2], window_s)
+    for i, axis in enumerate(AXES):
+        left, right = axes[i]
+        left.plot(*thinned(time, force[:, i]), color=MODEL, linewidth=0.6)
+        left.set_ylabel(f"{axis} [N]")
+        part = slice(first, last)
+        low, high = force[part, i] - 2.0 * std[part, i], force[part, i] + 2.0 * std[part, i]
+        right.fill_between(time[part], low, high, color=BAND, linewidth=0.0)
+        right.plot(time[part], force[part, i], color=MODEL, linewidth=0.8)
+    axes[0][1].set_title("busiest stretch with ± 2 std", fontsize=9)
+    for axis in axes[2]:
+        axis.set_xlabel("time [s]")
+    figure.tight_layout()
+    return figure
+
+
+def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> Figure:
+    """Return how parameters developed, relative to their prior, with two-sigma bands.
+
+    Parameters
+    ----------
+    run
+        The replay.
+    names
+        Parameters of one kind.
+    label
+        What they are, for the axis.
+    """
+    figure = Figure(figsize=(11, 3.2))
+    axis = figure.subplots()
+    history, prior = run.history, {p.name: p.prior for p in run.parameters}
+    time = (history.stamp_ns - run.stamp_ns[0]) * 1e-9
+    for name in names:
+        column = history.names.index(name)
+        scale = prior[name] or 1.0
+        value, std = history.value[:, column] / scale, history.std[:, column] / abs(scale)
+        line = axis.plot(time, value, linewidth=1.0, label=name.rsplit(".", 1)[0])[0]
+        axis.fill_between(time, value - 2.0 * std, value + 2.0 * std, color=line.get_color(), alpha=0.12, linewidth=0.0)
+    axis.axhline(1.0, color=MEASURED, linewidth=0.6, linestyle=":")
+    axis.set_ylim(*_limits(history.value, history.names, names, prior))
+    axis.set_ylabel(f"{label} / prior")
+    axis.set_xlabel("time [s]")
+    axis.legend(fontsize=7, ncols=4, loc="upper right")
+    figure.tight_layout()
+    return figure
+
+
+def _limits(values: Array, all_names: Sequence[str], names: Iterable[str], prior: dict[str, float]) -> tuple[float, float]:
+    ratios = np.concatenate([values[:, all_names.index(n)] / (prior[n] or 1.0) for n in names])
+    low, high = float(np.min(ratios)), float(np.max(ratios))
+    margin = max(0.3 * (high - low), 0.5)
+    return min(low, 1.0) - margin, max(high, 1.0) + margin
