@@ -1,0 +1,124 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation compare-models``: Voigt, damping filter, Maxwell and friction on the same data, scored on unseen runs."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation import metrics
+from ride_estimation.assessment.durability import damage_ratio
+from ride_estimation.cli.progress import Progress
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.model_comparison import FittedModel, MeasuredRun, fit_candidates, predict
+from ride_estimation.io.bags import read_recording
+from ride_estimation.io.json_file import write_json
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.signals.alignment import align
+from ride_estimation.signals.spectra import spectrum_correlation
+from ride_estimation.vehicles.vehicle import Vehicle
+
+HELP = "compare Voigt, damping filter, Maxwell and friction mounts on one run and score them on unseen runs"
+
+Array = NDArray[np.float64]
+
+_SPECTRUM_BLOCK_S = 5.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("run", type=Path, metavar="RUN", help="bag the models are fitted to")
+    parser.add_argument("--vehicle", required=True, type=Path, metavar="V.yaml")
+    parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RUN2", help="bags the models have not seen")
+    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write comparison.json")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit every model to the run, score all of them on all runs, print the table."""
+    vehicle = load_vehicle(options.vehicle)
+    runs = [MeasuredRun(vehicle, align(read_recording(path, vehicle))) for path in (options.run, *options.validate)]
+    progress = Progress(1.0, "fitting mount models")
+    fitted = fit_candidates(vehicle, runs[0], advance=progress.update)
+    progress.close()
+    document = compare(vehicle, runs, fitted)
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        write_json(options.out / "comparison.json", document)
+    print_table(document)
+    return 0
+
+
+def compare(vehicle: Vehicle, runs: list[MeasuredRun], fitted: tuple[FittedModel, ...]) -> dict[str, Any]:
+    """Return scores of every model on every run; the first run is the one that was fitted."""
+    models = []
+    for model in fitted:
+        entry: dict[str, Any] = {
+            "name": model.name,
+            "stiffness_n_per_m": model.stiffness,
+            "damping_n_s_per_m": model.damping,
+            "shape": model.shape,
+            "on_bounds": model.on_bounds,
+            "scores": [dataclasses.asdict(score(run, predict(vehicle, run, model))) for run in runs],
+        }
+        models.append(entry)
+    names = [r.name for r in runs]
+    return {"schema": "ride_estimation/comparison/1", "runs": names, "fitted_run": names[0], "models": models}
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """Scores of one model on one run, all vertical channels; spectrum_r and r are blind to gain and are shown to say so."""
+
+    rmse_percent: float
+    rmse_m_per_s2: float
+    r_squared: float
+    vaf: float
+    r: float
+    spectrum_r: float
+    damage_ratio: float | None
+
+
+def score(run: MeasuredRun, modelled: Array) -> Score:
+    """Score a prediction in the time domain, with the scores of document 000 beside."""
+    block = min(round(_SPECTRUM_BLOCK_S * run.rate_hz), len(modelled))
+    first, model = run.measured[:, 0], modelled[:, 0]
+    try:
+        damage: float | None = damage_ratio(first, model)
+    except InputDataError:
+        damage = None  # the rainflow library is an extra
+    return Score(
+        rmse_percent=100.0 * metrics.nrmse(run.measured, modelled),
+        rmse_m_per_s2=metrics.rmse(run.measured, modelled),
+        r_squared=metrics.r_squared(run.measured, modelled),
+        vaf=metrics.variance_accounted_for(run.measured, modelled),
+        r=metrics.pearson_r(run.measured, modelled),
+        spectrum_r=spectrum_correlation(first, model, run.rate_hz, block),
+        damage_ratio=damage,
+    )
+
+
+def print_table(document: dict[str, Any]) -> None:
+    """Print one line per model: error on every run, then the other scores on the last run."""
+    names = document["runs"]
+    last = "fitted run" if len(names) == 1 else names[-1]
+    print(f"error of the vertical body accelerations in % of their standard deviation; other scores on {last}")
+    head = "".join(f"{name[-14:]:>16}" for name in names)
+    print(f"{'model':<30}{head}{'R2':>9}{'r':>9}{'spectrum-r':>12}{'damage':>9}")
+    for model in document["models"]:
+        scores = model["scores"]
+        errors = "".join(f"{s['rmse_percent']:>16.2f}" for s in scores)
+        s = scores[-1]
+        damage = "-" if s["damage_ratio"] is None else f"{s['damage_ratio']:.2f}"
+        note = f"  on bound: {', '.join(model['on_bounds'])}" if model["on_bounds"] else ""
+        print(f"{model['name']:<30}{errors}{s['r_squared']:>9.4f}{s['r']:>9.4f}{s['spectrum_r']:>12.4f}{damage:>9}{note}")
+    best = min(document["models"], key=lambda m: m["scores"][-1]["rmse_percent"])
+    voigt = document["models"][0]["scores"][-1]["rmse_percent"]
+    print(
+        f"best on {last}: {best['name']} with {best['scores'][-1]['rmse_percent']:.2f} %, Voigt {voigt:.2f} %; r and spectrum-r "
+        "are blind to gain and offset and cannot rank models"
+    )

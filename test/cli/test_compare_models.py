@@ -1,0 +1,47 @@
+# Copyright 2026 ride_estimation contributors
+"""End to end: ``ride-estimation compare-models`` on a quarter car recorded as bags."""
+
+import json
+
+import numpy as np
+import pytest
+from worlds.quarter_car import QuarterCar, drive_quarter_car, measure_quarter_car, one_mass_yaml, road_height
+from worlds.roads import Road
+
+from ride_estimation.cli.main import main
+from ride_estimation.io.bag_writer import write_bag
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.signals.recording import Channel, Recording
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("quarter")
+    vehicle = folder / "vehicle.yaml"
+    vehicle.write_text(one_mass_yaml(QuarterCar(), 0.02))
+    sensors = load_vehicle(vehicle).sensors
+    paths = []
+    for seed in (1, 2):
+        height, rate = road_height(Road(), 15.0, 1e-3, seed)
+        data = measure_quarter_car(drive_quarter_car(QuarterCar(), height, rate, 1e-3), 100.0, seed, 0.02)
+        stamps = (np.round(data["time"] * 1e9) + 1_000_000_000).astype(np.int64)
+        channels = {n: Channel(n, stamps, data[n], stamps) for n in ("body", "axle")}
+        write_bag(folder / f"run{seed}", Recording(f"run{seed}", channels), sensors)
+        paths.append(str(folder / f"run{seed}"))
+    return str(vehicle), paths
+
+
+def test_compare_models_prints_and_writes_the_table(bags, tmp_path, capsys):
+    vehicle, (first, second) = bags
+    assert main(["compare-models", first, "--vehicle", vehicle, "--validate", second, "--out", str(tmp_path)]) == 0
+    text = capsys.readouterr().out
+    assert "Voigt + Maxwell + friction" in text
+    assert "cannot rank models" in text
+    document = json.loads((tmp_path / "comparison.json").read_text())
+    assert len(document["models"]) == 6
+    assert document["models"][0]["scores"][1]["r_squared"] > 0.99
+
+
+def test_a_missing_bag_ends_with_code_2(bags, tmp_path, capsys):
+    assert main(["compare-models", str(tmp_path / "none"), "--vehicle", bags[0]]) == 2
+    assert "none" in capsys.readouterr().err

@@ -1,0 +1,72 @@
+# Copyright 2026 ride_estimation contributors
+"""What the reviewer of document 000 asked for: Voigt against the damping filter on the same data, held-out roads (row 0-17)."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from worlds.quarter_car import QuarterCar, drive_quarter_car, law_of, measure_quarter_car, one_mass_yaml, road_height
+from worlds.roads import Road
+
+from ride_estimation.cli.compare_models import compare
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.model_comparison import CANDIDATES, MeasuredRun, fit_candidates
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.signals.recording import UniformRun
+
+RATE, STEP, DURATION, NOISE = 200.0, 1e-3, 30.0, 0.02
+
+
+def record(car, seed, scale=1.0):
+    road = Road()
+    height, rate = road_height(dataclasses.replace(road, roughness=road.roughness * scale**2), DURATION, STEP, seed)
+    data = measure_quarter_car(drive_quarter_car(car, height, rate, STEP), RATE, seed, NOISE)
+    valid = np.ones(len(data["time"]), bool)
+    signals = {n: data[n] for n in ("body", "axle")}
+    return UniformRun(f"road {seed}", RATE, 0, signals, {n: valid for n in signals}), data
+
+
+@pytest.fixture(scope="module")
+def vehicle_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("vehicle") / "quarter.yaml"
+    path.write_text(one_mass_yaml(QuarterCar(), NOISE))
+    return path
+
+
+def scores(car, vehicle_file, names):
+    vehicle = load_vehicle(vehicle_file)
+    runs = [MeasuredRun(vehicle, record(car, seed, scale)[0]) for seed, scale in ((1, 1.0), (2, 1.0), (3, 0.5))]
+    fitted = fit_candidates(vehicle, runs[0], [c for c in CANDIDATES if c.name in names])
+    document = compare(vehicle, runs, fitted)
+    return {m["name"]: m["scores"] for m in document["models"]}
+
+
+def test_plain_voigt_truth_the_papers_filter_alone_is_far_worse_and_its_score_does_not_see_it(vehicle_file):
+    found = scores(QuarterCar(), vehicle_file, ("Voigt", "filter alone, paper values"))
+    voigt, paper = found["Voigt"][1], found["filter alone, paper values"][1]
+    assert voigt["rmse_percent"] < 5.0  # noise of 0.02 m/s^2 on body and axle
+    assert paper["rmse_percent"] > 5 * voigt["rmse_percent"]
+    assert paper["spectrum_r"] > 0.9
+
+
+def test_viscoelastic_truth_filter_beside_voigt_equals_a_maxwell_branch_and_both_beat_voigt(vehicle_file):
+    plain = QuarterCar()
+    _, data = record(plain, 1)
+    spread = data["deflection"][:, 0].std()
+    code, parameters = law_of("six_cells", plain, spread, 10 * spread, 0.5)
+    car = dataclasses.replace(plain, laws=((code, parameters),))
+    found = scores(car, vehicle_file, ("Voigt", "Voigt + filter", "Voigt + Maxwell"))
+    held_out = {name: s[1]["rmse_percent"] for name, s in found.items()}
+    assert held_out["Voigt + Maxwell"] < 0.6 * held_out["Voigt"]
+    assert held_out["Voigt + filter"] == pytest.approx(held_out["Voigt + Maxwell"], rel=0.15)
+
+
+def test_runs_without_base_accelerometer_or_too_short_are_refused(vehicle_file):
+    vehicle = load_vehicle(vehicle_file)
+    run, _ = record(QuarterCar(), 1)
+    lone = UniformRun("lone", RATE, 0, {"body": run.data["body"]}, {"body": run.valid["body"]})
+    with pytest.raises(InputDataError, match="no accelerometer at the base"):
+        MeasuredRun(vehicle, lone)
+    short = UniformRun("short", RATE, 0, {n: v[:900] for n, v in run.data.items()}, {n: v[:900] for n, v in run.valid.items()})
+    with pytest.raises(InputDataError, match="too short"):
+        MeasuredRun(vehicle, short)
