@@ -54,6 +54,23 @@ class BestLinear:
         step[j] = 0.02
         return (self._signals(self._scaled(step), self.sensors, self.base) - self._clean) / 0.02
 
+    def _equivalent(self, vehicle: CabVehicle) -> np.ndarray:
+        """Return log factors of the linear spring and damper nearest to the true mount forces (statistical linearisation)."""
+        factors = np.stack([vehicle.stiffness / self.vehicle.stiffness, vehicle.damping / self.vehicle.damping])
+        touched = {(i, a) for i, a, _, _ in vehicle.hidden.laws}
+        if vehicle.hidden.drift is not None:
+            touched |= {(int(i), int(a)) for i, a in np.argwhere(vehicle.hidden.drift[:, :, 0] != 0.0)}
+        if touched:
+            run = simulate(vehicle, self.base)
+            after = slice(round(1.0 / self.base.step), None)
+            for i, a in touched:
+                x, v = run.deflection[after, i, a], run.rate[after, i, a]
+                # force on the cab in its axes stands for the tension: tilt and cross terms are small
+                force = -run.force[after, i, a]
+                k, c, _ = np.linalg.lstsq(np.column_stack([x, v, np.ones_like(x)]), force, rcond=None)[0]
+                factors[:, i, a] = k / self.vehicle.stiffness[i, a], c / self.vehicle.damping[i, a]
+        return np.log(np.clip(factors, 0.1, 10.0)).ravel()
+
     def residual(self, effect: Effect, size: float) -> float:
         """Return rms of what the best linear model leaves over rms of the signal, for an effect of a size."""
         vehicle, sensors, cg_off = effect.apply(size)
@@ -81,7 +98,7 @@ class BestLinear:
             trial = dataclasses.replace(model_vehicle, stiffness=stiffness, damping=damping)
             return flat(measured - self._signals(trial, declared, seen))
 
-        logs = np.zeros(columns)
+        logs = self._equivalent(vehicle)
         error = error_at(logs)
         best = float(np.sqrt(np.mean(error**2)))
         step = np.linalg.solve(normal, matrix.T @ error)

@@ -1,0 +1,347 @@
+# Copyright 2026 ride_estimation contributors
+"""Hide one effect after the other in the independent worlds and count what the diagnosis says.
+
+Every case (cause x form x road x seed) is one line of a JSON lines file; a second call skips the lines that exist, so a long
+matrix can be stopped, resumed and subsampled. Cases are ordered seed by seed: a short run covers all causes.
+
+    python benchmarks/confusion_matrix.py --per-cause 5 --residual 0.05 --noise 0.02 --clean 20 --out matrix.jsonl
+    python benchmarks/confusion_matrix.py --summary-only --out matrix.jsonl
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import concurrent.futures
+import dataclasses
+import json
+import math
+import multiprocessing
+import pathlib
+import sys
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
+
+from worlds.adapters import product_inputs
+from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE
+from worlds.scenario import Scenario, make_scenario
+
+from ride_estimation.diagnosis.diagnose import diagnose
+
+NO_CAUSE = ("no_discrepancy", "unexplained", "insufficient_data")
+ANGLE = {"roll": "x", "pitch": "y", "yaw": "z"}
+#: pairs of effects that leave different traces; drawn from by ``--pairs``
+PAIR_POOL = (
+    "coulomb_friction", "viscoelasticity", "stiffness_nonlinearity", "damping_nonlinearity", "bump_stop",
+    "harmonic_disturbance", "sensor_delay", "sensor_gain", "sensor_misalignment", "wrong_sensor_position", "mass_change",
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One case: its causes (empty: clean), seed and difficulty."""
+
+    causes: tuple[str, ...]
+    seed: int
+    residual: float
+    noise: float
+    duration: float
+    form: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Return what identifies the case in the file of results."""
+        name = "+".join(self.causes) or "none"
+        return f"{name}/{self.form or ''}/{self.seed}/{self.residual:g}/{self.noise:g}/{self.duration:g}"
+
+
+def run_case(case: Case) -> dict[str, Any]:
+    """Make the world, diagnose it, return one JSON-ready record."""
+    record: dict[str, Any] = {"key": case.key, "causes": list(case.causes), "seed": case.seed}
+    record |= {"wanted_residual": case.residual, "noise": case.noise}
+    causes = case.causes or ("none",)
+    scenario = make_scenario(
+        causes, case.seed, residual=case.residual, noise=case.noise, duration=case.duration, form=case.form, validations=2
+    )
+    record["planted"] = [dataclasses.asdict(p) for p in scenario.planted]
+    record["road"] = scenario.road_kind
+    vehicle, run, validation = product_inputs(scenario)
+    began = time.perf_counter()
+    try:
+        # the second validation run is kept back: it checks the interval stated for the first
+        diagnosis = diagnose(vehicle, run, validation=validation[:1])
+    except Exception as error:  # a crash is a result of the benchmark, and it is counted
+        record |= {"verdict": "error", "found": [], "error": f"{type(error).__name__}: {error}"}
+        return record
+    record["seconds"] = time.perf_counter() - began
+    record["verdict"] = str(getattr(diagnosis.verdict, "value", diagnosis.verdict))
+    record["found"] = [
+        {"id": c.id, "location": c.location, "axis": c.axis, "confidence": float(c.confidence)} for c in diagnosis.causes
+    ]
+    record["gain"] = _jsonable(getattr(diagnosis, "gain", None))
+    record["bias"] = _bias(diagnosis, scenario)
+    record["warnings"] = [str(w) for w in getattr(diagnosis, "warnings", ())][:5]
+    return record
+
+
+def _jsonable(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _jsonable(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(k): _jsonable(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_jsonable(v) for v in value]
+    if isinstance(value, (bool, int, str)) or value is None:
+        return value
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return str(value)
+
+
+def _bias(diagnosis: Any, scenario: Scenario) -> dict[str, float]:
+    """Return relative errors of the linear k and c of the extended vehicle on axes without a planted law."""
+    extended = getattr(diagnosis, "extended", None)
+    if extended is None:
+        extended = getattr(diagnosis, "vehicle", None)
+    if extended is None or not hasattr(extended, "mounts"):
+        return {}
+    cab = scenario.fit.run.vehicle
+    hidden = {(m, a) for m, a, _, _ in cab.hidden.laws}
+    out = {}
+    for i, mount in enumerate(cab.mount_names):
+        for a, axis in enumerate("xyz"):
+            element = extended.mounts[mount].elements.get(axis)
+            if (i, a) in hidden or cab.hidden.drift is not None or not hasattr(element, "stiffness"):
+                continue
+            out[f"{mount}.{axis}.k"] = float(element.stiffness / cab.stiffness[i, a] - 1.0)
+            out[f"{mount}.{axis}.c"] = float(element.damping / cab.damping[i, a] - 1.0)
+    return out
+
+
+# --------------------------------------------------------------------------------------------------------------- scoring
+
+
+def same_place(planted: dict[str, Any], found: dict[str, Any]) -> bool:
+    """Return whether location and axis agree; an axis the plant leaves empty is not judged."""
+    if planted["location"] != found["location"]:
+        return False
+    axis = ANGLE.get(found["axis"], found["axis"])
+    return not planted["axis"] or axis == planted["axis"]
+
+
+def first(record: dict[str, Any]) -> str:
+    """Return the cause named first, else the verdict."""
+    return record["found"][0]["id"] if record["found"] else record["verdict"]
+
+
+def _rate(hits: Iterable[bool]) -> tuple[float, int]:
+    values = list(hits)
+    return (float(np.mean(values)) if values else math.nan), len(values)
+
+
+def _line(name: str, hits: Iterable[bool], target: str) -> str:
+    rate, count = _rate(hits)
+    return f"{name:78s} {100 * rate:6.1f} % of {count:4d}   target {target}"
+
+
+def confusion(records: list[dict[str, Any]]) -> str:
+    """Return the confusion matrix of single effects as text: rows planted, columns named first."""
+    rows: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
+    for r in records:
+        if len(r["causes"]) <= 1:
+            rows[r["causes"][0] if r["causes"] else "none"][first(r)] += 1
+    lines = []
+    for planted, counts in sorted(rows.items()):
+        total = sum(counts.values())
+        named = ", ".join(f"{name} {n}" for name, n in counts.most_common())
+        lines.append(f"{planted:26s} {counts[planted]:3d}/{total:3d}   {named}")
+    return "\n".join(lines)
+
+
+def calibration_error(records: list[dict[str, Any]], bins: int = 10) -> tuple[float, int]:
+    """Return the expected calibration error of the confidence of the cause named first, and the number of cases."""
+    pairs = [(r["found"][0]["confidence"], r["found"][0]["id"] in r["causes"]) for r in records if r["found"]]
+    if not pairs:
+        return math.nan, 0
+    confidence, hit = np.array(pairs, float).T
+    index = np.minimum((confidence * bins).astype(int), bins - 1)
+    error = sum(np.sum(index == b) * abs(confidence[index == b].mean() - hit[index == b].mean()) for b in set(index))
+    return float(error / len(pairs)), len(pairs)
+
+
+def removed_share(record: dict[str, Any]) -> float | None:
+    """Return the share of the removable residual that the extension removed on the validation road, None where not stated."""
+    gain = record.get("gain") or {}
+    rows = gain.get("validation") or []
+    if not rows:
+        return None
+    baseline, extended = rows[0].get("baseline"), rows[0].get("extended")
+    floor = rows[0].get("noise_floor", gain.get("noise_floor"))
+    if None in (baseline, extended, floor) or baseline**2 <= 1.2 * floor**2:
+        return None
+    return float((baseline**2 - extended**2) / (baseline**2 - floor**2))
+
+
+def _biases(records: list[dict[str, Any]]) -> list[float]:
+    return [abs(v) for r in records for v in r.get("bias", {}).values()]
+
+
+def summary(records: list[dict[str, Any]]) -> str:
+    """Return all figures of the table of targets that the records allow."""
+    single = [r for r in records if len(r["causes"]) == 1 and not r["causes"][0].startswith("outside:")]
+    clean = [r for r in records if not r["causes"]]
+    outside = [r for r in records if r["causes"] and r["causes"][0].startswith("outside:")]
+    pairs = [r for r in records if len(r["causes"]) == 2]
+    lines = [confusion(records), ""]
+    levels = sorted({(r["wanted_residual"], r["noise"]) for r in single}, reverse=True)
+    for residual, noise in levels:
+        at = [r for r in single if (r["wanted_residual"], r["noise"]) == (residual, noise)]
+        target = ">= 95 %" if residual >= 0.05 else ">= 85 %"
+        lines.append(
+            _line(f"right cause first, residual {residual:g}, noise {noise:g}", (first(r) == r["causes"][0] for r in at), target)
+        )
+    right = [r for r in single if first(r) == r["causes"][0]]
+    lines.append(
+        _line(
+            "place and axis right, given the right cause", (same_place(r["planted"][0], r["found"][0]) for r in right), ">= 90 %"
+        )
+    )
+    lines.append(_line("false alarms on clean runs", (bool(r["found"]) or r["verdict"] not in NO_CAUSE for r in clean), "<= 1 %"))
+    lines.append(_line("clean runs called unexplained", (r["verdict"] == "unexplained" for r in clean), "<= 1 %"))
+    lines.append(_line("outside the library called unexplained", (r["verdict"] == "unexplained" for r in outside), ">= 90 %"))
+    lines.append(_line("listed effects called unexplained", (r["verdict"] == "unexplained" for r in single), "<= 5 %"))
+    sets = [({f["id"] for f in r["found"]}, set(r["causes"])) for r in pairs]
+    lines.append(_line("two effects: exact set", (a == b for a, b in sets), ">= 85 %"))
+    lines.append(_line("two effects: precision", (f in b for a, b in sets for f in a), ">= 95 %"))
+    shares = [s for r in right if (s := removed_share(r)) is not None]
+    for name, values, pick, target in (
+        ("removable residual removed on the other road, median", shares, 0.5, ">= 80 %"),
+        ("k and c bias after extension, 90th percentile", _biases(right), 0.9, "<= 2 %"),
+    ):
+        if values:
+            lines.append(f"{name:78s} {100 * np.quantile(values, pick):6.1f} % of {len(values):4d}   target {target}")
+    error, count = calibration_error(records)
+    lines.append(f"{'expected calibration error of the stated confidence':78s} {error:8.3f} of {count:4d}   target <= 0.05")
+    seconds = [r["seconds"] for r in records if "seconds" in r]
+    if seconds:
+        lines.append(
+            f"{'time per diagnosis, median and longest':78s} {np.median(seconds):6.1f} s, {max(seconds):.1f} s   target <= 60 s"
+        )
+    crashed = [r for r in records if r["verdict"] == "error"]
+    for r in crashed[:5]:
+        lines.append(f"ERROR {r['key']}: {r['error']}")
+    return "\n".join(lines)
+
+
+def misses(records: list[dict[str, Any]]) -> str:
+    """Return one line per wrong answer, for those who improve the diagnosis."""
+    lines = []
+    for r in records:
+        named = [(f["id"], f["location"], f["axis"], round(f["confidence"], 3)) for f in r["found"]]
+        planted = [
+            (p["cause"], p["location"], p["axis"], p["form"], f"{p['size']:.3g}", f"{p['residual']:.3f}")
+            for p in r.get("planted", [])
+        ]
+        if not r["causes"]:
+            wrong = bool(named) or r["verdict"] != "no_discrepancy"
+        elif r["causes"][0].startswith("outside:"):
+            wrong = r["verdict"] != "unexplained"
+        elif len(r["causes"]) == 1:
+            wrong = first(r) != r["causes"][0] or not same_place(r["planted"][0], r["found"][0])
+        else:
+            wrong = {f["id"] for f in r["found"]} != set(r["causes"])
+        if wrong:
+            lines.append(f"seed {r['seed']} road {r.get('road')} planted {planted} -> {r['verdict']} {named}")
+    return "\n".join(lines)
+
+
+# ----------------------------------------------------------------------------------------------------------------- running
+
+
+def cases(arguments: argparse.Namespace) -> list[Case]:
+    """Return the cases of a call, seed by seed."""
+    causes = arguments.causes.split(",") if arguments.causes else list(CAUSES)
+    common = (arguments.residual, arguments.noise, arguments.duration)
+    out = []
+    most = max(arguments.per_cause, arguments.clean, arguments.pairs, arguments.outside)
+    for n in range(most):
+        seed = arguments.first_seed + n
+        if n < arguments.per_cause:
+            for cause in causes:
+                forms = LAW_FORMS.get(cause, (None,))
+                out.append(Case((cause,), seed, *common, form=forms[n % len(forms)]))
+        if n < arguments.clean:
+            out.append(Case((), seed, *common))
+        if n < arguments.outside:
+            out += [Case((f"outside:{name}",), seed, *common) for name in OUTSIDE]
+        if n < arguments.pairs:
+            rng = np.random.default_rng([seed, 5])
+            out.append(Case(tuple(str(c) for c in rng.choice(PAIR_POOL, 2, replace=False)), seed, *common))
+    return out
+
+
+def main() -> None:
+    """Run the cases that are missing and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--per-cause", type=int, default=0, help="cases per cause, forms in turn")
+    parser.add_argument("--causes", default="", help="comma-separated ids; default: all nineteen")
+    parser.add_argument("--clean", type=int, default=0)
+    parser.add_argument("--pairs", type=int, default=0)
+    parser.add_argument("--outside", type=int, default=0, help="cases per effect outside the library")
+    parser.add_argument("--residual", type=float, default=0.05)
+    parser.add_argument("--noise", type=float, default=0.02)
+    parser.add_argument("--duration", type=float, default=60.0)
+    parser.add_argument("--first-seed", type=int, default=1000)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--limit-s", type=float, default=math.inf, help="start no new case after this many seconds")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/confusion_matrix.jsonl"))
+    parser.add_argument("--summary-only", action="store_true")
+    arguments = parser.parse_args()
+    records = [json.loads(line) for line in arguments.out.read_text().splitlines()] if arguments.out.exists() else []
+    if not arguments.summary_only:
+        done = {r["key"] for r in records}
+        todo = [c for c in cases(arguments) if c.key not in done]
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        began = time.perf_counter()
+        context = multiprocessing.get_context("spawn")
+        with (
+            arguments.out.open("a", encoding="utf-8") as file,
+            concurrent.futures.ProcessPoolExecutor(arguments.processes, mp_context=context) as pool,
+        ):
+            waiting: set[concurrent.futures.Future[dict[str, Any]]] = set()
+            queue = iter(todo)
+            finished = 0
+            while True:
+                while len(waiting) < arguments.processes and time.perf_counter() - began < arguments.limit_s:
+                    case = next(queue, None)
+                    if case is None:
+                        break
+                    waiting.add(pool.submit(run_case, case))
+                if not waiting:
+                    break
+                ready, waiting = concurrent.futures.wait(waiting, return_when=concurrent.futures.FIRST_COMPLETED)
+                for future in ready:
+                    record = future.result()
+                    records.append(record)
+                    file.write(json.dumps(record) + "\n")
+                    file.flush()
+                    finished += 1
+                    print(
+                        f"\r{finished}/{len(todo)} {record['key']} -> {first(record)}".ljust(110),
+                        end="",
+                        file=sys.stderr,
+                        flush=True,
+                    )
+        print(file=sys.stderr)
+    print(summary(records))
+    print("\nWrong answers:")
+    print(misses(records))
+
+
+if __name__ == "__main__":
+    main()
