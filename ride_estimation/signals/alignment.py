@@ -14,8 +14,8 @@ Use::
     aligner.health()              # counters per stream by reason, rates, gaps
 
 A block has ``block_ticks`` ticks (fewer only before a restart and at the end). It is ready as soon as every stream that speaks
-has two samples at or after its last tick, or when the newest stamp is ``max_wait_s`` beyond it: then the streams that lag
-are marked not valid and are not waited for until they speak again. Samples in between are interpolated by a cubic through
+has two samples at or after its last tick (four where one is missing there, in case it is only late), or when the newest stamp
+is ``max_wait_s`` beyond it: then the streams that lag are marked not valid and are not waited for until they speak again. Samples in between are interpolated by a cubic through
 four samples (linear beside a gap); a stream faster than the time base is averaged over one tick. No clock is read anywhere,
 so a live run and its recording give the same bytes.
 """
@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.interpolation import as_samples, interpolate_ticks
 from ride_estimation.signals.recording import Recording, UniformRun
-from ride_estimation.signals.streams import NANOSECONDS, Block, Stream, StreamHealth, StreamSpec
+from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec
 
 __all__ = ["Block", "StampAligner", "StreamHealth", "StreamSpec", "align"]
 
@@ -197,7 +197,7 @@ class StampAligner:
             self._warm_up()
         elif stamp_ns >= s.end:
             s.after += 1
-            if s.after == 2 and s.spec.waited_for:
+            if s.after == s.need and s.spec.waited_for and s.complete():
                 self._missing -= 1
         if self._step and (self._missing == 0 or self._newest > self._deadline):
             self._advance()
@@ -248,7 +248,7 @@ class StampAligner:
             s.reordered += 1
         if s.silent:
             s.silent = False
-            if s.spec.waited_for and s.after < 2:
+            if s.spec.waited_for and s.after < s.need:
                 self._missing += 1
         self._set_limit(s)
         return True
@@ -268,7 +268,7 @@ class StampAligner:
             return "clock_ahead"
         if s.last and stamp == s.last:
             return "duplicate"
-        if self._newest - stamp > reach and stamp <= max(self._floor, s.last):
+        if self._newest - stamp > reach:
             return "clock_behind"
         if stamp <= self._floor:
             return "late"
@@ -340,7 +340,8 @@ class StampAligner:
         for s in self._streams:
             s.end = self._end + (self._step // 2 if s.points > 1 else 0)
             s.after = len(s.stamps) - bisect.bisect_left(s.stamps, s.end)
-            if s.spec.waited_for and not s.silent and s.after < 2:
+            s.need = LEAST
+            if s.spec.waited_for and not s.silent and (s.after < s.need or not s.complete()):
                 self._missing += 1
             if not s.silent:
                 self._set_limit(s)
@@ -351,7 +352,7 @@ class StampAligner:
             if self._newest <= self._end:  # nobody is waited for and nothing new is there
                 return
             for s in self._streams:
-                if s.spec.waited_for and s.after < 2 and not s.silent:
+                if s.spec.waited_for and s.after < s.need and not s.silent:
                     s.silent, s.limit = True, 0
             self._emit(self._ticks)
 

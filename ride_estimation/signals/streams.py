@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import itertools
 from array import array
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
 #: samples of a stream kept before the newest emitted tick, the support of the next interpolation
 KEEP = 4
+#: samples at or after the last tick of a block that complete it; more where one of them seems to be still on its way
+LEAST, MOST = 2, 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,8 +109,8 @@ class Stream:
     """Ring buffer and clock state of one stream."""
 
     __slots__ = (
-        "accepted", "after", "candidate", "candidate_from", "candidates", "end", "gaps", "last", "limit", "longest_gap", "newest",
-        "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance", "width",
+        "accepted", "after", "candidate", "candidate_from", "candidates", "end", "gaps", "last", "limit", "longest_gap", "need",
+        "newest", "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance", "width",
     )
 
     def __init__(self, spec: StreamSpec) -> None:
@@ -133,11 +136,22 @@ class Stream:
         self.limit = 0  # largest step from it that needs no second look
         self.end = 0  # two samples at or after this stamp make a block ready
         self.after = 0  # how many there are
+        self.need = LEAST  # how many there must be
         self.points = 1
         self.silent = False
         self.candidate = 0  # newest stamp on another clock
         self.candidate_from = 0
         self.candidates = 0  # consecutive samples there
+
+    def complete(self) -> bool:
+        """Return whether the samples around the end of the block have no hole that a late sample may still fill."""
+        if self.after >= MOST or not self.period:
+            return True
+        around = self.stamps[-self.after - 2 :]
+        if all(2 * (b - a) <= 3 * self.period for a, b in itertools.pairwise(around)):
+            return True
+        self.need = MOST
+        return False
 
     def trim(self, before: int) -> None:
         """Drop what no later tick can need: all but the last samples before a stamp."""
