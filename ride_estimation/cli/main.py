@@ -33,7 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
     for name, module in verbs().items():
         sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
         module.add_arguments(sub)
-        sub.set_defaults(run=module.run)
+        sub.set_defaults(execute=module.run)
     return parser
 
 
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; return 0 on success, 2 on bad input (one message on stderr)."""
     options = build_parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        return int(options.execute(options))
     except RideEstimationError as error:
         print(f"ride-estimation {options.verb}: {error}", file=sys.stderr)
         return 2
