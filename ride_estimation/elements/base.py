@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements import terms as kernel
+from ride_estimation.elements import vectorised
 from ride_estimation.elements.terms import Term
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.jit import COMPILED
 
 Array = NDArray[np.float64]
 
@@ -276,8 +278,12 @@ class ForceElement(abc.ABC):
             Fewer than two samples, samples that are not finite, or times that are not uniform and increasing.
         """
         step = uniform_step(time_s, x)
-        codes, params = kernel.pack_terms(self.terms())
-        return kernel.response(codes, params, x, np.gradient(x, step), step)
+        terms = self.terms()
+        v = np.gradient(x, step, edge_order=min(2, x.size - 1)) if kernel.needs_rate(terms) else np.zeros_like(x)
+        if not COMPILED:
+            return vectorised.response(terms, x, v, step)
+        codes, params = kernel.pack_terms(terms)
+        return kernel.response(codes, params, x, v, step)
 
     def dynamic_stiffness(self, omega: float, amplitude: float) -> complex | None:
         """Return the first-harmonic complex stiffness K' + iK'' [N/m] in closed form, or None where there is none.

@@ -7,6 +7,7 @@ import dataclasses
 from typing import ClassVar, final
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.terms import MAXWELL, Term
@@ -64,3 +65,27 @@ class Maxwell(ForceElement):
     def dynamic_stiffness(self, omega: float, amplitude: float) -> complex:
         """Return ``k i omega / (Omega + i omega)`` [N/m]; document 003 (13), (19) print the storage part wrongly."""
         return self.stiffness * 1j * omega / complex(self.corner, omega)
+
+
+def bilinear_response(x: Array, step_s: float, stiffness: float, corner: float) -> Array:
+    """Return the force of a Maxwell cell by the bilinear transformation of ``k s / (s + Omega)``, the published discrete form.
+
+    ``F_k = -a F_(k-1) + b (x_k - x_(k-1))``, ``a = (Omega T - 2) / (Omega T + 2)``, ``b = 2 k / (Omega T + 2)``. For comparison
+    with documents and controllers that use it; the elements use the exact step.
+
+    Parameters
+    ----------
+    x
+        Deflection [m], shape (N,); at rest at the first sample.
+    step_s
+        T [s].
+    stiffness, corner
+        k [N/m], Omega [rad/s].
+
+    Notes
+    -----
+    Source: document 004 eq. (10)-(14), restored: (14) has a minus before a, which the transcript lost.
+    """
+    z = corner * step_s
+    a, b = (z - 2.0) / (z + 2.0), 2.0 * stiffness / (z + 2.0)
+    return np.asarray(lfilter([b, -b], [1.0, a], x - x[0]))

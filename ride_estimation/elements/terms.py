@@ -17,6 +17,7 @@ from ride_estimation.elements import kernels_curve as curve
 from ride_estimation.elements import kernels_filter as filters
 from ride_estimation.elements import kernels_memory as memory
 from ride_estimation.elements import kernels_network as network
+from ride_estimation.elements import kernels_signal as signal
 from ride_estimation.elements import kernels_static as static
 from ride_estimation.jit import compile_lean_kernel, inline_kernel
 
@@ -45,6 +46,9 @@ WEIGHTED_DAHL = 12  #: columns of :mod:`kernels_curve`
 RATE_FILTER = 13  #: a_1, a_0, c_1, c_0, d: filter of the rate, :mod:`kernels_filter`
 LOCAL_LINEAR = 14  #: columns of :mod:`kernels_network`
 
+#: terms whose force depends on the momentary rate whatever their parameters
+_RATE_CODES = frozenset({POWER_DAMPER, ASYMMETRIC_DAMPER, STRIBECK, CURVE_DAMPER, LOCAL_LINEAR})
+
 # Memory slots that terms with their own input use instead of the deflection.
 _FRICTION_TURN_X = 3
 _FRICTION_EXTREME_X = 5
@@ -55,6 +59,14 @@ class Term(NamedTuple):
 
     code: int
     parameters: tuple[float, ...]
+
+
+def needs_rate(terms: Iterable[Term]) -> bool:
+    """Return whether the force of any of the terms depends on the momentary rate v."""
+    damping_column = {ELASTIC: 2, CONTACT: 5, RATE_FILTER: filters.D}
+    return any(
+        t.code in _RATE_CODES or (t.code in damping_column and t.parameters[damping_column[t.code]] != 0.0) for t in terms
+    )
 
 
 def pack_terms(terms: Iterable[Term]) -> tuple[Codes, Array]:
@@ -218,9 +230,18 @@ def network_commit(
 @compile_lean_kernel
 def _continue(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float, force: Array) -> None:
     """Add the tension over a signal whose first sample is a step h after the memory."""
+    if x.shape[0] == 0:
+        return
     for t in range(codes.shape[0]):
-        for i in range(x.shape[0]):
-            force[i] += commit_at(codes[t], params, states, t, x[i], v[i], h)
+        if codes[t] == ELASTIC:
+            signal.elastic_signal(states, t, x, v, params[t, 0], params[t, 1], params[t, 2], force)
+        elif codes[t] == MAXWELL:
+            signal.maxwell_signal(states, t, x, v, h, params[t, 0], params[t, 1], force)
+        elif codes[t] == BERG_FRICTION:
+            signal.berg_signal(states, t, x, v, params[t, 0], params[t, 1], params[t, 2], force)
+        else:
+            for i in range(x.shape[0]):
+                force[i] += commit_at(codes[t], params, states, t, x[i], v[i], h)
 
 
 def continued(codes: Codes, params: Array, states: Array, x: Array, v: Array, h: float) -> Array:
