@@ -189,7 +189,6 @@ def _scaled(vehicle: Vehicle, factors: Mapping[str, float]) -> Vehicle:
     changes = {}
     for mount in vehicle.mounts.values():
         for axis, element in mount.elements.items():
-            values = {p.name: getattr(element, p.name) for p in element.parameters() if p.role == "stiffness"}
-            if axis in factors and values:
-                changes[(mount.name, axis)] = element.replace(**{n: v * factors[axis] for n, v in values.items()})
+            if axis in factors:
+                changes[(mount.name, axis)] = element.scaled("stiffness", factors[axis])
     return vehicle.replace_elements(changes)
