@@ -6,12 +6,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numba import njit
 
+from worlds.compiled import compiled
 from worlds.laws import MEMORY, PARAMETERS, law_force
 
 
-@njit(cache=True)
+@compiled
 def _record(h, x, v, k, c, codes, lawp):
     mem, trial = np.zeros((len(codes), MEMORY)), np.zeros((len(codes), MEMORY))
     out = np.empty(len(x))

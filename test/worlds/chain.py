@@ -10,12 +10,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numba import njit
 
+from worlds.compiled import compiled
 from worlds.laws import MEMORY, PARAMETERS, law_force
 
 
-@njit(cache=True)
+@compiled
 def _chain_derivative(n, y, w, wd, push, inv_m, g, hh, k, c, lift, codes, lawp, mem, trial, lag, dy, tension, u, ud):
     force = push.copy()
     for i in range(g.shape[0]):
@@ -42,7 +42,7 @@ def _chain_derivative(n, y, w, wd, push, inv_m, g, hh, k, c, lift, codes, lawp, 
         dy[n + j] = total
 
 
-@njit(cache=True)
+@compiled
 def _integrate(h, w, wd, push, inv_m, m_change, g, hh, k, c, lift, codes, lawp, switch):
     n, steps, links = inv_m.shape[0], (w.shape[0] - 1) // 2, g.shape[0]
     out_y, out_a = np.empty((steps + 1, 2 * n)), np.empty((steps + 1, n))

@@ -7,14 +7,14 @@ Newton-Euler in the body frame, attitude as a quaternion, classical fourth-order
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from worlds.compiled import compiled
 from worlds.laws import MEMORY, law_force
 
 STATE = 17  # position 3, velocity 3, quaternion wxyz 4, body rate 3, elastic mode 2, suspended mass 2
 
 
-@njit(cache=True)
+@compiled
 def rotation_of_vector(t, out):
     """Write the rotation matrix of the rotation vector t (Rodrigues)."""
     a2 = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
@@ -35,7 +35,7 @@ def rotation_of_vector(t, out):
     out[2, 2] = 1.0 - c * (x * x + y * y)
 
 
-@njit(cache=True)
+@compiled
 def body_rate_of_vector(t, td, out):
     """Write the body-frame angular velocity of the rotation vector t with rate td (right Jacobian)."""
     a2 = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
@@ -55,7 +55,7 @@ def body_rate_of_vector(t, td, out):
     out[2] = td[2] - c1 * u2 + c2 * w2
 
 
-@njit(cache=True)
+@compiled
 def rotation_of_quaternion(q, out):
     w, x, y, z = q[0], q[1], q[2], q[3]
     out[0, 0] = 1.0 - 2.0 * (y * y + z * z)
@@ -69,7 +69,7 @@ def rotation_of_quaternion(q, out):
     out[2, 2] = 1.0 - 2.0 * (x * x + y * y)
 
 
-@njit(cache=True)
+@compiled
 def place_brackets(c_row, b_row, seat, pos, vel, rot, rate):
     """Write position, velocity, attitude and body rate of every bracket from chassis and bracket coordinates.
 
@@ -97,7 +97,7 @@ def place_brackets(c_row, b_row, seat, pos, vel, rot, rate):
             rate[i, a] = rb[0, a] * wc[0] + rb[1, a] * wc[1] + rb[2, a] * wc[2] + wb[a]
 
 
-@njit(cache=True)
+@compiled
 def derivative(y, time, lag, pos, vel, rot, rate, push, body, mount, codes, lawp, mem, trial, extra, dy, force, defl, drate, acc):
     """Write the state derivative; also mount forces [body axes], deflections, rates and accelerations.
 
@@ -214,7 +214,7 @@ def derivative(y, time, lag, pos, vel, rot, rate, push, body, mount, codes, lawp
     acc[7] = sdd
 
 
-@njit(cache=True)
+@compiled
 def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes, lawp, extra, points):
     """Integrate and return (states, acc, force, deflection, rate) at every full step.
 

@@ -8,7 +8,8 @@ deflection x [m] and the rate v [m/s]. Memory: ``z[0]`` holds the committed defl
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from worlds.compiled import compiled
 
 MEMORY = 16  # floats of memory of one law
 PARAMETERS = 8  # floats of parameters of one law
@@ -53,7 +54,7 @@ NAMES = {
 }
 
 
-@njit(cache=True)
+@compiled
 def law_force(code, p, z, x, v, h, zn):
     """Return the force a time h after the committed memory z and write the memory at that moment into zn."""
     for i in range(MEMORY):
