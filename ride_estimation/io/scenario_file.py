@@ -265,7 +265,7 @@ def _true_mounts(
             mapping = item.raw("element")
             if mapping is not None:
                 try:
-                    elements[mount, axis] = element_from_mapping(mapping if isinstance(mapping, dict) else {})
+                    elements[mount, axis] = element_from_mapping(_with_numbers(mapping) if isinstance(mapping, dict) else {})
                 except ConfigurationError as error:
                     for problem in error.problems:
                         item.note("element", problem)
@@ -276,6 +276,16 @@ def _true_mounts(
                     factors[mount, axis, parameter] = factor
             item.finish()
     return elements, factors
+
+
+def _with_numbers(value: Any) -> Any:
+    """Return the mapping with texts such as ``4e5``, which YAML 1.1 does not call numbers, as numbers."""
+    if isinstance(value, dict):
+        return {k: v if k == "kind" else _with_numbers(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_with_numbers(v) for v in value]
+    number = as_number(value) if isinstance(value, str) else None
+    return value if number is None else number
 
 
 def _true_bodies(sections: dict[str, Section]) -> dict[str, dict[str, Any]]:

@@ -62,7 +62,7 @@ def true_vehicle(scenario: Scenario, vehicle: Vehicle) -> Vehicle:
     changes: dict[tuple[str, str], ForceElement] = dict(scenario.true_elements)
     for (mount, axis, parameter), factor in scenario.true_factors.items():
         element = changes.get((mount, axis), vehicle.mounts[mount].elements[axis])
-        changes[mount, axis] = element.replace(**{parameter: getattr(element, parameter) * factor})
+        changes[mount, axis] = element.with_values({parameter: element.addressed()[parameter][1] * factor})
     bodies = dict(vehicle.bodies)
     for name, change in scenario.true_bodies.items():
         body = bodies[name]
@@ -82,7 +82,7 @@ def _unknown_names(scenario: Scenario, vehicle: Vehicle) -> list[str]:
             problems.append(f"true_elements.{key[0]}.{key[1]}: no such mount axis; allowed: {components}")
     for mount, axis, parameter in scenario.true_factors:
         element = scenario.true_elements.get((mount, axis), given.get((mount, axis)))
-        names = [] if element is None else [p.name for p in element.parameters()]
+        names = [] if element is None else list(element.addressed())
         if element is None:
             problems.append(f"true_factors.{mount}.{axis}: no such mount axis; allowed: {components}")
         elif parameter not in names:
