@@ -144,10 +144,11 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
     mounts: dict[str, Mount] = {}
     for name, section in sections.items():
         position = section.vector("position", "m", required=True, limit=FARTHEST, meaning="attachment point")
-        body = section.text("body", None, allowed=bodies, meaning="the body it carries")
+        body = section.text("body", None, allowed=bodies or None, meaning="the body it carries")
         base = section.text("base", None, meaning="another body, or a name such as chassis or road")
         if body and body == base:
             section.note("base", f"{base!r} is the body itself; a mount joins two different bodies")
+            base = None
         elements, priors = _read_axes(section)
         section.finish()
         if position is not None and body and base:

@@ -72,7 +72,7 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
         return None
     unit, default_noise = _KIND_DEFAULTS[kind]
     needs_mount = kind in ("displacement", "force")
-    mount_name = section.text("mount", None if needs_mount else "", allowed=names.mounts, meaning="the mount it measures")
+    mount_name = section.text("mount", None if needs_mount else "", allowed=names.mounts or None, meaning="the mount it measures")
     mount = names.readable_mounts.get(mount_name or "")
     axis = section.text("axis", None, allowed=AXES, meaning="x, y or z") if kind == "displacement" else ""
     body = _read_body(section, kind, mount, names)
@@ -113,7 +113,8 @@ def _read_body(section: Section, kind: str, mount: Mount | None, names: Names) -
     if kind == "speed":
         return section.text("body", "chassis")
     default = mount.body if mount is not None and kind in ("displacement", "force") else None
-    body = section.text("body", default, allowed=(*names.bodies, *names.bases), meaning="the body it sits on")
+    allowed = (*names.bodies, *names.bases) if names.bodies else None
+    body = section.text("body", default, allowed=allowed, meaning="the body it sits on")
     if mount is not None and body and body not in (mount.body, mount.base):
         section.note("body", f"{body!r} is not a side of mount {mount.name!r}, which joins {mount.body!r} and {mount.base!r}")
     return body
@@ -185,9 +186,9 @@ def _read_reference(section: Section, names: Names, sensors: Mapping[str, Sensor
     body = mount = axis = sensor = ""
     details: dict[str, Any] = {}
     if kind in ("known_mass", "known_added_mass"):
-        body = section.text("body", None, allowed=names.bodies, meaning="the body") or ""
+        body = section.text("body", None, allowed=names.bodies or None, meaning="the body") or ""
     else:
-        mount = section.text("mount", None, allowed=names.mounts, meaning="the mount") or ""
+        mount = section.text("mount", None, allowed=names.mounts or None, meaning="the mount") or ""
     if kind in ("known_stiffness", "air_spring_pressure"):
         axis = section.text("axis", "z" if kind == "air_spring_pressure" else None, allowed=AXES, meaning="x, y or z") or ""
         elements = names.readable_mounts[mount].elements if mount in names.readable_mounts else None

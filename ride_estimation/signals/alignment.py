@@ -15,9 +15,9 @@ Use::
 
 A block has ``block_ticks`` ticks (fewer only before a restart and at the end). It is ready as soon as every stream that speaks
 has two samples at or after its last tick (four where one is missing there, in case it is only late), or when the newest stamp
-is ``max_wait_s`` beyond it: then the streams that lag are marked not valid and are not waited for until they speak again. Samples in between are interpolated by a cubic through
-four samples (linear beside a gap); a stream faster than the time base is averaged over one tick. No clock is read anywhere,
-so a live run and its recording give the same bytes.
+is ``max_wait_s`` beyond it: then the streams that lag are marked not valid and are not waited for until they speak again.
+Samples in between are interpolated by a cubic through four samples (linear beside a gap); a stream faster than the time base is
+averaged over one tick. No clock is read anywhere, so a live run and its recording give the same bytes.
 """
 
 from __future__ import annotations
