@@ -24,6 +24,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 #: True where kernels are compiled
 COMPILED: bool = importlib.util.find_spec("numba") is not None and os.environ.get("RIDE_ESTIMATION_DISABLE_JIT") != "1"
 
+#: folders whose kernels may be built into those of any other folder (the lower layers)
+_SHARED = ("", "signals", "elements", "excitation", "sensors", "vehicles")
 _KEEP_S = 14 * 86400.0  # compiled code of other versions is removed when it was not used for this long
 
 
@@ -52,7 +54,7 @@ def _compile(function: F, **options: Any) -> F:
     from numba.core import config
 
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder())
+    config.CACHE_DIR = str(cache_folder(_folder_of(function)))
     try:
         compiled: F = numba.njit(cache=True, error_model="numpy", **options)(function)
     finally:
@@ -60,12 +62,23 @@ def _compile(function: F, **options: Any) -> F:
     return compiled
 
 
+def _folder_of(function: Callable[..., Any]) -> str:
+    parts = function.__module__.split(".")
+    return parts[1] if parts[0] == "ride_estimation" and len(parts) > 2 else ""
+
+
 @functools.cache
-def cache_folder() -> Path:
-    """Return the folder of the compiled code of exactly these kernel sources."""
+def cache_folder(folder_name: str) -> Path:
+    """Return where the compiled code of a folder's kernels is kept, for exactly the present kernel sources.
+
+    Parameters
+    ----------
+    folder_name
+        Folder of the package the kernels stand in.
+    """
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     root = Path(os.environ.get("RIDE_ESTIMATION_CACHE") or Path(home) / "ride_estimation")
-    folder = root / _digest_of_kernels()
+    folder = root / _digest_of_kernels(folder_name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
@@ -78,10 +91,13 @@ def cache_folder() -> Path:
     return folder
 
 
-def _digest_of_kernels() -> str:
+def _digest_of_kernels(folder_name: str) -> str:
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
+    paths: list[Path] = []
+    for name in sorted({*_SHARED, folder_name}):
+        paths += (package / name).rglob("*.py") if name else package.glob("*.py")
+    for path in sorted(paths):
         source = path.read_bytes()
         if b"ride_estimation.jit import" in source:
             digest.update(path.relative_to(package).as_posix().encode())
