@@ -103,18 +103,18 @@ def run_in_copy(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def needs(command: str, slow: bool) -> bool:
-    return (shlex.split(command)[1] in SLOW_VERBS) == slow
+def selected(slow: bool) -> list[tuple[str, str]]:
+    return [(d, c) for d, c in VERB_COMMANDS if (shlex.split(c)[1] in SLOW_VERBS) == slow]
 
 
-@pytest.mark.parametrize(("document", "command"), [c for c in VERB_COMMANDS if needs(c[1], False)], ids=lambda t: t.replace("/", "_"))
+@pytest.mark.parametrize(("document", "command"), selected(slow=False), ids=lambda text: text.replace("/", "_"))
 def test_command_runs(document: str, command: str, tmp_path: Path) -> None:
     done = run_in_copy(command, tmp_path)
     assert done.returncode == 0, f"{document}: {command}\n{done.stderr}"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("document", "command"), [c for c in VERB_COMMANDS if needs(c[1], True)], ids=lambda t: t.replace("/", "_"))
+@pytest.mark.parametrize(("document", "command"), selected(slow=True), ids=lambda text: text.replace("/", "_"))
 def test_long_command_runs(document: str, command: str, tmp_path: Path) -> None:
     done = run_in_copy(command, tmp_path)
     assert done.returncode == 0, f"{document}: {command}\n{done.stderr}"

@@ -8,9 +8,9 @@ import importlib
 import re
 import runpy
 import sys
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 import setuptools

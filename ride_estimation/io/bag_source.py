@@ -12,6 +12,7 @@ from typing import Any
 
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from ride_estimation.errors import InputDataError
@@ -139,7 +140,27 @@ def _open_ros2(target: Path) -> BagSource:
                     yield connection.topic, stamp, bytes(raw)
 
     store = get_typestore(Stores.ROS2_JAZZY)
-    return BagSource(target, types, counts, messages, store.deserialize_cdr, True)
+    return BagSource(target, types, counts, messages, _cdr_reader(store.deserialize_cdr), True)
+
+
+def _cdr_reader(deserialize: Callable[[bytes, str], Any]) -> Callable[[bytes, str], Any]:
+    """Return a deserializer that tolerates the bytes Fast DDS leaves behind a message that ends in empty sequences.
+
+    It reserves the alignment of every sequence of doubles, also of empty ones (JointState without velocity and effort).
+    """
+
+    def read(raw: bytes, kind: str) -> Any:
+        try:
+            return deserialize(raw, kind)
+        except SerdeError:
+            for spare in (4, 8, 12):
+                try:
+                    return deserialize(raw[:-spare], kind)
+                except SerdeError:
+                    continue
+            raise
+
+    return read
 
 
 def _open_ros1(target: Path) -> BagSource:
@@ -177,4 +198,4 @@ def _salvaged(path: Path, file: Path, allowed: bool, reason: str) -> BagSource:
 
     store = get_typestore(Stores.ROS2_JAZZY)
     warning = f"the file is truncated or corrupt ({reason}); used are the {what} before the damage"
-    return BagSource(path, found.types, counts, messages, store.deserialize_cdr, True, (warning,))
+    return BagSource(path, found.types, counts, messages, _cdr_reader(store.deserialize_cdr), True, (warning,))

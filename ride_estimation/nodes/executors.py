@@ -38,7 +38,7 @@ def make_executor(name: str, context: Context | None = None) -> Executor:
 
 
 def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], args: Sequence[str] | None = None) -> int:
-    """Create a node, spin it until a signal or a shutdown, and leave cleanly; return the exit code.
+    """Create a node, spin it until a signal, a shutdown or its attribute ``finished``, and leave; return ``exit_code``.
 
     SIGINT arrives twice under ``ros2 launch`` and the context is already down when ``spin_once`` raises, so signals are
     ignored while the node is destroyed and nothing is logged after the loop.
@@ -53,22 +53,27 @@ def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], 
         Command line for rclpy, None for ``sys.argv``.
     """
     rclpy.init(args=args)
+    code = 0
     node: Node | None = None
     executor: Executor | None = None
     try:
         node = factory()
         executor = make_executor(executor_name(node))
         executor.add_node(node)
-        while rclpy.ok():
+        while rclpy.ok() and not getattr(node, "finished", False):
             executor.spin_once(timeout_sec=WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RuntimeError:  # RCLError: a signal took the context away while the node was being made
+        if rclpy.ok():
+            raise
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if executor is not None:
             executor.shutdown(timeout_sec=WAIT_S)
         if node is not None:
+            code = int(getattr(node, "exit_code", 0))
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return code

@@ -32,7 +32,7 @@ WARM_UP_S = 3.0
 WARM_UP_RATE_HZ = 50.0
 WARM_UP_START_NS = 1_000_000_000_000
 
-UNDECODABLE = "message_damaged"
+UNDECODABLE = "message_not_decodable"
 WRONG_TYPE = "message_type_not_accepted"
 NUMERICAL_FAULT = "numerical fault, estimates start again"
 

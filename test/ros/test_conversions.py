@@ -70,7 +70,8 @@ def test_virtual_accelerometer_marks_what_it_does_not_provide(rate: np.ndarray |
 
 def test_joint_state_keeps_names_with_their_numbers() -> None:
     names = ["a_x", "a_y", "a_z"]
-    message = over_the_wire(conversions.joint_state(STAMP, "cab_cg", names, numbers(3, np.float32), np.zeros(0), numbers(3, np.int64)))
+    position, effort = numbers(3, np.float32), numbers(3, np.int64)
+    message = over_the_wire(conversions.joint_state(STAMP, "cab_cg", names, position, np.zeros(0), effort))
     assert isinstance(message, JointState)
     assert list(message.name) == names
     assert list(message.position) == [1.0, 2.0, 3.0]
@@ -106,7 +107,11 @@ def test_parameter_has_one_number_per_value() -> None:
 
 @pytest.mark.parametrize(
     ("status", "level"),
-    [(Status.NOT_IDENTIFIABLE, DiagnosticStatus.WARN), (Status.SUSPECT, DiagnosticStatus.WARN), (Status.INVALID, DiagnosticStatus.ERROR)],
+    [
+        (Status.NOT_IDENTIFIABLE, DiagnosticStatus.WARN),
+        (Status.SUSPECT, DiagnosticStatus.WARN),
+        (Status.INVALID, DiagnosticStatus.ERROR),
+    ],
 )
 def test_status_without_a_sure_number_is_visible(status: Status, level: bytes) -> None:
     message = conversions.parameters(STAMP, "cab", [estimate(status=status, reason="needs a weighed cab")])

@@ -309,9 +309,8 @@ def test_saved_vehicle_file_loads_again_and_saved_state_continues(ros_single: Ro
     assert first.session is not None
     learned = {e.name: (e.value, e.std) for e in first.session.pipeline.parameters()}
     first.trigger_deactivate()
-    second = EstimatorNode(
-        context=ros_single.context, use_global_arguments=False, parameter_overrides=[Parameter("state_file", value=str(state_file))]
-    )
+    overrides = [Parameter("state_file", value=str(state_file))]
+    second = EstimatorNode(context=ros_single.context, use_global_arguments=False, parameter_overrides=overrides)
     ros_single.add(second)
     assert second.session is not None
     assert {e.name: (e.value, e.std) for e in second.session.pipeline.parameters()} == learned
@@ -359,7 +358,12 @@ def test_every_parameter_is_described_with_its_unit(ros_single: Ros) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
-    [("excitation_accel", 1e9, ""), ("save_directory", 5, ""), ("block_ticks", 8, "read-only"), ("executor", "single", "read-only")],
+    [
+        ("excitation_accel", 1e9, ""),
+        ("save_directory", 5, ""),
+        ("block_ticks", 8, "read-only"),
+        ("executor", "single", "read-only"),
+    ],
 )
 def test_change_that_is_not_allowed_is_rejected(ros_single: Ros, name: str, value: object, reason: str) -> None:
     node = estimator(ros_single)

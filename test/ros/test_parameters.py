@@ -21,7 +21,7 @@ DEFAULTS = {p.name: p.default for p in TABLE}
 
 def test_files_are_written_from_the_table() -> None:
     for name, text in documents().items():
-        assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name}: run ride_estimation.nodes.estimator_parameters --write"
+        assert (ROOT / name).read_text(encoding="utf-8") == text, f"{name}: write it again with --write"
 
 
 def test_parameter_file_holds_every_default_with_its_type() -> None:

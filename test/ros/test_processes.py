@@ -1,0 +1,88 @@
+# Copyright 2026 ride_estimation contributors
+"""The nodes as processes: start, signals, exit codes, a replay from one to the other."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.nodes import qos
+from ros.conftest import Ros
+from ros.drive import drive
+from ros.test_lockstep import TRUCK, write_bag
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def start(domain: int) -> Iterator[Start]:
+    """Start nodes in processes of their own; the variables of the parent's ROS environment are not passed on."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")}
+    environment["ROS_DOMAIN_ID"] = str(domain)
+    started: list[subprocess.Popen[str]] = []
+
+    def start_one(module: str, *arguments: str) -> subprocess.Popen[str]:
+        started.append(
+            subprocess.Popen(
+                [sys.executable, "-m", f"ride_estimation.nodes.{module}", "--ros-args", *arguments],
+                env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+            )
+        )  # fmt: skip
+        return started[-1]
+
+    yield start_one
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def end(process: subprocess.Popen[str], number: signal.Signals | None) -> tuple[int, str]:
+    """Send a signal to the process group and return exit code and output."""
+    if number is not None:
+        os.killpg(process.pid, number)
+    try:
+        output, _ = process.communicate(timeout=60)
+    except subprocess.TimeoutExpired:
+        pytest.fail(f"did not end within 60 s of {number}")
+    return process.returncode, output
+
+
+@pytest.mark.parametrize(("executor", "number"), [("events", signal.SIGINT), ("single", signal.SIGTERM)])
+def test_node_ends_cleanly_on_a_signal(ros_single: Ros, start: Start, executor: str, number: signal.Signals) -> None:
+    process = start("estimator_node", "-p", f"executor:={executor}")
+    watcher = ros_single.add(Node("watcher", context=ros_single.context, use_global_arguments=False))
+    ros_single.until(lambda: watcher.count_publishers("/ride/estimator/cg_accel") > 0, deadline_s=60.0)
+    code, output = end(process, number)
+    assert code == 0, output
+    assert "Traceback" not in output
+
+
+def test_recorded_run_is_played_into_the_live_estimator(ros_single: Ros, start: Start, tmp_path: Path) -> None:
+    run = write_bag(tmp_path / "run", [(m.topic, m.type_name, m.stamp_ns, m.payload) for m in drive(load_vehicle(TRUCK), 2.0)])
+    listener = ros_single.add(Node("listener", context=ros_single.context, use_global_arguments=False))
+    got: list[JointState] = []
+    listener.create_subscription(JointState, "/ride/estimator/mounts/states", got.append, qos.output(2000))
+    estimator = start("estimator_node", "-p", "use_sim_time:=true")
+    player = start("replay_node", "-p", f"bag:={run}", "-p", "rate:=2.0", "-p", "wait_for_subscribers:=60.0")
+    code, output = end(player, None)
+    assert code == 0, output
+    assert "played 1600 messages" in output
+    ros_single.until(lambda: len(got) >= 150, deadline_s=20.0)
+    assert end(estimator, signal.SIGINT)[0] == 0
+
+
+def test_run_that_cannot_be_played_is_one_message_and_exit_code_two(start: Start, tmp_path: Path) -> None:
+    code, output = end(start("replay_node", "-p", f"bag:={tmp_path / 'none'}"), None)
+    assert code == 2
+    assert "does not exist" in output
+    assert "Traceback" not in output
