@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -14,6 +15,7 @@ from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2 import Reader as Ros2Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.mcap_salvage import salvage_mcap
@@ -22,6 +24,12 @@ from ride_estimation.io.mcap_salvage import salvage_mcap
 #: OverflowError, ZstdError, sqlite3.Error, struct.error); every use turns it into an InputDataError that quotes it.
 READER_ERRORS = (Exception,)
 SUFFIXES = (".mcap", ".db3", ".bag")
+
+@functools.cache
+def type_store(which: Stores) -> Typestore:
+    """Return the message types of a distribution; they take a third of a second to make and are never changed."""
+    return get_typestore(which)
+
 
 RawMessage = tuple[str, int, bytes]
 
@@ -139,7 +147,7 @@ def _open_ros2(target: Path) -> BagSource:
                 for connection, stamp, raw in opened.messages(connections=chosen):
                     yield connection.topic, stamp, bytes(raw)
 
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = type_store(Stores.ROS2_JAZZY)
     return BagSource(target, types, counts, messages, _cdr_reader(store.deserialize_cdr), True)
 
 
@@ -177,7 +185,7 @@ def _open_ros1(target: Path) -> BagSource:
                 for connection, stamp, raw in opened.messages(connections=chosen):
                     yield connection.topic, stamp, bytes(raw)
 
-    store = get_typestore(Stores.ROS1_NOETIC)
+    store = type_store(Stores.ROS1_NOETIC)
     return BagSource(target, types, counts, messages, store.deserialize_ros1, False)
 
 
@@ -196,6 +204,6 @@ def _salvaged(path: Path, file: Path, allowed: bool, reason: str) -> BagSource:
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
         yield from (m for m in found.messages if m[0] in topics)
 
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = type_store(Stores.ROS2_JAZZY)
     warning = f"the file is truncated or corrupt ({reason}); used are the {what} before the damage"
     return BagSource(path, found.types, counts, messages, _cdr_reader(store.deserialize_cdr), True, (warning,))

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.bag_source import type_store
 from ride_estimation.io.messages import accepted_types, sensors_by_topic
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
@@ -59,7 +60,7 @@ def write_bag(
     unknown = [name for name in recording.channels if name not in sensors]
     if unknown:
         raise InputDataError(f"channels without a sensor in the vehicle: {', '.join(unknown)}")
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = type_store(Stores.ROS2_JAZZY)
     chosen = dict(message_types or {})
     jobs: list[tuple[Any, list[int], Iterator[Any]]] = []
     writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin[storage.upper()])
