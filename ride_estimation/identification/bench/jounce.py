@@ -61,6 +61,8 @@ class Load:
         Samples used in residuals: loaded ones, thinned evenly.
     scale
         Standard deviation of the force while loaded [N].
+    fitted, held_out
+        Loaded samples that are fitted and that are kept for validation, shape (N,).
     """
 
     name: str
@@ -70,6 +72,8 @@ class Load:
     force: Array
     picked: NDArray[np.int64]
     scale: float
+    fitted: NDArray[np.bool_]
+    held_out: NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,34 +146,40 @@ def compression_side(prepared: Sequence[PreparedRecord]) -> float:
     return 1.0 if high > low else -1.0
 
 
-def as_load(item: PreparedRecord, side: float) -> Load:
-    """Return a record as the bumper sees it."""
+def as_load(item: PreparedRecord, side: float, *, hold_out: bool = False) -> Load:
+    """Return a record as the bumper sees it; ``hold_out`` keeps every fourth load event for validation."""
     travel = side * item.motion.x
     speed = float(np.quantile(np.abs(np.diff(travel)), 0.999)) / item.motion.step_s
     factor = int(np.clip(_TRAVEL_PER_SAMPLE / max(speed * item.motion.step_s, 1e-12), 1, 20))
     if factor > 1:
         # slow records carry no more information at a high rate
-        return as_load(item.decimated(factor), side) if factor * 500 < travel.size else _as_load(item, side)
-    return _as_load(item, side)
+        return _as_load(item.decimated(factor), side, hold_out) if factor * 500 < travel.size else _as_load(item, side, hold_out)
+    return _as_load(item, side, hold_out)
 
 
-def _as_load(item: PreparedRecord, side: float) -> Load:
+def _as_load(item: PreparedRecord, side: float, hold_out: bool) -> Load:
     travel = side * item.motion.x
-    loaded = np.flatnonzero((travel > 0.0) & item.fitted)
+    usable = (travel > 0.0) & item.fitted
+    held = np.zeros(travel.size, dtype=bool)
+    if hold_out:
+        event = np.cumsum(np.diff((travel > 0.0).astype(int), prepend=0) > 0)
+        held = usable & (event % 4 == 3)
+    fitted = usable & ~held
+    loaded = np.flatnonzero(fitted)
     if loaded.size < 50:
         raise InputDataError(f"{item.record.name}: only {loaded.size} samples are loaded (travel above zero)")
     picked = loaded[np.unique(np.linspace(0, loaded.size - 1, min(loaded.size, _RESIDUALS)).astype(int))]
     force = side * item.force
     return Load(
         item.record.name, item.motion.step_s, np.ascontiguousarray(travel), friction_travel(item.motion, side), force, picked,
-        float(np.std(force[loaded])),
+        float(np.std(force[loaded])), fitted, held,
     )
 
 
-def loaded_nrmse(load: Load, force: Array) -> float:
-    """Return NRMSE over the loaded samples with the standard deviation as norm (document 004 eq. (2))."""
-    loaded = load.travel > 0.0
-    return float(np.sqrt(np.mean((force - load.force)[loaded] ** 2)) / np.std(load.force[loaded]))
+def loaded_nrmse(load: Load, force: Array, part: NDArray[np.bool_] | None = None) -> float:
+    """Return NRMSE over loaded samples with the standard deviation as norm (document 004 eq. (2)); default the fitted ones."""
+    use = load.fitted if part is None else part
+    return float(np.sqrt(np.mean((force - load.force)[use] ** 2)) / np.std(load.force[use]))
 
 
 def split_static(loads: Sequence[Load]) -> tuple[list[Load], list[Load]]:

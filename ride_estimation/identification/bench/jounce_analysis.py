@@ -1,0 +1,232 @@
+# Copyright 2026 ride_estimation contributors
+"""From jounce-bumper records to a white box, a grey box, or a grey box with Dahl friction, scored on held-out loads."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.elements.base import ForceElement
+from ride_estimation.elements.registry import element_from_mapping
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.jounce import (
+    Load,
+    WhiteBox,
+    as_load,
+    compression_side,
+    fit_static,
+    identify_white_box,
+    loaded_nrmse,
+    split_static,
+)
+from ride_estimation.identification.bench.ladder import HeldOut
+from ride_estimation.identification.bench.lolimot import Network, NetworkInputs, train_network
+from ride_estimation.identification.bench.record import BenchRecord
+from ride_estimation.identification.bench.reversals import noise_level
+from ride_estimation.identification.bench.time_domain import prepare
+
+Array = NDArray[np.float64]
+
+MODELS = ("jounce_bumper", "local_linear_network", "local_linear_network_dahl")
+#: points of exported curves
+_POINTS = 31
+
+
+@dataclasses.dataclass(frozen=True)
+class JounceIdentification:
+    """Everything the command reports of a jounce bumper.
+
+    Attributes
+    ----------
+    model
+        One of ``MODELS``.
+    stages
+        Stage or number of local models -> record -> NRMSE on fitted loads.
+    fitted, held_out
+        Record -> NRMSE of the chosen model; held out: load events or records that were not fitted.
+    exported
+        Record -> NRMSE of the element as written to ``element.yaml`` (same loads as ``fitted``).
+    noise_floor
+        Record -> NRMSE that white noise of the load cell alone gives.
+    quantities
+        Named parameters with units, for the report.
+    element
+        YAML form.
+    curves
+        Held-out stretches for pictures.
+    warnings
+        What was noticed.
+    """
+
+    model: str
+    stages: dict[str, dict[str, float]]
+    fitted: dict[str, float]
+    held_out: dict[str, float]
+    exported: dict[str, float]
+    noise_floor: dict[str, float]
+    quantities: tuple[tuple[str, float, str], ...]
+    element: dict[str, Any]
+    curves: tuple[HeldOut, ...]
+    warnings: tuple[str, ...]
+
+
+def identify_jounce(
+    records: Sequence[BenchRecord], validation: Sequence[BenchRecord], model: str = "jounce_bumper", *,
+    models: int = 10, progress: Callable[[float], None] | None = None,
+) -> JounceIdentification:
+    """Identify a jounce bumper.
+
+    Parameters
+    ----------
+    records
+        Checked records: at least one slow (static ramps) and one fast.
+    validation
+        Records that are not fitted; empty: every fourth load event of the fast records is held out.
+    model
+        One of ``MODELS``.
+    models
+        Local models of a network.
+    progress
+        Called with 1 per stage or local model.
+    """
+    if model not in MODELS:
+        raise InputDataError(f"model {model!r} is no jounce-bumper model; allowed: {', '.join(MODELS)}")
+    prepared = [prepare(r) for r in records]
+    side = compression_side(prepared)
+    plain = [as_load(p, side) for p in prepared]
+    static_names = {load.name for load in split_static(plain)[0]}
+    loads = [
+        load if load.name in static_names or validation else as_load(p, side, hold_out=True)
+        for load, p in zip(plain, prepared, strict=True)
+    ]
+    held = [as_load(prepare(r), side) for r in validation]
+    predict, stages, element, quantities = (
+        _white(loads, progress) if model == "jounce_bumper" else _grey(loads, model.endswith("dahl"), models, progress)
+    )
+    fitted = {load.name: loaded_nrmse(load, predict(load)) for load in loads}
+    held_out = {load.name: loaded_nrmse(load, predict(load), load.held_out) for load in loads if load.held_out.any()}
+    held_out |= {load.name: loaded_nrmse(load, predict(load)) for load in held}
+    warnings = [w for r in (*records, *validation) for w in r.warnings]
+    exported: dict[str, float] = {}
+    built = element_from_mapping(element)
+    for load in loads:
+        exported[load.name] = loaded_nrmse(load, _response(built, load))
+    worse = max(exported[n] / max(fitted[n], 1e-9) for n in fitted)
+    if worse > 1.1:
+        warnings.append(
+            f"the exported element is {worse:.2g} times less accurate than the fitted model: see the column of the exported element"
+        )
+    shown = held or [load for load in loads if load.held_out.any()] or loads
+    curves = tuple(_stretch(load, predict(load)) for load in shown[:4])
+    return JounceIdentification(
+        model, stages, fitted, held_out, exported, {load.name: noise_level(load.force) / load.scale for load in loads}, quantities,
+        element, curves, tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _response(element: ForceElement, load: Load) -> Array:
+    """Return the compression force of an element over a record (its deflection is negative in compression)."""
+    time = np.arange(load.travel.size) * load.step_s
+    force: Array = -element.response(time, -load.travel)
+    return force
+
+
+def _stretch(load: Load, force: Array) -> HeldOut:
+    part = load.held_out if load.held_out.any() else load.fitted
+    time = np.arange(load.travel.size) * load.step_s
+    return HeldOut(load.name, time[part], load.travel[part], load.force[part], force[part])
+
+
+def _points(box: WhiteBox) -> tuple[list[float], list[float], list[float]]:
+    """Return travels, static forces and heights of the exported curves, not negative and without decreasing travels."""
+    travel = np.unique(np.concatenate([np.linspace(0.0, float(box.basis.knots[-1]), _POINTS), box.basis.knots]))
+    travel = travel[np.concatenate([[True], np.diff(travel) > 1e-5])]
+    spline = box.basis(travel)
+    force = np.maximum(spline @ box.static, 0.0)
+    height = np.maximum(spline @ box.height, 0.0)
+    force[0] = height[0] = 0.0
+    return travel.tolist(), force.tolist(), height.tolist()
+
+
+def _white(
+    loads: Sequence[Load], progress: Callable[[float], None] | None
+) -> tuple[Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str], ...]]:
+    box, stages = identify_white_box(loads, progress=progress)
+    travels, forces, heights = _points(box)
+    active = [i for i in np.argsort(box.contacts) if box.stiffness[i] > 0.0]
+    element = {
+        "kind": "jounce_bumper", "travels_m": travels, "forces_n": forces, "heights_n": heights,
+        "cell_stiffnesses_n_per_m": [float(box.stiffness[i]) for i in active],
+        "cell_corners_rad_per_s": [float(box.rates[i]) for i in active],
+        "contact_points_m": [float(box.contacts[i]) for i in active],
+        "reference_travel_m": travels[-1], "lowest_slope_n_per_m": float(box.slopes[0]),
+        "highest_slope_n_per_m": float(box.slopes[1]), "exponent": float(box.slopes[2]), "entry_m": float(box.smooth),
+    }
+    quantities = [
+        ("reference_travel", travels[-1], "m"), ("static_force_at_reference", forces[-1], "N"),
+        ("hysteresis_height_at_reference", heights[-1], "N"), ("dahl_lowest_slope", float(box.slopes[0]), "N/m"),
+        ("dahl_highest_slope", float(box.slopes[1]), "N/m"), ("dahl_exponent", float(box.slopes[2]), "1"),
+        ("entry", float(box.smooth), "m"),
+    ]
+    for n, i in enumerate(active, 1):
+        quantities += [
+            (f"cell_{n}_contact_point", float(box.contacts[i]), "m"), (f"cell_{n}_stiffness", float(box.stiffness[i]), "N/m"),
+            (f"cell_{n}_corner", float(box.rates[i]), "rad/s"),
+        ]
+    return box.force, stages, element, tuple(quantities)
+
+
+def _grey(
+    loads: Sequence[Load], dahl: bool, models: int, progress: Callable[[float], None] | None
+) -> tuple[Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str], ...]]:
+    static, _ = split_static(loads)
+    box = fit_static(static, max(float(load.travel.max()) for load in loads))
+
+    def curve(travel: Array) -> Array:
+        return np.asarray(np.maximum(box.basis(travel) @ box.static, 0.0))
+
+    def friction(load: Load) -> Array:
+        if not dahl:
+            return np.zeros(load.force.size)
+        force = 0.5 * box.state(load) * np.maximum(box.basis(load.travel) @ box.height, 0.0)
+        force[load.travel <= 0.0] = 0.0
+        return np.asarray(force)
+
+    inputs = [NetworkInputs(load, curve, load.force - friction(load)) for load in loads]
+    network, history = train_network(inputs, models, progress=progress)
+
+    def predict(load: Load) -> Array:
+        return np.asarray(network.force(NetworkInputs(load, curve, load.force)) + friction(load))
+
+    stages = {f"{n} local models": {"all": value} for n, value in enumerate(history, 1)}
+    travels, forces, heights = _points(box)
+    mapping = network_mapping(network, travels, forces)
+    if dahl:
+        weighted = {
+            "kind": "weighted_dahl", "travels_m": travels, "heights_n": heights, "reference_travel_m": travels[-1],
+            "lowest_slope_n_per_m": float(box.slopes[0]), "highest_slope_n_per_m": float(box.slopes[1]),
+            "exponent": float(box.slopes[2]),
+        }
+        mapping = {"kind": "sum", "elements": [mapping, weighted]}
+    quantities = [(f"pole_{j + 1}", -float(a), "1/s") for j, a in enumerate(network.alpha)]
+    return predict, stages, mapping, tuple(quantities)
+
+
+def network_mapping(network: Network, travels: Sequence[float], forces: Sequence[float]) -> dict[str, Any]:
+    """Return the YAML form of a network."""
+    g, d1, d2, c1, c2 = network.gains.T
+    lists = {
+        "travel_centres": network.centres[:, 0], "rate_centres": network.centres[:, 1], "travel_widths": network.widths[:, 0],
+        "rate_widths": network.widths[:, 1], "poles_per_s": network.alpha, "offsets_n": g, "travel_gains_n_per_m": d1,
+        "travel_inputs": c1, "force_gains": d2, "force_inputs_per_s": c2,
+    }
+    return {
+        "kind": "local_linear_network", **{k: [float(v) for v in values] for k, values in lists.items()},
+        "travels_m": list(travels), "forces_n": list(forces), "lowest_travel_m": network.travel_range[0],
+        "highest_travel_m": network.travel_range[1], "lowest_rate_m_per_s": network.rate_range[0],
+        "highest_rate_m_per_s": network.rate_range[1],
+    }
