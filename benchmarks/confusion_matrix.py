@@ -27,11 +27,9 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
-from worlds.adapters import product_inputs
 from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE
-from worlds.scenario import Scenario, make_scenario
-
-from ride_estimation.diagnosis.diagnose import diagnose
+from worlds.scenario import make_scenario
+from worlds.store import StoredCase, load_case, save_case
 
 NO_CAUSE = ("no_discrepancy", "unexplained", "insufficient_data")
 ANGLE = {"roll": "x", "pitch": "y", "yaw": "z"}
@@ -60,31 +58,40 @@ class Case:
         return f"{name}/{self.form or ''}/{self.seed}/{self.residual:g}/{self.noise:g}/{self.duration:g}"
 
 
-def run_case(case: Case) -> dict[str, Any]:
-    """Make the world, diagnose it, return one JSON-ready record."""
+def stored_case(case: Case, folder: pathlib.Path) -> StoredCase:
+    """Return a case from the folder, making it first where it is missing."""
+    path = folder / (case.key.replace("/", "_").replace(":", "-") + ".npz")
+    if not path.exists():
+        causes = case.causes or ("none",)
+        save_case(
+            path,
+            make_scenario(causes, case.seed, residual=case.residual, noise=case.noise, duration=case.duration, form=case.form),
+        )
+    return load_case(path)
+
+
+def run_case(case: Case, folder: pathlib.Path, only_make: bool = False) -> dict[str, Any]:
+    """Make or read the world, diagnose it, return one JSON-ready record."""
     record: dict[str, Any] = {"key": case.key, "causes": list(case.causes), "seed": case.seed}
     record |= {"wanted_residual": case.residual, "noise": case.noise}
-    causes = case.causes or ("none",)
-    scenario = make_scenario(
-        causes, case.seed, residual=case.residual, noise=case.noise, duration=case.duration, form=case.form, validations=2
-    )
-    record["planted"] = [dataclasses.asdict(p) for p in scenario.planted]
-    record["road"] = scenario.road_kind
-    vehicle, run, validation = product_inputs(scenario)
+    stored = stored_case(case, folder)
+    record |= {"planted": stored.facts["planted"], "road": stored.facts["road"]}
+    if only_make:
+        return record | {"verdict": "made", "found": []}
+    from ride_estimation.diagnosis.diagnose import diagnose
+
     began = time.perf_counter()
     try:
-        # the second validation run is kept back: it checks the interval stated for the first
-        diagnosis = diagnose(vehicle, run, validation=validation[:1])
+        diagnosis = diagnose(stored.vehicle, stored.run, validation=list(stored.validation))
     except Exception as error:  # a crash is a result of the benchmark, and it is counted
-        record |= {"verdict": "error", "found": [], "error": f"{type(error).__name__}: {error}"}
-        return record
+        return record | {"verdict": "error", "found": [], "error": f"{type(error).__name__}: {error}"}
     record["seconds"] = time.perf_counter() - began
     record["verdict"] = str(getattr(diagnosis.verdict, "value", diagnosis.verdict))
     record["found"] = [
         {"id": c.id, "location": c.location, "axis": c.axis, "confidence": float(c.confidence)} for c in diagnosis.causes
     ]
     record["gain"] = _jsonable(getattr(diagnosis, "gain", None))
-    record["bias"] = _bias(diagnosis, scenario)
+    record["bias"] = _bias(diagnosis, stored)
     record["warnings"] = [str(w) for w in getattr(diagnosis, "warnings", ())][:5]
     return record
 
@@ -103,23 +110,20 @@ def _jsonable(value: Any) -> Any:
     return str(value)
 
 
-def _bias(diagnosis: Any, scenario: Scenario) -> dict[str, float]:
+def _bias(diagnosis: Any, stored: StoredCase) -> dict[str, float]:
     """Return relative errors of the linear k and c of the extended vehicle on axes without a planted law."""
-    extended = getattr(diagnosis, "extended", None)
-    if extended is None:
-        extended = getattr(diagnosis, "vehicle", None)
-    if extended is None or not hasattr(extended, "mounts"):
+    extended = next((v for n in ("extended", "vehicle") if hasattr(v := getattr(diagnosis, n, None), "mounts")), None)
+    if extended is None or stored.facts["drifts"]:
         return {}
-    cab = scenario.fit.run.vehicle
-    hidden = {(m, a) for m, a, _, _ in cab.hidden.laws}
+    stiffness, damping = np.array(stored.facts["stiffness"]), np.array(stored.facts["damping"])
+    hidden = {tuple(pair) for pair in stored.facts["laws"]}  # type: ignore[attr-defined]
     out = {}
-    for i, mount in enumerate(cab.mount_names):
+    for i, mount in enumerate(stored.vehicle.mount_names):
         for a, axis in enumerate("xyz"):
             element = extended.mounts[mount].elements.get(axis)
-            if (i, a) in hidden or cab.hidden.drift is not None or not hasattr(element, "stiffness"):
-                continue
-            out[f"{mount}.{axis}.k"] = float(element.stiffness / cab.stiffness[i, a] - 1.0)
-            out[f"{mount}.{axis}.c"] = float(element.damping / cab.damping[i, a] - 1.0)
+            if (i, a) not in hidden and hasattr(element, "stiffness") and hasattr(element, "damping"):
+                out[f"{mount}.{axis}.k"] = float(element.stiffness / stiffness[i, a] - 1.0)
+                out[f"{mount}.{axis}.c"] = float(element.damping / damping[i, a] - 1.0)
     return out
 
 
@@ -300,6 +304,8 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--limit-s", type=float, default=math.inf, help="start no new case after this many seconds")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/confusion_matrix.jsonl"))
+    parser.add_argument("--cases", type=pathlib.Path, default=pathlib.Path("out/cases"), help="folder of made cases")
+    parser.add_argument("--only-make", action="store_true", help="fill the folder of cases and stop")
     parser.add_argument("--summary-only", action="store_true")
     arguments = parser.parse_args()
     records = [json.loads(line) for line in arguments.out.read_text().splitlines()] if arguments.out.exists() else []
@@ -321,15 +327,16 @@ def main() -> None:
                     case = next(queue, None)
                     if case is None:
                         break
-                    waiting.add(pool.submit(run_case, case))
+                    waiting.add(pool.submit(run_case, case, arguments.cases, arguments.only_make))
                 if not waiting:
                     break
                 ready, waiting = concurrent.futures.wait(waiting, return_when=concurrent.futures.FIRST_COMPLETED)
                 for future in ready:
                     record = future.result()
-                    records.append(record)
-                    file.write(json.dumps(record) + "\n")
-                    file.flush()
+                    if not arguments.only_make:
+                        records.append(record)
+                        file.write(json.dumps(record) + "\n")
+                        file.flush()
                     finished += 1
                     print(
                         f"\r{finished}/{len(todo)} {record['key']} -> {first(record)}".ljust(110),
@@ -338,6 +345,8 @@ def main() -> None:
                         flush=True,
                     )
         print(file=sys.stderr)
+    if arguments.only_make:
+        return
     print(summary(records))
     print("\nWrong answers:")
     print(misses(records))
