@@ -12,7 +12,7 @@ from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.simulation.base_motion import BaseMotion
-from ride_estimation.vehicles.assembly import Assembly, body_columns, sensor_offset
+from ride_estimation.vehicles.assembly import Assembly, sensor_offset
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,3 @@ class Response:
         base = self.base_motion
         acceleration = base.acceleration[:, mount] + np.cross(base.angular_acceleration[:, mount], offset)
         return acceleration, base.angle[:, mount], base.angular_rate[:, mount]
-
-    def free_coordinates(self, body: str) -> tuple[str, ...]:
-        """Return the free coordinates of a body."""
-        return tuple(body_columns(self.assembly.coordinates, body))

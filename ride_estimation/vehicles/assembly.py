@@ -91,40 +91,11 @@ class Assembly:
         position
             The point at static equilibrium, vehicle-file axes [m], shape (3,).
         """
-        columns = body_columns(self.coordinates, body)
-        offset = np.asarray(position, dtype=float) - self.vehicle.bodies[body].cg
-        full = np.vstack([point_motion_matrix(offset), np.hstack([np.zeros((3, 3)), np.eye(3)])])
-        result = np.zeros((6, len(self.coordinates)))
-        for coordinate, column in columns.items():
-            result[:, column] = full[:, COORDINATES.index(coordinate)]
-        return result
+        return _point_rows(self.vehicle, self.coordinates, body, np.asarray(position, dtype=float))
 
     def with_elements(self, changes: dict[tuple[str, str], ForceElement]) -> Assembly:
         """Return the assembly with elements replaced, equilibrium positions kept and static loads shared anew."""
         return assemble(self.vehicle.replace_elements(changes))
-
-    def added_mass(self, body: str, mass: float, position: Array) -> tuple[Array, Array, Array]:
-        """Return what a point mass fixed to a body adds, about the old reference: (mass matrix, K_g, weight).
-
-        Parameters
-        ----------
-        mass
-            [kg], may be negative (mass taken off).
-        position
-            Vehicle-file axes [m], shape (3,).
-
-        Returns
-        -------
-        tuple
-            Mass matrix (Q, Q), geometric stiffness (Q, Q), generalised weight force (Q,).
-        """
-        point = self.point_map(body, position)
-        offset = np.asarray(position, dtype=float) - self.vehicle.bodies[body].cg
-        mass_matrix = mass * point[:3].T @ point[:3]
-        weight = -mass * self.vehicle.gravity * point[2]
-        rotation = self.point_map(body, self.vehicle.bodies[body].cg)[3:]
-        stiffness = -rotation.T @ _moment_of_turned_arm(offset, np.array([0.0, 0.0, -mass * self.vehicle.gravity])) @ rotation
-        return mass_matrix, stiffness, weight
 
 
 def body_columns(coordinates: tuple[tuple[str, str], ...], body: str) -> dict[str, int]:
@@ -217,12 +188,8 @@ def _deflection_row(
     number = COORDINATES.index(axis)
     row = np.zeros(len(coordinates))
     for name, sign in ((mount.body, 1.0), (mount.base, -1.0)):
-        if name not in vehicle.bodies:
-            continue
-        offset = mount.position - vehicle.bodies[name].cg
-        full = np.vstack([point_motion_matrix(offset), np.hstack([np.zeros((3, 3)), np.eye(3)])])
-        for coordinate, column in body_columns(coordinates, name).items():
-            row[column] += sign * full[number, COORDINATES.index(coordinate)]
+        if name in vehicle.bodies:
+            row += sign * _point_rows(vehicle, coordinates, name, mount.position)[number]
     return row
 
 
