@@ -279,7 +279,7 @@ class ForceElement(abc.ABC):
         """
         step = uniform_step(time_s, x)
         terms = self.terms()
-        v = np.gradient(x, step, edge_order=min(2, x.size - 1)) if kernel.needs_rate(terms) else np.zeros_like(x)
+        v = np.gradient(x, step, edge_order=2 if x.size > 2 else 1) if kernel.needs_rate(terms) else np.zeros_like(x)
         if not COMPILED:
             return vectorised.response(terms, x, v, step)
         codes, params = kernel.pack_terms(terms)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 from typing import ClassVar, final
 
@@ -15,7 +16,8 @@ from ride_estimation.elements.base import Array, ForceElement, series
 from ride_estimation.elements.terms import CURVE_DAMPER, CURVE_SPRING, Term
 
 
-def curve_columns(points: Sequence[float], values: Sequence[float], *, flat_ends: tuple[bool, bool]) -> tuple[float, ...]:
+@functools.lru_cache(maxsize=256)
+def curve_columns(points: tuple[float, ...], values: tuple[float, ...], *, flat_ends: tuple[bool, bool]) -> tuple[float, ...]:
     """Return a shape-preserving cubic Hermite curve as parameter columns: points, values, slopes (monotone, C1).
 
     Parameters

@@ -75,9 +75,10 @@ def _advanced(p: Array, s: Array, i: int, j: int, m: int, inputs: tuple[float, f
 @compile_lean_kernel
 def network_trial(p: Array, s: Array, i: int, x: float, v: float, h: float) -> float:
     """Return the tension [N] at (x, v) a time h after the memory."""
-    u = p[i, SIDE] * x - p[i, OFFSET]
+    reached = p[i, SIDE] * x - p[i, OFFSET]
+    u = max(reached, 0.0)
     f = _static_force(p, i, u)
-    old_u = p[i, SIDE] * s[i, 0] - p[i, OFFSET]
+    old_u = max(p[i, SIDE] * s[i, 0] - p[i, OFFSET], 0.0)
     inputs = (old_u, _static_force(p, i, old_u), u, f)
     travel = _normalised(u, p[i, LOW_TRAVEL], p[i, HIGH_TRAVEL])
     rate = _normalised(p[i, SIDE] * v, p[i, LOW_RATE], p[i, HIGH_RATE])
@@ -94,15 +95,16 @@ def network_trial(p: Array, s: Array, i: int, x: float, v: float, h: float) -> f
         weights += weight
         state = _advanced(p, s, i, j, m, inputs, h)
         total += weight * (p[i, m + 5] + state + p[i, m + 6] * u + p[i, m + 8] * f)
-    return float(p[i, SIDE] * total / weights)
+    # out of contact the states relax, but nothing pushes
+    return float(p[i, SIDE] * total / weights) if reached > 0.0 else 0.0
 
 
 @compile_lean_kernel
 def network_commit(p: Array, s: Array, i: int, x: float, v: float, h: float) -> float:
     """Accept a point of the network and return its tension [N]."""
     force = network_trial(p, s, i, x, v, h)
-    u = p[i, SIDE] * x - p[i, OFFSET]
-    old_u = p[i, SIDE] * s[i, 0] - p[i, OFFSET]
+    u = max(p[i, SIDE] * x - p[i, OFFSET], 0.0)
+    old_u = max(p[i, SIDE] * s[i, 0] - p[i, OFFSET], 0.0)
     inputs = (old_u, _static_force(p, i, old_u), u, _static_force(p, i, u))
     for j in range(int(p[i, MODELS])):
         s[i, FIRST_STATE + j] = _advanced(p, s, i, j, FIRST_MODEL + MODEL_SIZE * j, inputs, h)
@@ -114,7 +116,7 @@ def network_commit(p: Array, s: Array, i: int, x: float, v: float, h: float) -> 
 @compile_lean_kernel
 def network_rest(p: Array, s: Array, i: int, x0: float) -> None:
     """Set the memory to the steady state at the deflection x0."""
-    u = p[i, SIDE] * x0 - p[i, OFFSET]
+    u = max(p[i, SIDE] * x0 - p[i, OFFSET], 0.0)
     f = _static_force(p, i, u)
     for j in range(int(p[i, MODELS])):
         m = FIRST_MODEL + MODEL_SIZE * j

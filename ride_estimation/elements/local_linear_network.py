@@ -115,7 +115,7 @@ class LocalLinearNetwork(ForceElement):
         return curve_columns(self.travels, self.forces, flat_ends=(True, False))
 
     def _inputs(self, x: float) -> tuple[float, float]:
-        travel = -x - self.clearance
+        travel = max(-x - self.clearance, 0.0)
         return travel, evaluate_curve(self._curve(), travel)
 
     def validity(self, x: float, v: float) -> Array:
@@ -153,8 +153,10 @@ class LocalLinearNetwork(ForceElement):
         return np.asarray(drive - np.array(self.poles) * s)
 
     def force(self, s: Array, x: float, v: float) -> float:
-        """Return ``-sum_j Phi_j y_j`` [N] (document 004 (16), (25))."""
+        """Return ``-sum_j Phi_j y_j`` [N] (document 004 (16), (25)); nothing out of contact."""
         u, f = self._inputs(x)
+        if u <= 0.0:
+            return 0.0
         outputs = np.array(self.offsets) + s + np.array(self.travel_gains) * u + np.array(self.force_gains) * f
         return -float(self.validity(x, v) @ outputs)
 
