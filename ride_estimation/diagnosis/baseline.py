@@ -143,7 +143,8 @@ def baseline_columns(
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
     columns = ColumnSet(scene, table)
-    _port_columns(scene, columns, prior)
+    for item, spectrum in port_adjustables(scene, prior):
+        columns.add(item, spectrum)
     for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
         _body_columns(scene, columns, body)
     _axes_columns(scene, columns)
@@ -152,8 +153,10 @@ def baseline_columns(
     return columns.finish()
 
 
-def _port_columns(scene: Scene, columns: ColumnSet, prior: tuple[Array, Array]) -> None:
+def port_adjustables(scene: Scene, prior: tuple[Array, Array]) -> list[tuple[Adjustable, ComplexArray]]:
+    """Return the logarithms of stiffness and damping of every port with their output spectra (F, ny)."""
     iw = 1j * scene.grid.omega
+    out: list[tuple[Adjustable, ComplexArray]] = []
     for p, port in enumerate(scene.plant.ports):
         transfer = scene.response.output_from_port[:, :, p]
         x = scene.deflection_spectrum[:, p]
@@ -162,8 +165,15 @@ def _port_columns(scene: Scene, columns: ColumnSet, prior: tuple[Array, Array]) 
             ("damping", scene.state.damping[p], prior[1][p], port.damping_log_std, iw * x),
         ):
             if value > 0.0:
-                offset = float(np.log(reference / value))
-                columns.add(Adjustable(kind, port.mount, port.axis, std, offset), transfer * (value * signal)[:, None])
+                item = Adjustable(kind, port.mount, port.axis, std, float(np.log(reference / value)))
+                out.append((item, transfer * (value * signal)[:, None]))
+    return out
+
+
+def port_columns(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Array]:
+    """Return the port adjustables of a scene and their whitened rows (B, R, p)."""
+    pairs = port_adjustables(scene, prior)
+    return tuple(a for a, _ in pairs), scene.rows(np.stack([s for _, s in pairs], axis=2))
 
 
 def body_spectra(scene: Scene, body: str) -> tuple[ComplexArray, ComplexArray]:

@@ -56,3 +56,33 @@ def whitening(covariance: ComplexArray, weight: Array) -> ComplexArray:
     correlation[:, np.arange(ny), np.arange(ny)] += 1e-9
     factor = np.linalg.cholesky(correlation)
     return np.asarray(np.linalg.inv(factor) / scale[:, None, :] * weight[:, None, None])
+
+
+def excess_inefficiency(white: ComplexArray, samples: int, group: int = 15) -> float:
+    """Return how many nominal degrees of freedom one independent sample of the model error takes.
+
+    The participation ratio of the eigenvalues of the excess cross spectra, averaged over ``group`` bins: a model error that
+    lives in a few directions and a narrow band is few samples, however many were recorded.
+
+    Parameters
+    ----------
+    white
+        Whitened residual spectrum, shape (F, ny).
+    samples
+        Length of the run, for the unit of power.
+    """
+    count = len(white) // group
+    if count == 0:
+        return 1.0
+    part = white[: count * group].reshape(count, group, -1)
+    cross = np.einsum("gbi,gbj->gij", part, np.conj(part)) / (group * samples)
+    values = np.clip(np.linalg.eigvalsh(cross) - 1.0, 0.0, None)
+    if not np.any(values > 0.0):
+        return 1.0
+    participating = float(values.sum() ** 2 / np.sum(values**2))
+    return float(np.clip(values.size / participating, 1.0, 100.0))
+
+
+def temper_of(misfit_per_dof: float, inefficiency: float) -> float:
+    """Return the weight that turns nominal into effective evidence: one for a right model."""
+    return 1.0 + max(misfit_per_dof - 1.0, 0.0) * inefficiency

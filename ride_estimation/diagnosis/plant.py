@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.extension import linear_part
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
@@ -125,10 +126,7 @@ def free_bodies(vehicle: Vehicle, sensors: Collection[str]) -> tuple[str, ...]:
 
 
 def _port(mount: Mount, axis: str, default_k: float, default_c: float) -> Port:
-    element = mount.elements[axis]
-    modulus = element.dynamic_stiffness(2.0 * np.pi * 2.0, 0.005)
-    stiffness = float(getattr(element, "stiffness", modulus.real if modulus is not None else 0.0))
-    damping = float(getattr(element, "damping", modulus.imag / (4.0 * np.pi) if modulus is not None else 0.0))
+    stiffness, damping = linear_part(mount.elements[axis])
 
     def log_std(name: str, value: float, default: float) -> float:
         prior = mount.priors.get((axis, name))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 
@@ -46,23 +47,35 @@ class Regression:
         Shapes (K,) and (K, p): rows that belong to no block and are in every fit.
     prior_std, prior_offset
         Shape (p,).
+    temper
+        Sum of squares per degree of freedom that the model cannot avoid. A wrong model is systematically off, so its many
+        samples are not independent evidence: priors and mean rows are weighted with it, gains are divided by it.
     """
 
     def __init__(
-        self, residual: Array, columns: Array, mean_residual: Array, mean_columns: Array, prior_std: Array, prior_offset: Array
+        self,
+        residual: Array,
+        columns: Array,
+        mean_residual: Array,
+        mean_columns: Array,
+        prior_std: Array,
+        prior_offset: Array,
+        temper: float = 1.0,
     ) -> None:
+        root = np.sqrt(temper)
         self.residual, self.columns = residual, columns
-        self.mean_residual, self.mean_columns = mean_residual, mean_columns
-        self.prior_std, self.prior_offset = prior_std, prior_offset
+        self.mean_residual, self.mean_columns = root * mean_residual, root * mean_columns
+        self.prior_std, self.prior_offset = prior_std / root, prior_offset
+        self.temper = temper
         self.count = columns.shape[2]
         full = np.concatenate([columns, residual[:, :, None]], axis=2)
-        self._full = full
+        self.full = full
         self.grams = np.swapaxes(full, 1, 2) @ full
 
     def candidate_grams(self, rows: Array) -> Array:
         """Return block Grams of [columns, candidate rows, residual], shape (B, p + q + 1, p + q + 1)."""
         p, q = self.count, rows.shape[2]
-        cross = np.swapaxes(self._full, 1, 2) @ rows
+        cross = np.swapaxes(self.full, 1, 2) @ rows
         own = np.swapaxes(rows, 1, 2) @ rows
         out = np.zeros((len(rows), p + q + 1, p + q + 1))
         out[:, :p, :p], out[:, :p, -1] = self.grams[:, :p, :p], self.grams[:, :p, -1]
@@ -96,14 +109,17 @@ class Regression:
         q = size - self.count
         std = np.concatenate([self.prior_std, np.full(q, np.inf) if candidate_std is None else candidate_std])
         offset = np.concatenate([self.prior_offset, np.zeros(q)])
-        means = np.hstack([self.mean_columns, np.zeros((len(self.mean_residual), q)) if candidate_means is None else candidate_means])
+        means = np.hstack([
+            self.mean_columns,
+            np.zeros((len(self.mean_residual), q)) if candidate_means is None else np.sqrt(self.temper) * candidate_means,
+        ])
         precision = 1.0 / std**2
         normal = total[:size, :size] + means.T @ means + np.diag(precision)
         right = total[:size, -1] + means.T @ self.mean_residual + precision * offset
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
         factor = cho_factor(normal * np.outer(scale, scale) + 1e-11 * np.eye(size))
         solution = scale * cho_solve(factor, scale * right)
-        covariance = scale[:, None] * cho_solve(factor, np.eye(size)) * scale
+        covariance = self.temper * (scale[:, None] * cho_solve(factor, np.eye(size)) * scale)
         finite = np.isfinite(std)
         objective = (
             self.misfit(grams, blocks, solution)
@@ -111,6 +127,15 @@ class Regression:
             + float(np.sum(((solution - offset)[finite] / std[finite]) ** 2))
         )
         return Fit(solution, objective, covariance)
+
+    def with_temper(self, temper: float) -> Regression:
+        """Return the same regression with another temper; Grams are shared."""
+        other = copy.copy(self)
+        factor = float(np.sqrt(temper / self.temper))
+        other.temper = temper
+        other.mean_residual, other.mean_columns = factor * self.mean_residual, factor * self.mean_columns
+        other.prior_std = self.prior_std / factor
+        return other
 
     @staticmethod
     def misfit(grams: Array, blocks: IntArray | Sequence[int], coefficients: Array) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
-from ride_estimation.diagnosis.noise import residual_covariance, smoothed_power, whitening
+from ride_estimation.diagnosis.noise import excess_inefficiency, residual_covariance, smoothed_power, whitening
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.response import LinearResponse, respond
 from ride_estimation.diagnosis.settings import Settings
@@ -120,15 +120,20 @@ class Scene:
     ----------
     plant, data, state, settings
         What is tested, with what.
-    noise_scale
-        Factor on the noise of the vehicle file.
+    whitener
+        Residual covariance and whitening operator to use instead of those of this model state, so that two states are
+        compared by the same measure.
     """
 
     def __init__(
-        self, plant: Plant, data: Measurement, state: ModelState, settings: Settings, noise_scale: float = 1.0
+        self,
+        plant: Plant,
+        data: Measurement,
+        state: ModelState,
+        settings: Settings,
+        whitener: tuple[ComplexArray, ComplexArray] | None = None,
     ) -> None:
         self.plant, self.data, self.state, self.settings = plant, data, state, settings
-        self.noise_scale = noise_scale
         self.grid = make_grid(len(data.outputs), data.rate_hz, settings.band_hz)
         self.blocks = make_blocks(self.grid, data.valid, settings)
         self.time_s = np.arange(self.grid.samples) / data.rate_hz
@@ -136,7 +141,8 @@ class Scene:
         self._prepare()
         self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
         self._simulate()
-        self._whiten()
+        self._whiten(whitener)
+        self._smooth_motion()
 
     # ------------------------------------------------------------------ preparation
     def _prepare(self) -> None:
@@ -212,21 +218,56 @@ class Scene:
                 modulus[0][i], modulus[1][i] = self.state.stiffness[p], self.state.damping[p]
         return wrench_correction(plant, self.motion, (d, v), (self.slope, self.slope_rate), modulus, axes)
 
-    def _whiten(self) -> None:
-        noise_y = np.array([s.noise_std for s in self.plant.outputs]) * self.noise_scale
-        noise_u = np.array([s.noise_std for s in self.plant.inputs]) * self.noise_scale
-        width = max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
-        power = smoothed_power(self.measured_spectrum, self.grid.samples, width)
-        covariance = residual_covariance(
-            noise_y, noise_u, self.response.output_from_input, power, self.settings.adequacy
-        )
-        self.noise_covariance = covariance
-        self.whitener = whitening(covariance, self.grid.band_weight)
+    def _whiten(self, given: tuple[ComplexArray, ComplexArray] | None) -> None:
+        if given is None:
+            width = max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
+            covariance = residual_covariance(
+                np.array([s.noise_std for s in self.plant.outputs]),
+                np.array([s.noise_std for s in self.plant.inputs]),
+                self.response.output_from_input,
+                smoothed_power(self.measured_spectrum, self.grid.samples, width),
+                self.settings.adequacy,
+            )
+            given = covariance, whitening(covariance, self.grid.band_weight)
+        self.noise_covariance, self.whitener = given
         self.residual_spectrum = self.measured_spectrum - self.predicted_spectrum
         self.residual = self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
         share = float(np.sum(self.grid.band_weight**2) / (self.grid.decimated / 2))
         #: degrees of freedom of every block
         self.block_dof = self.blocks.weight.sum(axis=1) * len(self.plant.outputs) * share
+
+    def _smooth_motion(self) -> None:
+        """Correct deflections and body motion by what the residual says about forces the model does not have.
+
+        Unknown port forces with the spectrum of the known ones, at the level that explains the excess of the residual, are
+        estimated by a Wiener smoother; laws are evaluated on the corrected deflection, which is the real one to first order
+        whatever the cause is.
+        """
+        grid, r, n = self.grid, self.response, self.grid.samples
+        modulus = self.state.stiffness + 1j * grid.omega[:, None] * self.state.damping
+        width = max(3, round(0.5 * grid.padded / grid.rate_hz))
+        force_power = smoothed_power(modulus * self.deflection_spectrum, n, width)
+        transfer = r.output_from_port
+        shaped = transfer * force_power[:, None, :]
+        signal = shaped @ np.conj(np.swapaxes(transfer, 1, 2))
+        white_signal = self.whitener @ signal @ np.conj(np.swapaxes(self.whitener, 1, 2))
+        expected = float(np.real(np.trace(white_signal, axis1=1, axis2=2)).sum())
+        white = np.einsum("fij,fj->fi", self.whitener, self.residual_spectrum)
+        degrees = float(np.sum(grid.band_weight**2)) * len(self.plant.outputs)
+        #: nominal degrees of freedom per independent sample of what the model misses
+        self.inefficiency = excess_inefficiency(white, n)
+        excess = float(np.sum(np.abs(white) ** 2)) / n - degrees
+        #: share of the port force power that the model does not have
+        self.missing_share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
+        if self.missing_share > 0.0:
+            total = self.missing_share * signal + self.noise_covariance
+            weighted = np.linalg.solve(total, self.residual_spectrum[:, :, None])
+            force = self.missing_share * np.conj(np.swapaxes(shaped, 1, 2)) @ weighted
+            self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
+            wrench = -(self.plant.port_map.T @ force)
+            self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
+            self.deflection = grid.signal(self.deflection_spectrum)
+            self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
 
     # ------------------------------------------------------------------ entry points
     def rows(self, output_spectrum: ComplexArray) -> Array:

@@ -1,0 +1,102 @@
+# Copyright 2026 ride_estimation contributors
+"""A spring rate that depends on the deflection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.extension import add_force_table
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sites import Site, force_columns, interior_rms, site_of, sites
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: odd forms: softening of scale s (s > 0), cubic (0), hardening of scale |s| (s < 0), scale in units of the rms deflection
+_FORMS = (0.0, 0.6, 1.5, -0.9, -1.6)
+
+
+def _odd(u: Array, form: float) -> Array:
+    if form > 0.0:
+        return np.asarray(form * np.tanh(u / form))
+    if form < 0.0:
+        return np.asarray(-form * np.sinh(np.clip(u / -form, -6.0, 6.0)))
+    return u**3
+
+
+def _law(form: float) -> Callable[[Array, Array, float, float], list[Array]]:
+    def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+        u = x / x_rms
+        return [_odd(u, form), u**2 - np.mean(u**2)]
+
+    return law
+
+
+@final
+class StiffnessNonlinearity(Cause):
+    """Hardening, softening or lopsided spring."""
+
+    ID = "stiffness_nonlinearity"
+    QUESTION = "Does the spring rate of a mount change smoothly with its deflection?"
+    NEEDS = "strokes large enough to bend the force-deflection line"
+    RIVALS = ("bump_stop", "backlash", "coulomb_friction")
+    WOULD_REFUTE = "the same spring rate on a smooth and on a rough road"
+    MEASURE_NEXT = "slow force-deflection line of the mount over its full stroke"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per site."""
+        grid = tuple({"form": f} for f in _FORMS)
+
+        def build(site: Site) -> Hypothesis:
+            def columns(scene: Scene, shape: Shapes) -> list[Column]:
+                return force_columns(scene, site, _law(float(shape["form"])))
+
+            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0)
+
+        return [build(site) for site in sites(scene)]
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return how the spring rate at +-2 rms deflection differs from the one at the middle."""
+        site = site_of(scene, fitted)
+        out: list[Reported] = []
+        for i, p in enumerate(site.ports):
+            x_rms = interior_rms(scene, scene.deflection[:, p])
+            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            slope = float(scene.state.stiffness[p])
+            std = 0.0
+            changes = []
+            for u in (2.0, -2.0, 0.0):
+                step = 1e-3
+                unit = (_odd(np.array([u + step]), fitted.shape["form"]) - _odd(np.array([u - step]), fitted.shape["form"]))[0]
+                weights = np.array([unit / (2.0 * step), 2.0 * u]) / x_rms
+                pair = fitted.coefficients[2 * i : 2 * i + 2]
+                changes.append(float(weights @ pair))
+                if u == 2.0:
+                    cov = fitted.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+                    std = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
+            middle = max(slope + changes[2], 1e-9)
+            for name, change in (("extension", changes[0]), ("compression", changes[1])):
+                ratio = (slope + change) / middle - 1.0
+                out.append(Reported(f"spring rate change at 2 rms {name}{label}", ratio, std / middle, "-"))
+            out.append(Reported(f"rms deflection{label}", x_rms, 0.0, "m"))
+        return tuple(out)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put the bent part of the force-deflection line parallel to every mount of the site."""
+        site = site_of(scene, fitted)
+        for i, p in enumerate(site.ports):
+            port = scene.plant.ports[p]
+            x = scene.deflection[:, p]
+            x_rms = interior_rms(scene, x)
+            grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
+            u = grid / x_rms
+            pair = fitted.coefficients[2 * i : 2 * i + 2]
+            force = pair[0] * _odd(u, fitted.shape["form"]) + pair[1] * u**2
+            vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
+        return vehicle, ()

@@ -1,0 +1,81 @@
+# Copyright 2026 ride_estimation contributors
+"""Relaxation of the mount material: stiffness and loss that depend on frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.extension import add_parallel
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.operators import relaxed
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.vehicles.vehicle import Vehicle
+
+_RATIO = 5.0  # corner of the second cell over the first
+
+
+def _columns(scene: Scene, site: Site, corner_hz: float) -> list[Column]:
+    out: list[Column] = []
+    for p in site.ports:
+        spectrum = scene.deflection_spectrum[:, p]
+        for corner in (corner_hz, _RATIO * corner_hz):
+            out.append((Effect(Where.PORT, p, scene.grid.signal(relaxed(scene.grid.omega, spectrum, corner))),))
+    return out
+
+
+@final
+class Viscoelasticity(Cause):
+    """Stiffness that rises with frequency and a loss that does not follow a plain dashpot."""
+
+    ID = "viscoelasticity"
+    QUESTION = "Does the mount relax: do its stiffness and loss depend on frequency beyond a spring and a dashpot?"
+    NEEDS = "excitation over at least a decade of frequency"
+    RIVALS = ("sensor_delay", "coulomb_friction", "missing_degree_of_freedom")
+    WOULD_REFUTE = "a relaxation strength that depends on amplitude: repeat the run at half and double roughness"
+    MEASURE_NEXT = "dynamic stiffness of the mount on a bench at one amplitude from 0.5 to 30 Hz"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per site."""
+        grid = tuple({"corner": c} for c in (0.15, 0.4, 1.0, 2.5, 6.0))
+        bounds = (Shape("corner", 1.0, 0.05, 12.0),)
+
+        def build(site: Site) -> Hypothesis:
+            def columns(scene: Scene, shape: Shapes) -> list[Column]:
+                return _columns(scene, site, float(shape["corner"]))
+
+            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,))
+
+        return [build(site) for site in sites(scene)]
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return the relaxing stiffness as a share of the static one and the corner frequencies [Hz]."""
+        site = site_of(scene, fitted)
+        out: list[Reported] = []
+        for i, p in enumerate(site.ports):
+            part = slice(2 * i, 2 * i + 2)
+            stiffness = float(scene.state.stiffness[p])
+            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0)))
+            ratio = float(fitted.coefficients[part].sum()) / stiffness
+            out.append(Reported(f"relaxing stiffness over static stiffness{label}", ratio, std / stiffness, "-"))
+        out.append(Reported("slow corner frequency", float(fitted.shape["corner"]), 0.3 * float(fitted.shape["corner"]), "Hz"))
+        fast = _RATIO * float(fitted.shape["corner"])
+        out.append(Reported("fast corner frequency", fast, 0.3 * fast, "Hz"))
+        return tuple(out)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put Maxwell cells parallel to every mount of the site."""
+        site = site_of(scene, fitted)
+        for i, p in enumerate(site.ports):
+            port = scene.plant.ports[p]
+            for stiffness, factor in zip(fitted.coefficients[2 * i : 2 * i + 2], (1.0, _RATIO)):
+                if stiffness > 0.0:
+                    damping = float(stiffness) / (2.0 * np.pi * factor * fitted.shape["corner"])
+                    values = {"stiffness_n_per_m": float(stiffness), "damping_n_s_per_m": damping}
+                    vehicle = add_parallel(vehicle, port.mount, port.axis, "maxwell", values)
+        return vehicle, ()

@@ -1,0 +1,124 @@
+# Copyright 2026 ride_estimation contributors
+"""A candidate explanation: what a cause would add to the model at one place, as columns with a few shape parameters."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import enum
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column, Shape
+from ride_estimation.vehicles.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from ride_estimation.diagnosis.scene import Scene
+
+Array = NDArray[np.float64]
+Shapes = Mapping[str, float]
+
+
+class Sign(enum.IntEnum):
+    """Physically possible sign of a coefficient."""
+
+    ANY = 0
+    POSITIVE = 1
+    NEGATIVE = -1
+
+
+@dataclasses.dataclass(frozen=True)
+class Hypothesis:
+    """One cause at one place.
+
+    Attributes
+    ----------
+    cause, location, axis
+        As in ``diagnosis.json``.
+    columns
+        Builds the columns on a scene for given shape parameters.
+    grid
+        Shape parameters tried by the screening.
+    shapes
+        Bounds of the shape parameters that the full fit refines.
+    signs
+        Possible sign of every coefficient; fewer entries than columns are repeated.
+    complexity
+        Parameters beyond columns and shapes, of columns that were themselves drawn from the data.
+    """
+
+    cause: str
+    location: str
+    axis: str
+    columns: Callable[[Scene, Shapes], list[Column]]
+    grid: tuple[Shapes, ...] = ({},)
+    shapes: tuple[Shape, ...] = ()
+    signs: tuple[Sign, ...] = (Sign.ANY,)
+    complexity: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Return (cause, location, axis)."""
+        return self.cause, self.location, self.axis
+
+    def column_signs(self, count: int) -> tuple[Sign, ...]:
+        """Return the sign of each of ``count`` columns."""
+        return tuple(self.signs[i % len(self.signs)] for i in range(count))
+
+
+@dataclasses.dataclass(frozen=True)
+class Reported:
+    """A quantity an engineer can check."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """A hypothesis with its numbers on one scene.
+
+    Attributes
+    ----------
+    coefficients, covariance
+        Of the columns, shape (q,) and (q, q).
+    shape
+        Shape parameters.
+    """
+
+    hypothesis: Hypothesis
+    coefficients: Array
+    covariance: Array
+    shape: Shapes
+
+    def std(self, index: int) -> float:
+        """Return the standard deviation of one coefficient."""
+        return float(np.sqrt(max(self.covariance[index, index], 0.0)))
+
+
+class Cause(abc.ABC):
+    """A physical or measurement cause, one concrete final class per file of ``causes``."""
+
+    ID: ClassVar[str]
+    QUESTION: ClassVar[str]
+    NEEDS: ClassVar[str]
+    RIVALS: ClassVar[tuple[str, ...]]
+    WOULD_REFUTE: ClassVar[str]
+    MEASURE_NEXT: ClassVar[str] = ""
+
+    @abc.abstractmethod
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return the candidate explanations this run allows; empty where its needs are not met."""
+
+    @abc.abstractmethod
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return the numbers an engineer can check."""
+
+    @abc.abstractmethod
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Return the vehicle with the cause built in, and remarks on what a vehicle file cannot hold."""

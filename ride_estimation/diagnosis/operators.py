@@ -1,0 +1,76 @@
+# Copyright 2026 ride_estimation contributors
+"""Signals that laws make of a deflection: hysteresis, dead zone, penetration, relaxation, resonance, time windows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ride_estimation.jit import compile_kernel
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@compile_kernel
+def _dahl(x: Array, reach: float, out: Array) -> None:
+    z = 0.0
+    for i in range(1, len(x)):
+        dx = x[i] - x[i - 1]
+        decay = np.exp(-abs(dx) / reach)
+        target = 1.0 if dx > 0.0 else -1.0
+        if dx != 0.0:
+            z = target + (z - target) * decay
+        out[i] = z
+
+
+def friction_level(x: Array, reach: float) -> Array:
+    """Return the share -1..1 of the friction level reached along a deflection, shape (N,).
+
+    Dahl: ``dz = (1 - z sign(dx)) dx / reach``, exact over a step (Dahl 1968; document 004 eq. (3)).
+
+    Parameters
+    ----------
+    x
+        Deflection [m].
+    reach
+        Sliding distance to 63 % of the level after rest [m].
+    """
+    out = np.zeros(len(x))
+    _dahl(np.ascontiguousarray(x, dtype=float), max(float(reach), 1e-12), out)
+    return out
+
+
+def relaxed(omega: Array, spectrum: ComplexArray, corner_hz: float) -> ComplexArray:
+    """Return the spectrum of a unit Maxwell cell, ``i w tau / (1 + i w tau)``."""
+    s = 1j * omega / (2.0 * np.pi * corner_hz)
+    return spectrum * s / (1.0 + s)
+
+
+def resonant(omega: Array, spectrum: ComplexArray, frequency_hz: float, damping_ratio: float) -> ComplexArray:
+    """Return the acceleration of a sprung mass whose base moves, ``(w0^2 + 2 z w0 s) / (s^2 + 2 z w0 s + w0^2)``."""
+    w0, s = 2.0 * np.pi * frequency_hz, 1j * omega
+    shape = (slice(None), *([None] * (spectrum.ndim - 1)))
+    return np.asarray(spectrum * ((w0**2 + 2 * damping_ratio * w0 * s) / (s**2 + 2 * damping_ratio * w0 * s + w0**2))[shape])
+
+
+def step_window(time_s: Array, at_s: float) -> Array:
+    """Return 0 before and 1 after an instant."""
+    return np.where(time_s >= at_s, 1.0, 0.0)
+
+
+def legendre(time_s: Array, degree: int) -> Array:
+    """Return the Legendre polynomial over the run, -1..1."""
+    u = 2.0 * (time_s - time_s[0]) / max(time_s[-1] - time_s[0], 1e-9) - 1.0
+    return np.polynomial.legendre.Legendre.basis(degree)(u)
+
+
+def smooth(signal: Array, samples: int) -> Array:
+    """Return a centred moving average over an odd number of samples, run twice."""
+    width = max(1, samples | 1)
+    kernel = np.ones(width) / width
+    for _ in range(2):
+        padded = np.pad(signal, width // 2, mode="edge")
+        signal = lfilter(kernel, [1.0], padded)[width - 1 :]
+    return np.asarray(signal)

@@ -1,0 +1,156 @@
+# Copyright 2026 ride_estimation contributors
+"""Score tests: how much of the residual each hypothesis would explain beyond everything a calibration can adjust."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from ride_estimation.diagnosis.baseline import MeanTable
+from ride_estimation.diagnosis.effect import Column, Where
+from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes, Sign
+from ride_estimation.diagnosis.regression import Regression
+from ride_estimation.diagnosis.scene import Scene
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_BATCH = 48
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """Result of one score test.
+
+    Attributes
+    ----------
+    gain
+        Half the drop of the objective over the temper, log-likelihood gain [nat].
+    penalised
+        Gain minus the price of columns, shapes and choices [nat].
+    """
+
+    hypothesis: Hypothesis
+    shape: Shapes
+    coefficients: Array
+    gain: float
+    penalised: float
+
+
+def mean_rows(table: MeanTable, columns: Sequence[Column]) -> Array:
+    """Return the mean rows of columns in units of the offset tolerance, shape (K, q)."""
+    out = np.zeros((len(table.signals), len(columns)))
+    for j, column in enumerate(columns):
+        for effect in column:
+            if effect.where is Where.MEAN:
+                out[effect.index, j] += effect.signal[0] / table.std
+    return out
+
+
+class Projector:
+    """Removes what the baseline explains and solves small candidate systems.
+
+    Parameters
+    ----------
+    regression
+        Baseline columns and residual.
+    blocks
+        Blocks of the fit.
+    """
+
+    def __init__(self, regression: Regression, blocks: IntArray) -> None:
+        self.regression, self.blocks = regression, blocks
+        p = regression.count
+        total = regression.grams[blocks].sum(axis=0)
+        precision = 1.0 / regression.prior_std**2
+        normal = total[:p, :p] + regression.mean_columns.T @ regression.mean_columns + np.diag(precision)
+        right = total[:p, p] + regression.mean_columns.T @ regression.mean_residual + precision * regression.prior_offset
+        self._scale = 1.0 / np.sqrt(np.diag(normal))
+        self._factor = cho_factor(normal * np.outer(self._scale, self._scale) + 1e-11 * np.eye(p))
+        self._solution = self._solve(right)
+        self._full = regression.full[blocks].reshape(-1, p + 1)
+
+    def _solve(self, right: Array) -> Array:
+        scale = self._scale if right.ndim == 1 else self._scale[:, None]
+        return np.asarray(scale * cho_solve(self._factor, scale * right))
+
+    def reduce(self, rows: Array, means: Array) -> tuple[Array, Array]:
+        """Return the normal matrix (Q, Q) and right side (Q,) of candidate rows after the baseline is removed."""
+        means = np.sqrt(self.regression.temper) * means
+        flat = rows[self.blocks].reshape(-1, rows.shape[2])
+        p = self.regression.count
+        cross = self._full.T @ flat
+        against = cross[:p] + self.regression.mean_columns.T @ means
+        normal = flat.T @ flat + means.T @ means - against.T @ self._solve(against)
+        right = cross[p] + means.T @ self.regression.mean_residual - against.T @ self._solution
+        return normal, right
+
+
+def solve_signed(normal: Array, right: Array, signs: Sequence[Sign]) -> tuple[Array, float]:
+    """Return coefficients that respect their signs and the drop of the objective (columns of wrong sign are dropped)."""
+    active = list(range(len(right)))
+    out = np.zeros(len(right))
+    while active:
+        a = normal[np.ix_(active, active)]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
+        scaled = a * np.outer(scale, scale) + 1e-9 * np.eye(len(active))
+        coefficients = scale * np.linalg.solve(scaled, scale * right[active])
+        wrong = [
+            (abs(c) / s, i) for c, s, i in zip(coefficients, scale, active) if signs[i] != Sign.ANY and c * int(signs[i]) < 0.0
+        ]
+        if not wrong:
+            out[active] = coefficients
+            return out, float(right[active] @ coefficients)
+        active.remove(max(wrong)[1])
+    return out, 0.0
+
+
+def price(hypothesis: Hypothesis, columns: int, samples: float, choices: int) -> float:
+    """Return the price of a hypothesis [nat]: BIC of columns, shapes and data-drawn parameters, and the number of choices."""
+    count = columns + len(hypothesis.shapes) + hypothesis.complexity
+    return 0.5 * count * float(np.log(max(samples, 2.0))) + float(np.log(max(choices, 1)))
+
+
+def screen(
+    scene: Scene, table: MeanTable, projector: Projector, hypotheses: Sequence[Hypothesis], samples: float
+) -> list[Score]:
+    """Return the best score of every hypothesis over its grid, best first.
+
+    Parameters
+    ----------
+    samples
+        Effective number of samples of the fit, for the price of a parameter.
+    """
+    jobs = [(h, shape, h.columns(scene, shape)) for h in hypotheses for shape in h.grid]
+    best: dict[int, Score] = {}
+    order = {id(h): i for i, h in enumerate(hypotheses)}
+    choices = len(jobs)
+    start = 0
+    while start < len(jobs):
+        batch, total = [], 0
+        while start < len(jobs) and (total == 0 or total + len(jobs[start][2]) <= _BATCH):
+            batch.append(jobs[start])
+            total += len(jobs[start][2])
+            start += 1
+        if total == 0:
+            continue
+        flat = [c for _, _, columns in batch for c in columns]
+        normal, right = projector.reduce(scene.push(flat), mean_rows(table, flat))
+        offset = 0
+        for h, shape, columns in batch:
+            q = len(columns)
+            part = slice(offset, offset + q)
+            offset += q
+            if q == 0:
+                continue
+            coefficients, drop = solve_signed(normal[part, part], right[part], h.column_signs(q))
+            gain = 0.5 * drop / projector.regression.temper
+            score = Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices))
+            index = order[id(h)]
+            if index not in best or score.gain > best[index].gain:
+                best[index] = score
+    return sorted(best.values(), key=lambda s: -s.penalised)
