@@ -16,6 +16,7 @@ from ride_estimation.io.bags import read_recording
 from ride_estimation.io.results import output_folder, result_document, write_json, write_signals
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 from ride_estimation.reporting.replay_report import write_replay_report
+from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording
@@ -47,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     progress = Progress(samples, "replay")
     result = run_offline(recording, pipeline, progress.update)
     progress.close()
-    warnings = all_warnings(recording, quality, result)
+    warnings = all_warnings(recording, vehicle, quality, result)
     layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
     document = result_document(recording, vehicle, result, quality, warnings, (layout,))
     write_json(folder / "result.json", document)
@@ -88,13 +89,26 @@ def require_layout(vehicle: Vehicle, pipeline: Pipeline) -> None:
         raise ConfigurationError(check.sentence(body), where=f"sensor layout of {vehicle.name}")
 
 
-def all_warnings(recording: Recording, quality: dict[str, ChannelQuality], result: OfflineRun) -> tuple[str, ...]:
+def all_warnings(
+    recording: Recording, vehicle: Vehicle, quality: dict[str, ChannelQuality], result: OfflineRun
+) -> tuple[str, ...]:
     """Return every warning of a replay, data quality first."""
     found = list(recording.warnings)
     found += [f"{name}: {finding}" for name, q in quality.items() for finding in q.findings]
+    found += exchange_findings(recording, vehicle)
     found += [f"ignored: {reason}: {count}" for reason, count in recording.ignored.items()]
     found += [m for m in result.health.messages if m not in found]
     return tuple(found)
+
+
+def exchange_findings(recording: Recording, vehicle: Vehicle) -> list[str]:
+    """Return what exchanged topics or axes would explain, over all bodies with accelerometers."""
+    motion = [s for s in vehicle.sensors.values() if s.kind in ("accelerometer", "imu")]
+    found = []
+    for body in vehicle.bodies.values():
+        own = [s for s in motion if s.body == body.name]
+        found += consistency_findings(recording, own, [s for s in motion if s.body != body.name], body.cg)
+    return found
 
 
 def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], layout: str) -> str:
