@@ -1,0 +1,217 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation demo``: the bundled recordings through replay and diagnosis, compared with what is true."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import io
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.assessment.truth import SignalScore, at_times, score
+from ride_estimation.cli import main as command
+from ride_estimation.errors import RideEstimationError
+from ride_estimation.io.results import output_folder
+from ride_estimation.reporting.demo_report import force_figure, write_demo_report
+from ride_estimation.resources import shared_path
+from ride_estimation.units import split_suffix
+
+HELP = "replay and diagnose the bundled recordings and compare what is found with the truth"
+
+Array = NDArray[np.float64]
+Row = tuple[object, ...]
+
+#: the estimator has this long to settle before forces are judged [s]
+SETTLE_S = 10.0
+WINDOW_S = (12.0, 17.0)
+AXES = ("x", "y", "z")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for all results (default out/demo)")
+    parser.add_argument("--no-diagnosis", action="store_true", help="only the estimation, without the diagnosis")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the demonstration; see :data:`HELP`."""
+    started = time.monotonic()
+    out = output_folder(options.out)
+    run_folder = shared_path("bags", "nominal")
+    vehicle = shared_path("config", "vehicles", "truck_cab.yaml")
+    print("1. A recorded drive of 30 s goes through the estimator that also runs live.")
+    print("   The mounts of the truck differ from the vehicle file by up to 20 %; the estimator is not told.\n", flush=True)
+    quietly(["replay", str(run_folder / "bag"), "--vehicle", str(vehicle), "--out", str(out / "replay")])
+    found = Comparison.of(out / "replay", run_folder)
+    parameters, forces = found.parameter_rows(), found.force_rows()
+    print(text_table(PARAMETER_HEAD, parameters), "\n")
+    print(text_table(FORCE_HEAD, forces), "\n")
+    print(found.verdict(), "\n", flush=True)
+    links = {"replay in detail": "replay/report.html"}
+    tables: dict[str, tuple[Sequence[str], Sequence[Row]]] = {
+        "Mount parameters": (PARAMETER_HEAD, parameters),
+        f"Mount forces after {SETTLE_S:g} s": (FORCE_HEAD, forces),
+    }
+    if "diagnose" in command.verbs() and not options.no_diagnosis:
+        head, rows, sentence = diagnose(out, vehicle)
+        print(text_table(head, rows), "\n")
+        print(sentence, "\n")
+        tables["Diagnosis of a run with a hidden effect"] = (head, rows)
+        links["diagnosis in detail"] = "diagnosis/report.html"
+    vertical = [signal[:, :, 2] for signal in (found.true, found.force, found.std)]
+    figure = force_figure(found.time_s, found.mounts, vertical[0], vertical[1], vertical[2], WINDOW_S)
+    write_demo_report(out / "report.html", found.verdict(), tables, figure, NOTES, links)
+    print(f"written: {out / 'report.html'} and beside it {', '.join(links.values())} ({time.monotonic() - started:.0f} s)")
+    return 0
+
+
+PARAMETER_HEAD = ("parameter", "vehicle file", "true", "found", "std", "error [%]", "unit", "status")
+FORCE_HEAD = ("mount", "axis", "NRMSE [%]", "error rms [N]", "within 2 std [%]")
+NOTES = (
+    "NRMSE is the rms of the error over the standard deviation of the true force. The column 'within 2 std' says whether the "
+    "stated uncertainty was honest: about 95 % is right.",
+    "Run and truth are simulated: what is said about absolute forces rests on simulated runs, not on a truck with load cells.",
+)
+
+
+def quietly(arguments: list[str]) -> str:
+    """Run another verb without its text; return the text.
+
+    Raises
+    ------
+    RideEstimationError
+        The verb failed; it has printed why.
+    """
+    captured = io.StringIO()
+    with contextlib.redirect_stdout(captured):
+        code = command.main(arguments)
+    if code != 0:
+        raise RideEstimationError(f"the step {arguments[0]!r} ended with exit code {code}; its message is above")
+    return captured.getvalue()
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Result of a replay beside the truth of the run.
+
+    Attributes
+    ----------
+    result, truth
+        ``result.json`` and ``truth.json``.
+    time_s
+        Shape (N,).
+    mounts
+        Names, M of them.
+    force, std, true
+        Shape (N, M, 3) [N].
+    """
+
+    result: Mapping[str, Any]
+    truth: Mapping[str, Any]
+    time_s: Array
+    mounts: tuple[str, ...]
+    force: Array
+    std: Array
+    true: Array
+
+    @classmethod
+    def of(cls, replayed: Path, run_folder: Path) -> Comparison:
+        """Read both folders."""
+        result = json.loads((replayed / "result.json").read_text(encoding="utf-8"))
+        truth = json.loads((run_folder / "truth.json").read_text(encoding="utf-8"))
+        with np.load(replayed / "signals.npz") as signals, np.load(run_folder / "truth.npz") as true:
+            mounts = tuple(str(name) for name in signals["mount_names"])
+            order = [list(true["mount_names"]).index(name) for name in mounts]
+            stamps = truth["start_stamp_ns"] + np.round(true["time_s"] * 1e9).astype(np.int64)
+            inside = (signals["stamp_ns"] >= stamps[0]) & (signals["stamp_ns"] <= stamps[-1])
+            force = at_times(signals["stamp_ns"][inside], stamps, true["mount_force"][:, order])
+            return cls(
+                result, truth, signals["time_s"][inside], mounts, signals["mount_force"][inside],
+                signals["mount_force_std"][inside], force,
+            )  # fmt: skip
+
+    def true_parameters(self) -> dict[str, float]:
+        """Return the true values by the names the estimator uses."""
+        found = {f"{name}.mass": float(body["mass_kg"]) for name, body in self.truth["parameters"]["bodies"].items()}
+        for mount, axes in self.truth["parameters"]["mounts"].items():
+            for axis, element in axes.items():
+                for key, value in element.items():
+                    if isinstance(value, (int, float)):
+                        name, _, factor = split_suffix(key)
+                        found[f"{mount}.{axis}.{name}"] = float(value) * factor
+        return found
+
+    def parameter_rows(self) -> list[Row]:
+        """Return one row per estimated parameter that has a true value."""
+        true = self.true_parameters()
+        rows: list[Row] = []
+        for p in self.result["parameters"]:
+            if p["name"] in true and p["value"] is not None:
+                known = true[p["name"]]
+                error = 100.0 * (p["value"] / known - 1.0)
+                rows.append((p["name"], p["prior"], known, p["value"], p["std"], error, p["unit"], p["status"]))
+        return rows
+
+    def scores(self) -> dict[tuple[str, str], SignalScore]:
+        """Return the score of every mount force after the settling time."""
+        late = self.time_s >= SETTLE_S
+        return {
+            (mount, axis): score(self.true[late, i, a], self.force[late, i, a], self.std[late, i, a])
+            for i, mount in enumerate(self.mounts)
+            for a, axis in enumerate(AXES)
+        }
+
+    def force_rows(self) -> list[Row]:
+        """Return one row per mount and axis."""
+        return [(m, a, 100.0 * s.nrmse, s.rms_error, 100.0 * s.coverage) for (m, a), s in self.scores().items()]
+
+    def verdict(self) -> str:
+        """Return the result in one sentence."""
+        scores = self.scores()
+        vertical = max(s.nrmse for (_, axis), s in scores.items() if axis == "z")
+        sideways = max(s.nrmse for (_, axis), s in scores.items() if axis != "z")
+        errors = [abs(float(str(row[5]))) for row in self.parameter_rows() if str(row[0]).endswith(".z.stiffness")]
+        return (
+            f"Mount forces are right within {100 * vertical:.1f} % (vertical) and {100 * sideways:.1f} % (horizontal) NRMSE on "
+            f"the worst mount; vertical stiffness within {max(errors):.1f} %."
+        )
+
+
+def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
+    """Diagnose the bundled run with a hidden effect; return a table and the sentence that compares it with the truth."""
+    hidden, second = shared_path("bags", "hidden_friction"), shared_path("bags", "hidden_friction_validation")
+    truth = json.loads((hidden / "truth.json").read_text(encoding="utf-8"))
+    print("2. A second truck behaves differently from the linear simulation. What is it?\n", flush=True)
+    arguments = ["diagnose", str(hidden / "bag"), "--vehicle", str(vehicle), "--out", str(out / "diagnosis")]
+    quietly([*arguments, "--validate", str(second / "bag")])
+    document = json.loads((out / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))
+    rows: list[Row] = [("verdict", document["verdict"], "")]
+    for cause in document["causes"]:
+        values = ", ".join(f"{p['name']} {p['value']:.4g} +- {p['std']:.2g} {p['unit']}" for p in cause["parameters"])
+        place = " ".join(part for part in (cause["location"], cause["axis"]) if part)
+        rows.append((f"{cause['id']} at {place}", values, f"confidence {cause['confidence']:.2f}"))
+    gain = document.get("gain") or {}
+    for entry in gain.get("validation", []):
+        before, after = f"{gain['metric']} {entry['baseline']:.3g}", f"extended {entry['extended']:.3g}"
+        rows.append((f"second run {Path(entry['run']).name}", before, after))
+    return ("what", "value", "how sure"), rows, f"The truth: {truth['description']}."
+
+
+def text_table(head: Sequence[str], rows: Sequence[Row]) -> str:
+    """Return a table for a terminal: numbers with five digits, columns aligned."""
+    cells = [list(head)] + [[f"{v:.5g}" if isinstance(v, float) else str(v) for v in row] for row in rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    numeric = [bool(rows) and isinstance(rows[0][i], float) for i in range(len(head))]
+    lines = []
+    for row in cells:
+        padded = (c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True))
+        lines.append("  ".join(padded).rstrip())
+    return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
