@@ -74,7 +74,7 @@ class JounceBumper(CompositeElement):
     )
     dead_band: float = parameter(
         "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 6 standard deviations of the noise of a measured deflection",
+        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
         source="this project",
     )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ride_estimation.elements import terms as kernel
-from ride_estimation.elements.kernels_memory import berg_branch, dahl_branch
+from ride_estimation.elements.kernels_memory import dahl_branch
 
 Array = NDArray[np.float64]
 
@@ -78,15 +78,10 @@ def _friction(term: kernel.Term, x: Array) -> Array:
     if limit <= 0.0:
         return np.zeros(x.size)
 
-    def at(turn_x: float, turn_f: float, value: float) -> float:
-        return berg_branch(turn_x, turn_f, value, limit, p[0]) if berg else dahl_branch(turn_x, turn_f, value, limit, p[0], p[1])
-
     turns = reversals(x, dead_band)
     bounds = np.concatenate([[0], turns, [x.size]])
     start_x = x[bounds[:-1]]
-    start_f = np.zeros(start_x.size)
-    for k in range(1, start_x.size):
-        start_f[k] = at(float(start_x[k - 1]), float(start_f[k - 1]), float(start_x[k]))
+    start_f = _turning_forces(berg, start_x, limit, p)
     counts = np.diff(bounds)
     branch_x, branch_f = np.repeat(start_x, counts), np.repeat(start_f, counts)
     force = _branch(berg, branch_x, branch_f, x, limit, p)
@@ -97,6 +92,23 @@ def _friction(term: kernel.Term, x: Array) -> Array:
             own_x, own_f = x[part], force[part].copy()
             force[part][back] = _branch(berg, own_x[extreme], own_f[extreme], own_x[back], limit, p)
     return force
+
+
+def _turning_forces(berg: bool, turn_x: Array, limit: float, p: tuple[float, ...]) -> Array:
+    """Return the force at the turning points, from one to the next; the only loop, over strokes instead of samples."""
+    force = 0.0
+    found = [force]
+    for stroke in np.diff(turn_x).tolist():
+        if not berg:
+            force = dahl_branch(0.0, force, stroke, limit, p[0], p[1])
+        elif stroke > 0.0:
+            room = 1.0 - force / limit
+            force += stroke * limit * room / (p[0] * room + stroke)
+        elif stroke < 0.0:
+            room = 1.0 + force / limit
+            force += stroke * limit * room / (p[0] * room - stroke)
+        found.append(force)
+    return np.array(found)
 
 
 def _behind_extreme(x: Array, quiet: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
