@@ -13,6 +13,7 @@ from worlds import adapters
 from worlds.cab import GRAVITY, CabSensor, measure, random_sensors, random_vehicle, simulate, true_signal
 from worlds.calibration import BestLinear
 from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE, SENSOR_CAUSES, Effect, Reference, plant
+from worlds.plane_scenario import machine_case, quarter_car_case
 from worlds.quarter_car import FireTruck, QuarterCar
 from worlds.roads import Road, base_motion
 from worlds.vehicle_text import Belief, believed_parameters
@@ -143,3 +144,24 @@ def test_worlds_load_nothing_of_the_product() -> None:
     )
     root = adapters.__file__.rsplit("/test/", 1)[0]
     assert subprocess.run([sys.executable, "-c", code], cwd=root, check=False, timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("cause", ["none", "coulomb_friction", "sensor_delay"])
+def test_quarter_car_case_is_complete(cause: str) -> None:
+    case = quarter_car_case(cause, 3, duration=12.0)
+    vehicle, run, validation = adapters.plane_inputs(case)
+    assert set(run.data) == set(vehicle.sensors) == {"body", "axle"}
+    assert run.samples == validation[0].samples == 2401
+    assert np.mean(run.data["body"][:, 2]) == pytest.approx(GRAVITY, abs=0.1)  # m/s^2
+    assert case.residual == (0.0 if cause == "none" else pytest.approx(0.05, rel=0.05))
+
+
+def test_machine_case_is_complete() -> None:
+    case = machine_case("bouc_wen", 1, duration=6.0)
+    vehicle, run, _ = adapters.plane_inputs(case)
+    assert set(run.data) == set(vehicle.sensors)
+    assert case.location in vehicle.mounts and case.cause == "coulomb_friction"
+    # rigid cab: the middle sensor lies between the ends (front 0.2 m, middle -0.5 m, rear -1.4 m)
+    between = (0.9 * run.data["cab_front"] + 0.7 * run.data["cab_rear"]) / 1.6
+    noise = vehicle.sensors["cab_front"].noise_std
+    assert np.std(run.data["cab_middle"][:, 2] - between[:, 2]) < 1.5 * noise

@@ -12,6 +12,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import Channel, Recording, UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
 from worlds.cab import Measurement
+from worlds.plane_scenario import PlaneCase
 from worlds.scenario import Scenario
 from worlds.vehicle_text import Belief, vehicle_yaml
 
@@ -52,10 +53,24 @@ def believed_vehicle(measurement: Measurement, belief: Belief | None = None, see
     """Return the product's vehicle as a test engineer would have written it down (through a vehicle file)."""
     cab = measurement.run.vehicle if true is None else true
     text = vehicle_yaml(cab, measurement.sensors, belief, seed)  # type: ignore[arg-type]
+    return vehicle_of_text(text)
+
+
+def vehicle_of_text(text: str) -> Vehicle:
+    """Return the vehicle of a vehicle file given as text."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "vehicle.yaml"
         path.write_text(text, encoding="utf-8")
         return load_vehicle(path)
+
+
+def plane_inputs(case: PlaneCase) -> tuple[Vehicle, UniformRun, list[UniformRun]]:
+    """Return vehicle, fit run and validation runs of a plane case."""
+    runs = [
+        UniformRun(f"run_{i}", case.rate_hz, START_NS, data, {n: np.ones(len(v), bool) for n, v in data.items()})
+        for i, data in enumerate(case.runs)
+    ]
+    return vehicle_of_text(case.vehicle_text), runs[0], runs[1:]
 
 
 def product_inputs(scenario: Scenario) -> tuple[Vehicle, UniformRun, list[UniformRun]]:

@@ -10,10 +10,9 @@ import tempfile
 
 import numpy as np
 
-from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
-from worlds.adapters import uniform_run
+from worlds.adapters import uniform_run, vehicle_of_text
 from worlds.scenario import Scenario
 from worlds.vehicle_text import vehicle_yaml
 
@@ -65,10 +64,7 @@ def load_case(path: pathlib.Path) -> StoredCase:
             if "|" in key:
                 number, name = key.split("|")
                 runs.setdefault(int(number), {})[name] = stored[key].astype(float)
-    with tempfile.TemporaryDirectory() as folder:
-        file = pathlib.Path(folder) / "vehicle.yaml"
-        file.write_text(text, encoding="utf-8")
-        vehicle = load_vehicle(file)
+    vehicle = vehicle_of_text(text)
     uniform = [
         UniformRun(
             "fit" if i == 0 else f"validation_{i - 1}",
