@@ -28,14 +28,33 @@ def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: 
     """
     judged: dict[str, ChannelQuality] = {}
     twins = _twins(recording.channels)
+    spans = _span_findings(recording.channels)
     for name, channel in recording.channels.items():
         sensor = sensors[name]
         quality = judge_channel(channel, sensor.full_scale)
-        extra = list(twins.get(name, ()))
+        extra = [*spans[name], *twins.get(name, ())]
         if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and quality.samples:
             extra += gravity_findings(sensor.rotation @ quality.mean[:3], gravity)
         judged[name] = dataclasses.replace(quality, findings=(*quality.findings, *extra))
     return judged
+
+
+def _span_findings(channels: Mapping[str, Channel]) -> dict[str, list[str]]:
+    """Return a finding for sensors that begin later or end earlier than the run by more than half a second."""
+    bounds = {}
+    for name, channel in channels.items():
+        stamps = channel.stamp_ns[channel.stamp_ns > 0]
+        if len(stamps):
+            # percentiles, so that one wild stamp does not stretch the run
+            bounds[name] = (float(np.percentile(stamps, 0.5)), float(np.percentile(stamps, 99.5)))
+    start, end = min((b[0] for b in bounds.values()), default=0.0), max((b[1] for b in bounds.values()), default=0.0)
+    found: dict[str, list[str]] = {name: [] for name in channels}
+    for name, (first, last) in bounds.items():
+        if first - start > 0.5e9 + 0.01 * (end - start):
+            found[name].append(f"begins {(first - start) * 1e-9:.2g} s after the run")
+        if end - last > 0.5e9 + 0.01 * (end - start):
+            found[name].append(f"ends {(end - last) * 1e-9:.2g} s before the run")
+    return found
 
 
 def _twins(channels: Mapping[str, Channel]) -> Mapping[str, Sequence[str]]:

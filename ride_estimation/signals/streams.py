@@ -110,7 +110,8 @@ class Stream:
 
     __slots__ = (
         "accepted", "after", "candidate", "candidate_from", "candidates", "end", "gaps", "last", "limit", "longest_gap", "need",
-        "newest", "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance", "width",
+        "newest", "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance", "was_silent",
+        "width",
     )
 
     def __init__(self, spec: StreamSpec) -> None:
@@ -125,11 +126,14 @@ class Stream:
         self.period = 0
         self.last = 0
         self.newest = 0  # newest accepted stamp of the run, for reports
+        self.silent = False
+        self.was_silent = True  # at the end of the time base before this one
         self.clear()
 
     def clear(self) -> None:
         """Forget samples and clock; counters stay."""
         self.newest = self.last or self.newest
+        self.was_silent = self.silent if self.last else self.was_silent
         self.stamps = array("q")
         self.values = array("d")
         self.last = 0  # newest accepted stamp, 0 before the first
@@ -164,5 +168,6 @@ class Stream:
         """Return the counters."""
         return StreamHealth(
             self.accepted, dict(self.rejected), self.reordered, self.gaps, self.longest_gap / NANOSECONDS,
-            NANOSECONDS / self.period if self.period else 0.0, self.silent or self.accepted == 0, self.last or self.newest,
+            NANOSECONDS / self.period if self.period else 0.0, self.silent if self.last else self.was_silent,
+            self.last or self.newest,
         )

@@ -1,0 +1,202 @@
+# Copyright 2026 ride_estimation contributors
+"""Data quality findings: each planted fault is found with its count, clean data are called fine."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ride_estimation.frames import rotation_from_rpy
+from ride_estimation.sensors.consistency import consistency_findings
+from ride_estimation.sensors.layout import motion_rows
+from ride_estimation.sensors.quality import judge_sensors
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.quality import gravity_findings, judge_channel
+from ride_estimation.signals.recording import Channel, Recording
+
+G = 9.80665
+RATE = 200.0
+
+
+def clean(seed: int = 0, seconds: float = 20.0) -> Channel:
+    """Coloured motion of about 1 m/s^2 with noise and gravity on z."""
+    rng = np.random.default_rng(seed)
+    n = int(seconds * RATE)
+    smooth = np.apply_along_axis(np.convolve, 0, rng.normal(size=(n + 20, 3)), np.ones(21) / 5.0, "valid")[:n]
+    values = smooth + 0.02 * rng.normal(size=(n, 3)) + [0.0, 0.0, G]
+    stamps = 1_700_000_000_000_000_000 + np.round(np.arange(n) / RATE * 1e9).astype(np.int64)
+    return Channel("a", stamps, values, stamps)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_clean_data_have_no_findings(seed: int) -> None:
+    channel = clean(seed)
+    quality = judge_channel(channel, 98.0)
+    assert quality.findings == ()
+    assert quality.rate_hz == pytest.approx(RATE) and quality.samples == 4000
+    assert gravity_findings(quality.mean, G) == ()
+    assert judge_channel(channel).findings == ()
+
+
+def changed(**parts: np.ndarray) -> Channel:
+    return dataclasses.replace(clean(), **parts)  # type: ignore[arg-type]
+
+
+def test_gaps_duplicates_and_backward_stamps_are_counted() -> None:
+    channel = clean()
+    keep = np.ones(4000, bool)
+    keep[1000:1010] = keep[2000:2040] = False
+    gap = judge_channel(Channel("a", channel.stamp_ns[keep], channel.values[keep], channel.arrival_ns[keep]))
+    assert gap.gaps == 2 and gap.longest_gap_s == pytest.approx(41 / RATE)
+    twice = np.sort(np.concatenate([np.arange(4000), [5, 50, 500]]))
+    duplicate = judge_channel(Channel("a", channel.stamp_ns[twice], channel.values[twice], channel.arrival_ns[twice]))
+    assert duplicate.duplicates == 3 and duplicate.backwards == 0
+    order = np.arange(4000)
+    order[[100, 101]] = [101, 100]
+    backwards = judge_channel(Channel("a", channel.stamp_ns[order], channel.values[order], channel.arrival_ns[order]))
+    assert backwards.backwards == 1
+    assert any("backwards" in f for f in backwards.findings)
+
+
+def test_clipping_is_found_with_and_without_a_stated_range() -> None:
+    values = clean().values.copy()
+    limit = G + 1.0
+    values[:, 2] = np.minimum(values[:, 2], limit)
+    clipped = int(np.sum(values[:, 2] == limit))
+    near = int(np.sum(values[:, 2] >= 0.999 * limit))  # full scale is met within 0.1 %, a gain error of the stated range
+    assert 50 < clipped <= near
+    assert judge_channel(changed(values=values), limit).clipped == near
+    assert judge_channel(changed(values=values)).clipped == clipped
+
+
+def test_spikes_and_flat_lines_are_found() -> None:
+    values = clean().values.copy()
+    values[[500, 1500, 2500], 1] += 50.0
+    assert judge_channel(changed(values=values)).spikes == 3
+    values = clean().values.copy()
+    values[1000:1400] = values[1000]
+    quality = judge_channel(changed(values=values))
+    assert quality.flat_s == pytest.approx(2.0, abs=0.01)
+    assert any("flat line" in f for f in quality.findings)
+
+
+def test_one_dead_axis_is_a_flat_line() -> None:
+    values = clean().values.copy()
+    values[:, 0] = 0.0
+    assert judge_channel(changed(values=values)).flat_s == pytest.approx(20.0, abs=0.02)
+
+
+def test_values_that_are_not_finite_and_zero_stamps_are_counted_and_left_out() -> None:
+    channel = clean()
+    values, stamps = channel.values.copy(), channel.stamp_ns.copy()
+    values[10, 0] = np.nan
+    values[20, 1] = np.inf
+    stamps[30] = 0
+    quality = judge_channel(Channel("a", stamps, values, channel.arrival_ns))
+    assert quality.not_finite == 2
+    assert np.isfinite(quality.mean).all() and np.isfinite(quality.std).all()
+    assert any("stamps are zero" in f for f in quality.findings)
+    assert quality.rate_hz == pytest.approx(RATE)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_hardly_any_samples_are_no_crash(count: int) -> None:
+    channel = clean()
+    quality = judge_channel(Channel("a", channel.stamp_ns[:count], channel.values[:count], channel.arrival_ns[:count]))
+    assert quality.samples == count and np.isfinite(quality.mean).all()
+
+
+@pytest.mark.parametrize(
+    ("mean", "words"),
+    [
+        ([0.0, 9.79, 0.1], "+y"),
+        ([0.0, 0.0, -9.81], "-z"),
+        ([-9.8, 0.3, 0.2], "-x"),
+        ([0.0, 0.0, 1.0], "look like g"),
+        ([12.0, 3.0, 1001.0], "milli-g"),
+        ([0.0, 0.0, 0.05], "no gravity"),
+        ([0.0, 0.0, 11.5], "instead of"),
+        ([5.6, 5.6, 5.6], "points along"),
+        ([3.0, 0.0, 9.3], "off the z axis"),
+    ],
+)
+def test_gravity_tells_axes_and_units(mean: list[float], words: str) -> None:
+    found = gravity_findings(np.array(mean), G)
+    assert any(words in f for f in found), found
+
+
+POSITIONS = {"fl": (0.8, 0.6, -0.3), "fr": (0.8, -0.6, -0.2), "rl": (-0.8, 0.6, -0.3), "rr": (-0.7, -0.6, 0.9)}
+
+
+def rigid(seed: int = 0) -> tuple[Recording, list[Sensor]]:
+    """Four sensors on one rigid body, the third turned, 0.02 m/s^2 noise."""
+    rng = np.random.default_rng(seed)
+    sensors = []
+    for name, place in POSITIONS.items():
+        turned = rotation_from_rpy(0.0, 0.0, 0.4 if name == "rl" else 0.0)
+        sensors.append(Sensor(name, "accelerometer", f"/{name}", "cab", position=np.array(place), rotation=turned))
+    base = clean(seed, 10.0)
+    turn = np.apply_along_axis(np.convolve, 0, rng.normal(size=(len(base.values) + 20, 3)), np.ones(21) / 7.0, "valid")
+    motion = np.hstack([base.values, turn[: len(base.values)]])
+    signals = motion @ motion_rows(sensors, np.zeros(3)).T + 0.02 * rng.normal(size=(len(motion), 12))
+    channels = {
+        s.name: Channel(s.name, base.stamp_ns, signals[:, 3 * i : 3 * i + 3], base.stamp_ns) for i, s in enumerate(sensors)
+    }
+    return Recording("r", channels), sensors
+
+
+def with_channel(recording: Recording, **changes: Callable[[Channel], Channel]) -> Recording:
+    channels = {n: changes.get(n, lambda c: c)(c) for n, c in recording.channels.items()}
+    return dataclasses.replace(recording, channels=channels)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_consistent_sensors_raise_no_suspicion(seed: int) -> None:
+    recording, sensors = rigid(seed)
+    assert consistency_findings(recording, sensors, [], np.zeros(3)) == []
+
+
+@pytest.mark.parametrize(("a", "b"), [("fl", "fr"), ("fl", "rr"), ("fr", "rl")])
+def test_exchanged_topics_are_named(a: str, b: str) -> None:
+    recording, sensors = rigid()
+    swapped = with_channel(recording, **{a: lambda _: recording.channels[b], b: lambda _: recording.channels[a]})
+    found = consistency_findings(swapped, sensors, [], np.zeros(3))
+    assert len(found) == 1 and found[0].startswith(f"exchanged topics of {a} and {b}")
+
+
+@pytest.mark.parametrize(
+    ("turn", "words"), [((1, 0, 2, 1), "+y, +x, +z"), ((0, 1, 2, -1), "+x, +y, -z")], ids=["x and y exchanged", "z upside down"]
+)
+def test_wrong_axes_of_one_sensor_are_named(turn: tuple[int, int, int, int], words: str) -> None:
+    recording, sensors = rigid()
+
+    def wrong(channel: Channel) -> Channel:
+        return dataclasses.replace(channel, values=channel.values[:, turn[:3]] * [1.0, 1.0, turn[3]])
+
+    found = consistency_findings(with_channel(recording, fr=wrong), sensors, [], np.zeros(3))
+    assert len(found) == 1 and f"axes of fr that are really {words}" in found[0]
+
+
+def test_other_faults_are_not_called_an_exchange() -> None:
+    recording, sensors = rigid()
+    gain = with_channel(recording, fr=lambda c: dataclasses.replace(c, values=1.2 * c.values))
+    late = with_channel(recording, fr=lambda c: dataclasses.replace(c, stamp_ns=c.stamp_ns + 20_000_000))
+    assert consistency_findings(gain, sensors, [], np.zeros(3)) == []
+    assert consistency_findings(late, sensors, [], np.zeros(3)) == []
+
+
+def test_one_sensor_alone_cannot_contradict_anybody() -> None:
+    recording, sensors = rigid()
+    assert consistency_findings(recording, sensors[:1], [], np.zeros(3)) == []
+
+
+def test_a_topic_recorded_under_two_names_is_noticed() -> None:
+    recording, sensors = rigid()
+    twin = with_channel(recording, fr=lambda _: recording.channels["fl"])
+    by_name = {s.name: s for s in sensors}
+    judged = judge_sensors(twin, by_name, G)
+    assert any("same numbers as fl" in f for f in judged["fr"].findings)
+    assert not any("same numbers" in f for q in judge_sensors(recording, by_name, G).values() for f in q.findings)
