@@ -28,7 +28,12 @@ _CORRELATION_TIME = 0.3
 #: relative acceleration while no base sensor tells it [m/s^2]
 _UNKNOWN_RELATIVE = 5.0
 #: memory of the amplitude [s]
-_MEMORY = 20.0
+_MEMORY = 5.0
+_ATTACK = 0.1
+#: slow share of the mean squared deflection that equilibrium does not tell (twist of the frame), as a factor per axis
+_MARGIN = np.array([1.0, 1.0, 0.2])
+#: smallest deflection assumed [m]
+_LEAST = np.array([1e-4, 1e-4, 5e-4])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +63,7 @@ class DeflectionEstimator:
     def __init__(self, arrangement: Arrangement) -> None:
         self.arrangement = arrangement
         self._count = len(arrangement.mounts)
-        self._maps = relative_tilt_maps(arrangement.mounts)
+        self.tilt_maps = relative_tilt_maps(arrangement.mounts)
         self.has_base = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
         self._base_variance = np.array([s.noise_std**2 if s else _UNKNOWN_RELATIVE**2 for s in arrangement.base_sensors])
         self._slots = [
@@ -88,7 +93,10 @@ class DeflectionEstimator:
         self._mean_square = np.tile(_DEFLECTION_STD**2, (m, 1))
         self._started = False
 
-    def observe(self, motion: MotionBlock, base: Array, base_ok: BoolArray, displaced: Array, displaced_ok: BoolArray, dt: float) -> DeflectionBlock:
+    def observe(
+        self, motion: MotionBlock, base: Array, base_ok: BoolArray, displaced: Array, displaced_ok: BoolArray, expected_square: Array,
+        dt: float,
+    ) -> DeflectionBlock:
         """Integrate over the ticks of a block.
 
         Parameters
@@ -99,6 +107,8 @@ class DeflectionEstimator:
             Specific force of the brackets in bracket axes (K, M, 3), finite; which spoke (K, M).
         displaced, displaced_ok
             Transducers (K, M, 3); which spoke.
+        expected_square
+            Mean squared deflection that the forces on the body and the stiffness let expect, shape (M, 3): it cannot drift.
         dt
             Tick [s].
         """
@@ -107,20 +117,26 @@ class DeflectionEstimator:
         deflection, rate, relative, turn = (np.zeros(shape) for _ in range(4))
         if not self._started:
             self._begin(motion, base)
+            self._mean_square = _MARGIN * expected_square
         deflection_block(
-            motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._maps, dt, self._state,
+            motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self.tilt_maps,
+            self.arrangement.vehicle.gravity, dt, self._state,
             self._p, self._noise(motion.covariance, dt), displaced, displaced_ok, self._transducer_variance, deflection, rate,
             relative, turn,
         )  # fmt: skip
-        forget = min(ticks * dt / _MEMORY, 1.0)
-        self._mean_square += forget * (np.mean(deflection**2, axis=0) - self._mean_square)
+        self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
         return DeflectionBlock(deflection, rate, relative, turn, std, rate_std)
+
+    def _follow_size(self, square: Array, duration: float) -> None:
+        """Follow the mean squared deflection, quickly up and slowly down: at rest the deflection is known to be small."""
+        memory = np.where(square > self._mean_square, _ATTACK, _MEMORY)
+        self._mean_square += np.minimum(duration / memory, 1.0) * (square - self._mean_square)
 
     def turn_rate(self, block: DeflectionBlock) -> Array:
         """Return the rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s]."""
         flat = block.rate.reshape(len(block.rate), 3 * self._count)
-        return np.asarray((flat @ self._maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape))
+        return np.asarray((flat @ self.tilt_maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape))
 
     def _begin(self, motion: MotionBlock, base: Array) -> None:
         """Take the first relative acceleration as bias in x and y: it is mostly tilt of the sensors."""
@@ -135,7 +151,13 @@ class DeflectionEstimator:
         for a in range(3):
             noise[:, a, 0] = self._base_variance + covariance[a, a]
         noise[:, :, 1] = _BIAS_DENSITY
-        noise[:, :, 2] = np.maximum(self._mean_square, (0.02 * _DEFLECTION_STD) ** 2) * _CORRELATION_TIME / dt
+        noise[:, :, 2] = np.maximum(self._mean_square, _LEAST**2) * _CORRELATION_TIME / dt
+        # an error of the tilt, as slow as the drift of the vertical deflections, is an acceleration in the horizontal axes
+        gravity = self.arrangement.vehicle.gravity
+        corner = np.mean(noise[:, 2, 0] / noise[:, 2, 2]) ** 0.25 / dt**0.5 if self._count else 1.0
+        for a, row in ((0, 1), (1, 0)):
+            tilt_variance = self.tilt_maps[:, row, 2::3] ** 2 @ self._p[:, 2, 0, 0]
+            noise[:, a, 0] += gravity**2 * tilt_variance * 2.0 / (corner * dt)
         # white in continuous time, so that the answer does not depend on the tick
         noise[:, :, 3] = _UNKNOWN_RELATIVE**2 * 0.002 / dt
         return noise

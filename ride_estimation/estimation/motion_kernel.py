@@ -162,7 +162,7 @@ def _advance_gyro(p: Array, dt: float, gyro_variance: float, bias_density: float
 
 @compile_kernel
 def deflection_block(
-    motion: Array, rate: Array, base: Array, base_ok: NDArray[np.bool_], arms: Array, tilt_maps: Array, dt: float,
+    motion: Array, rate: Array, base: Array, base_ok: NDArray[np.bool_], arms: Array, tilt_maps: Array, gravity: float, dt: float,
     state: Array, p: Array, noise: Array, displaced: Array, displaced_ok: NDArray[np.bool_], displaced_variance: Array,
     deflection: Array, speed: Array, relative: Array, turn: Array,
 ) -> None:  # fmt: skip
@@ -181,6 +181,8 @@ def deflection_block(
         Shape (K, M); a bracket without sample coasts, its acceleration variance must be chosen accordingly.
     arms, tilt_maps
         (M, 3) and (M, 3, 3 M).
+    gravity
+        [m/s^2].
     state
         (4, M, 3): value, rate, bias, last relative acceleration; in place.
     p
@@ -191,10 +193,12 @@ def deflection_block(
     displaced, displaced_ok, displaced_variance
         Displacement transducers: values (K, M, 3), whether one spoke (K, M, 3), variance (M, 3).
     deflection, speed, relative, turn
-        Outputs (K, M, 3): deflection [m], its rate, relative acceleration, rotation of cab against bracket [rad].
+        Outputs (K, M, 3): deflection [m], its rate, relative acceleration without what gravity adds through the relative tilt in
+        first order, rotation of cab against bracket [rad].
     """
     mounts = arms.shape[0]
     gain = np.zeros(3)
+    first_order = np.zeros(3)
     theta = np.zeros(3)
     u = np.zeros(3)
     f = np.zeros(3)
@@ -224,6 +228,7 @@ def deflection_block(
             u[0] -= f[0] - c0 + 0.5 * (theta[1] * c2 - theta[2] * c1)
             u[1] -= f[1] - c1 + 0.5 * (theta[2] * c0 - theta[0] * c2)
             u[2] -= f[2] - c2 + 0.5 * (theta[0] * c1 - theta[1] * c0)
+            first_order[0], first_order[1] = theta[1] * gravity, -theta[0] * gravity
             # V' = u - omega x V, D' = V - omega x D; carried as D'' with the rate of D
             d0, d1, d2 = state[0, i, 0], state[0, i, 1], state[0, i, 2]
             v0, v1, v2 = state[1, i, 0], state[1, i, 1], state[1, i, 2]
@@ -248,7 +253,7 @@ def deflection_block(
                 state[1, i, a] += gain[1] * innovation
                 state[2, i, a] += gain[2] * innovation
                 state[3, i, a] = u[a]
-                relative[k, i, a] = new
+                relative[k, i, a] = u[a] - first_order[a]
                 # the linear hold between samples loses (omega dt)^2 / 12 of the value; put it back
                 deflection[k, i, a] = state[0, i, a] - dt * dt / 12.0 * new
                 speed[k, i, a] = state[1, i, a] - dt / 12.0 * (new - old)

@@ -191,10 +191,13 @@ class MountForceEstimator:
         forget = 1.0 - np.exp(-ticks * dt / min(_MEMORY, max(self._time, 1e-9)))
         self._elastic_square += forget * (np.mean((self.law.stiffness * x) ** 2, axis=0) - self._elastic_square)
         self._viscous_square += forget * (np.mean((self.law.damping * v) ** 2, axis=0) - self._viscous_square)
+        self._dynamic_square += forget * (np.mean(self.shared(support) ** 2, axis=0) - self._dynamic_square)
+
+    def shared(self, support: Array) -> Array:
+        """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
         dynamic = support.copy()
         dynamic[:, 2] -= self.mass * self.arrangement.vehicle.gravity
-        shared = (dynamic @ self._gain_slow.T).reshape(ticks, self._count, 3)
-        self._dynamic_square += forget * (np.mean(shared**2, axis=0) - self._dynamic_square)
+        return np.asarray((dynamic @ self._gain_slow.T).reshape(len(support), self._count, 3))
 
     def _low_pass(self, error: Array, dt: float) -> Array:
         """Return the slow part of the residual wrench (one pole), shape (K, 6)."""

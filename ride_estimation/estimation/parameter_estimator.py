@@ -1,57 +1,52 @@
 # Copyright 2026 ride_estimation contributors
-"""Stiffness and damping of every mount and axis while driving."""
+"""Stiffness and damping of every mount and axis while driving: quick start by least squares, then an extended Kalman filter.
+
+The filter's measurement is the innovation of a simulated body over an interval (output error, :mod:`response`), compressed to its
+gradient, so the joint covariance of motion and parameters is carried by the exact sensitivities. Nothing is learned while the
+vehicle stands; only excited directions are forgotten; the standard deviation comes from how much the gradients of the last
+intervals really scatter, not from white-noise theory.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
-from ride_estimation.estimation.estimate import Estimate, Status
-from ride_estimation.estimation.mount_law import ROLES
+from ride_estimation.estimation.cg_motion import MotionBlock
+from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.force_balance import BalanceChunk, BalanceInput, ForceBalance
+from ride_estimation.estimation.guarded_ekf import GuardedEkf
+from ride_estimation.estimation.interval import Interval, IntervalMemory
+from ride_estimation.estimation.mount_forces import static_share
+from ride_estimation.estimation.mount_law import ROLES, MountLaw
+from ride_estimation.estimation.parameter_status import StatusTracker
+from ride_estimation.estimation.response import ModelResponse
+from ride_estimation.estimation.rls import RecursiveLeastSquares, forgetting_noise
 from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.slots import find_slots
 from ride_estimation.frames import AXES
-from ride_estimation.vehicles.vehicle import Prior
 
 Array = NDArray[np.float64]
 
-
-@dataclasses.dataclass(frozen=True)
-class Slot:
-    """One multiplier: role (0 stiffness, 1 damping), mount and axis index, prior and bounds of its logarithm."""
-
-    role: int
-    mount: int
-    axis: int
-    std: float
-    lower: float
-    upper: float
-
-
-def slots(arrangement: Arrangement, settings: PipelineSettings) -> tuple[Slot, ...]:
-    """Return the multipliers the elements of an arrangement have."""
-    found = []
-    for role, name in enumerate(ROLES):
-        for i, mount in enumerate(arrangement.mounts):
-            for a, axis in enumerate(AXES):
-                if axis not in mount.elements:
-                    continue
-                element = mount.elements[axis]
-                declared = [p for p in element.parameters() if p.role == name and getattr(element, p.name) != 0.0]
-                if not declared:
-                    continue
-                first = declared[0]
-                value = float(getattr(element, first.name))
-                prior = mount.priors.get((axis, first.name), Prior(value))
-                default = settings.prior_stiffness_std if role == 0 else settings.prior_damping_std
-                relative = prior.std / abs(value) if prior.std else default
-                lower = np.log(max(prior.lower / value, 1.0 / settings.largest_ratio)) if prior.lower > 0 else -np.log(settings.largest_ratio)
-                upper = np.log(min(prior.upper / value, settings.largest_ratio))
-                found.append(Slot(role, i, a, float(np.sqrt(np.log1p(relative**2))), float(min(lower, 0.0)), float(max(upper, 0.0))))
-    return tuple(found)
+#: the mounts turn with their brackets (1) or with the body (0): prior of that share
+FOLLOW_STD = 0.3
+#: sections of the high-pass times its time constant after which the start is forgotten
+_SETTLE = 9.0
+#: excited time gathered before the first estimate [s]
+_FIRST = 2.5
+#: iterations of the first estimate
+_ITERATIONS = 6
+#: intervals of excitation kept in memory by the forgetting
+_MEMORY_INTERVALS = 60
+#: standard deviation a change of the vehicle opens in every logarithm
+_CHANGE_STD = 0.15
+#: refused intervals in a row that make a change
+_REFUSED = 2
+#: factor on the innovation covariance from here on a change is suspected
+_SUSPECT_RATIO = 16.0
 
 
 class ParameterEstimator:
@@ -68,18 +63,59 @@ class ParameterEstimator:
     def __init__(self, arrangement: Arrangement, settings: PipelineSettings) -> None:
         self.arrangement = arrangement
         self.settings = settings
-        self.slots = slots(arrangement, settings)
-        self.log = np.zeros(len(self.slots))
-        self.log_std = np.array([s.std for s in self.slots])
+        self.slots = find_slots(arrangement, settings)
+        self.count = len(self.slots)
+        self.possible = arrangement.has_base_motion and self.count > 0 and settings.estimate_parameters
+        self._law = MountLaw(arrangement)
+        self._balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
+        self._response = ModelResponse(self._balance, arrangement.vehicle.gravity)
+        self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD])
+        self._lower = np.array([s.lower for s in self.slots] + [-1.2])
+        self._upper = np.array([s.upper for s in self.slots] + [0.2])
+        #: logarithms of the multipliers, then the follow share minus one
+        self.theta = np.zeros(self.count + 1)
+        self.std = self._prior_std.copy()
+        self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
+        self.rejected: dict[str, int] = {}
+        self.changes = 0
+        self.innovation_ratio = 0.0
+        self.excited = False
+        self.excited_time = 0.0
         self.stamp_ns = 0
+        self._filter: GuardedEkf | None = None
+        self._memory = IntervalMemory(self.count + 1)
+        self.restart()
+
+    def _no_input_reason(self) -> str:
+        if not self.settings.estimate_parameters:
+            return "estimation of parameters is switched off"
+        return "no motion sensor on the base side of every mount: a triaxial accelerometer at each mount base would tell it"
+
+    def restart(self) -> None:
+        """Begin with empty filters after a gap or a new time base; what was learned stays."""
+        self._balance.reset()
+        self._response.reset()
+        self._blocks: list[BalanceInput] = []
+        self._pending_ticks = 0
+        self._settled = 0.0
+        self._interval = Interval(self.count + 1)
+        self._gathered: list[BalanceChunk] = []
+        self._gathered_at = self.theta
+
+    # -- results ----------------------------------------------------------------------------------------------------------
 
     def multipliers(self) -> Array:
         """Return the multipliers, shape (2, M, 3)."""
-        return self._spread(np.exp(self.log), 1.0)
+        return self._spread(np.exp(self.theta[:-1]), 1.0)
 
     def stds(self) -> Array:
         """Return the standard deviations of the logarithms, shape (2, M, 3)."""
-        return self._spread(self.log_std, 0.0)
+        return self._spread(self.std[:-1], 0.0)
+
+    @property
+    def follow(self) -> float:
+        """Return the share of the rotation of the brackets that the mount forces follow."""
+        return 1.0 + float(self.theta[-1])
 
     def _spread(self, values: Array, empty: float) -> Array:
         result = np.full((2, len(self.arrangement.mounts), 3), empty)
@@ -88,27 +124,288 @@ class ParameterEstimator:
         return result
 
     def estimates(self) -> tuple[Estimate, ...]:
-        """Return one estimate per parameter of the elements that is scaled."""
+        """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
         found = []
         for n, slot in enumerate(self.slots):
             mount, axis = self.arrangement.mounts[slot.mount], AXES[slot.axis]
             element = mount.elements[axis]
+            status, reason = self.status.of(n)
             for p in element.parameters():
                 if p.role != ROLES[slot.role]:
                     continue
                 prior = float(getattr(element, p.name))
-                value = prior * float(np.exp(self.log[n]))
-                status, reason = Status.STARTING, "no excitation yet"
-                found.append(
-                    Estimate(f"{mount.name}.{axis}.{p.name}", value, abs(value) * float(self.log_std[n]), p.unit, prior, status, reason, self.stamp_ns)
-                )
+                value = prior * float(np.exp(self.theta[n]))
+                name = f"{mount.name}.{axis}.{p.name}"
+                found.append(Estimate(name, value, abs(value) * float(self.std[n]), p.unit, prior, status, reason, self.stamp_ns))
         return tuple(found)
 
-    def save(self) -> dict[str, Any]:
-        """Return the state as plain lists."""
-        return {"log": self.log.tolist(), "log_std": self.log_std.tolist()}
+    def at_bound(self) -> tuple[str, ...]:
+        """Return the names of multipliers at a bound."""
+        names = []
+        for n, slot in enumerate(self.slots):
+            if self.theta[n] <= self._lower[n] + 1e-9 or self.theta[n] >= self._upper[n] - 1e-9:
+                names.append(f"{self.arrangement.mounts[slot.mount].name}.{AXES[slot.axis]}.{ROLES[slot.role]}")
+        return tuple(names)
 
-    def load(self, saved: dict[str, Any]) -> None:
+    # -- input ------------------------------------------------------------------------------------------------------------
+
+    def observe(self, data: BalanceInput, motion: MotionBlock, complete: bool, stamp_ns: int, dt: float) -> bool:
+        """Take one block; return whether the parameters moved.
+
+        Parameters
+        ----------
+        data
+            Signals of the force balance.
+        motion
+            CG motion, for its covariance.
+        complete
+            Whether every sensor that is needed spoke at every tick.
+        stamp_ns
+            Newest stamp.
+        dt
+            Tick [s].
+        """
+        if not self.possible:
+            return False
+        if not complete:
+            self._count("gap in a sensor")
+            self.restart()
+            return False
+        self._blocks.append(data)
+        self._pending_ticks += len(data.support)
+        if self._pending_ticks * dt < self.settings.parameter_interval / 2.0:
+            return False
+        chunk = self._filtered(dt)
+        self._settled += self._pending_ticks_taken * dt
+        if self._settled < _SETTLE / self._balance.corner:
+            return False
+        return self._take(chunk, motion.covariance, stamp_ns)
+
+    def _filtered(self, dt: float) -> BalanceChunk:
+        joined = BalanceInput.join(self._blocks)
+        self._pending_ticks_taken = self._pending_ticks
+        self._blocks, self._pending_ticks = [], 0
+        return self._balance.observe(joined, self._static(), self.follow, dt)
+
+    def _static(self) -> Array:
+        a = self.arrangement
+        weight = np.zeros(6)
+        weight[2] = a.body.mass.value * a.vehicle.gravity
+        stiffness = np.maximum(self._law.stiffness, 0.0).ravel()
+        stiffness = stiffness + 1e-9 * max(float(stiffness.max()), 1.0)
+        return static_share(a.wrench[a.free], stiffness, weight[a.free]).reshape(len(a.mounts), 3)
+
+    def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
+        noise = np.sqrt(np.trace(covariance[:3, :3]))
+        size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
+        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
+        weights = self._weights(covariance)
+        if self._filter is None:
+            return self._start(chunk, weights, stamp_ns) if self.excited else False
+        innovation, gradient = self._response.observe(chunk)
+        if not self.excited:
+            return False
+        self.excited_time += len(chunk.measured) * chunk.step
+        self._interval.add(innovation, gradient, weights, len(chunk.measured) * chunk.step)
+        if self._interval.duration < self.settings.parameter_interval:
+            return False
+        self._update(self._interval, chunk.step)
+        self._interval = Interval(self.count + 1)
+        self.stamp_ns = stamp_ns
+        return True
+
+    def _weights(self, covariance: Array) -> Array:
+        """Return the whitening of the innovations, shape (6, 6), zero for coordinates the body does not have."""
+        free = np.flatnonzero(self.arrangement.free)
+        result = np.zeros((6, 6))
+        result[np.ix_(free, free)] = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)]))
+        return result
+
+    # -- start ------------------------------------------------------------------------------------------------------------
+
+    def _start(self, chunk: BalanceChunk, weights: Array, stamp_ns: int) -> bool:
+        """Gather a few seconds of excitation, then estimate by least squares and refine by output error."""
+        if not self._gathered:
+            self._gathered_at = self.theta.copy()
+        self._gathered.append(chunk)
+        duration = sum(len(c.measured) * c.step for c in self._gathered)
+        if duration < _FIRST:
+            return False
+        start = self._least_squares(weights)
+        best, best_cost = np.zeros(self.count + 1), np.inf
+        for candidate in (start, np.zeros(self.count + 1)):
+            theta, cost = self._refine(candidate, weights)
+            if cost < best_cost:
+                best, best_cost = theta, cost
+        self._filter = GuardedEkf(best, np.diag(self._prior_std**2))
+        self._set(best, chunk.step)
+        self._rerun(weights)
+        self._gathered = []
+        self.excited_time += duration
+        self.stamp_ns = stamp_ns
+        return True
+
+    def _least_squares(self, weights: Array) -> Array:
+        """Return logarithms from the linear regression on measured deflections (biased by noise, but never lost)."""
+        rls = RecursiveLeastSquares(np.zeros(self.count + 1), np.append(np.expm1(self._prior_std[:-1]), FOLLOW_STD), 1.0 - 1e-9)
+        for c in self._gathered:
+            residual = c.measured - c.modelled
+            scale = np.sqrt(np.mean(residual**2, axis=0)) + 1e-9
+            rows = (c.columns / scale[:, None]).reshape(-1, self.count + 1)
+            target = (residual / scale).reshape(-1)
+            rls.update(rows.T @ rows, rows.T @ (target - rows @ rls.theta))
+        logs = np.log(np.maximum(1.0 + rls.theta[:-1], 0.1))
+        return np.clip(np.append(logs, rls.theta[-1]), self._lower, self._upper)
+
+    def _rescaled(self, theta: Array) -> list[BalanceChunk]:
+        """Return the gathered chunks for other parameters than those they were filtered with."""
+        ratio = np.append(np.exp(theta[:-1] - self._gathered_at[:-1]), 1.0)
+        shift = np.append(ratio[:-1] - 1.0, theta[-1] - self._gathered_at[-1])
+        return [
+            BalanceChunk(c.measured, c.modelled + c.columns @ shift, c.columns * ratio, c.step) for c in self._gathered
+        ]  # fmt: skip
+
+    def _passed(self, theta: Array, weights: Array) -> list[Interval]:
+        """Run the response over the gathered chunks with given parameters."""
+        self._law.scale(self._spread(np.exp(theta[:-1]), 1.0))
+        self._response.prepare(self._static(), 1.0 + float(theta[-1]), self._gathered[0].step)
+        self._response.reset()
+        intervals = []
+        for n, c in enumerate(self._rescaled(theta)):
+            innovation, gradient = self._response.observe(c)
+            if n == 0:
+                continue  # the simulated body starts where the measured one seems to be; let that fade
+            interval = Interval(self.count + 1)
+            interval.add(innovation, gradient, weights, len(c.measured) * c.step)
+            intervals.append(interval)
+        return intervals
+
+    def _refine(self, theta: Array, weights: Array) -> tuple[Array, float]:
+        """Minimise the output error over the gathered chunks by damped Gauss-Newton from a start; return the best and its cost."""
+        prior = np.diag(self._prior_std**-2.0)
+        best, best_cost, damping = theta, np.inf, 0.0
+        for _ in range(_ITERATIONS):
+            intervals = self._passed(theta, weights)
+            information = sum((i.information for i in intervals), np.zeros_like(prior))
+            gradient = sum((i.gradient for i in intervals), np.zeros(self.count + 1))
+            cost = sum(i.square for i in intervals) + float(theta @ prior @ theta)
+            if not np.isfinite(cost):
+                break
+            if cost < best_cost:
+                settled = cost > 0.999 * best_cost
+                best, best_cost = theta, cost
+                kept = (information, gradient)
+                damping *= 0.1
+                if settled:
+                    break
+            else:
+                damping = max(10.0 * damping, 1e-3)
+            information, gradient = kept
+            matrix = information + prior + damping * np.diag(np.diag(information))
+            step = np.linalg.solve(matrix, gradient - prior @ best)
+            theta = np.clip(best + np.clip(step, -0.5, 0.5), self._lower, self._upper)
+        return best, best_cost
+
+    def _rerun(self, weights: Array) -> None:
+        """Feed the gathered chunks to the filter, with the gradients of the best start."""
+        centre = self.theta.copy()
+        for interval in self._passed(centre, weights):
+            self._learn(interval, centre)
+        self._set(self.theta, self._gathered[0].step)
+
+    # -- tracking ---------------------------------------------------------------------------------------------------------
+
+    def _update(self, interval: Interval, step: float) -> None:
+        before = self.theta.copy()
+        self._learn(interval, before)
+        largest = self.settings.largest_step
+        self._set(np.clip(self.theta, before - largest, before + largest), step)
+
+    def _learn(self, interval: Interval, centre: Array) -> None:
+        """Give one interval, linearised at ``centre``, to the filter; memory, standard deviations and status follow."""
+        ekf = self._filter
+        if ekf is None:
+            return
+        scale = self._memory.inflation
+        values, basis = np.linalg.eigh(interval.information)
+        keep = values > 1e-9 * max(float(values[-1]), 1e-30)
+        if not np.any(keep):
+            self._count("no information")
+            return
+        root = np.sqrt(values[keep])
+        jacobian = root[:, None] * basis[:, keep].T
+        residual = (basis[:, keep].T @ interval.gradient) / root - jacobian @ (ekf.x - centre)
+        ekf.predict(forgetting_noise(ekf.p, interval.information / scale, 1.0 - 1.0 / _MEMORY_INTERVALS))
+        established = self._memory.length >= 8
+        noise = scale * np.eye(len(root)) * (_SUSPECT_RATIO if established else 1.0)
+        ratio = self._normalised(ekf, residual, jacobian, scale)
+        self.innovation_ratio += 0.1 * (ratio - self.innovation_ratio)
+        if established and ratio > _SUSPECT_RATIO:
+            self._refused += 1
+            if self._refused <= _REFUSED:
+                self._count("innovation beyond the gate")
+                return
+            self._open()
+        self._refused = 0
+        del noise
+        result = ekf.update(residual, jacobian, scale * np.eye(len(root)), gate=False)
+        if not result.accepted:
+            self._count(result.reason)
+            return
+        self._keep_within_bounds(ekf)
+        self.theta = ekf.x
+        self._memory.add(interval, centre)
+        self.std = self._memory.standard_deviation(ekf.p, self.theta)
+        self.status.follow(self.std[:-1], self._prior_std[:-1], self.theta[:-1], self._memory, self._lower[:-1], self._upper[:-1])
+
+    _refused = 0
+
+    def _normalised(self, ekf: GuardedEkf, residual: Array, jacobian: Array, scale: float) -> float:
+        """Return the normalised innovation squared per degree of freedom."""
+        s = jacobian @ ekf.p @ jacobian.T + scale * np.eye(len(residual))
+        return float(residual @ np.linalg.solve(s, residual)) / len(residual)
+
+    def _open(self) -> None:
+        """The vehicle has changed: open the covariance and forget the scatter of before."""
+        self.changes += 1
+        self._memory.clear()
+        if self._filter is not None:
+            self._filter.replace(p=self._filter.p + _CHANGE_STD**2 * np.eye(self.count + 1))
+
+    def _keep_within_bounds(self, ekf: GuardedEkf) -> None:
+        x = np.clip(ekf.x, self._lower, self._upper)
+        if not np.array_equal(x, ekf.x):
+            ekf.replace(x=x)
+
+    def _set(self, theta: Array, step: float) -> None:
+        """Use parameters from now on."""
+        self.theta = np.array(theta, dtype=float)
+        if self._filter is not None and not np.array_equal(self._filter.x, self.theta):
+            self._filter.replace(x=self.theta)
+        self._law.scale(self.multipliers())
+        self._response.prepare(self._static(), self.follow, step)
+
+    def _count(self, reason: str) -> None:
+        self.rejected[reason] = self.rejected.get(reason, 0) + 1
+
+    # -- persistence ------------------------------------------------------------------------------------------------------
+
+    def save(self) -> dict[str, Any]:
+        """Return what was learned as plain lists; the filters of the signals start again."""
+        return {
+            "theta": self.theta.tolist(), "std": self.std.tolist(), "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
+            "p": None if self._filter is None else self._filter.p.tolist(), "memory": self._memory.save(),
+            "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any], step: float | None = None) -> None:
         """Continue from :meth:`save`."""
-        self.log = np.array(saved["log"], dtype=float)
-        self.log_std = np.array(saved["log_std"], dtype=float)
+        self.theta = np.array(saved["theta"], dtype=float)
+        self.std = np.array(saved["std"], dtype=float)
+        self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
+        self.innovation_ratio, self.changes = float(saved["innovation_ratio"]), int(saved["changes"])
+        self._memory.load(saved["memory"])
+        self.status.load(saved["status"])
+        self._filter = None if saved["p"] is None else GuardedEkf(self.theta, np.array(saved["p"], dtype=float))
+        self._law.scale(self.multipliers())
+        self.restart()

@@ -20,6 +20,7 @@ from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
+from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.health import Health, SensorHealth, residual_message, sensor_messages
 from ride_estimation.estimation.loads import InertialLoads
 from ride_estimation.estimation.mount_forces import ForceBlock, MountForceEstimator
@@ -143,6 +144,7 @@ class Pipeline:
         self._motion.reset()
         self._deflection.reset()
         self._forces.reset()
+        self._parameters.restart()
 
     # -- one block --------------------------------------------------------------------------------------------------------
 
@@ -159,9 +161,9 @@ class Pipeline:
         support = self._loads.load(motion.motion, motion.rate)
         inertial = self._loads.load(accel, motion.rate)
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
-        deflection = self._observe_deflection(block, motion, dt)
+        deflection = self._observe_deflection(block, motion, support, dt)
         forces = self._observe_forces(deflection, support, load_covariance, motion, dt)
-        self._learn(motion, deflection, support, dt)
+        self._learn(motion, deflection, support, bool(block.valid.all()), dt)
         self._ticks += ticks
         self._invalid_ticks += int(np.sum(~motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
@@ -194,7 +196,7 @@ class Pipeline:
                 if stated is not None and len(stated) >= 3 and all(np.isfinite(v) and v > 0.0 for v in stated[:3]):
                     self._motion.set_variance(n, np.array(stated[:3], dtype=float))
 
-    def _observe_deflection(self, block: Block, motion: MotionBlock, dt: float) -> DeflectionBlock:
+    def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
         for i, stream, start, rotation in self._base:
@@ -204,15 +206,20 @@ class Pipeline:
         for i, axis, stream, start in self._transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
-        return self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, dt)
+        expected = np.mean((self._forces.shared(support) / np.maximum(self._law.stiffness, 1.0)) ** 2, axis=0)
+        return self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt)
 
     def _observe_forces(self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float) -> ForceBlock:
-        turn_rate = self._deflection.turn_rate(deflection)
-        return self._forces.observe(deflection, support, covariance, turn_rate, dt)
+        return self._forces.observe(deflection, support, covariance, self._deflection.turn_rate(deflection), dt)
 
-    def _learn(self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, dt: float) -> None:
-        self._law.scale(self._parameters.multipliers())
-        self._forces.parameter_std = self._parameters.stds()
+    def _learn(self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, complete: bool, dt: float) -> None:
+        data = BalanceInput(
+            support, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
+            self._deflection.turn_rate(deflection), self._forces.shared(support),
+        )  # fmt: skip
+        if self._parameters.observe(data, motion, complete, self._stamp, dt):
+            self._law.scale(self._parameters.multipliers())
+            self._forces.parameter_std = self._parameters.stds()
 
     # -- results ----------------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,146 @@
+# Copyright 2026 ride_estimation contributors
+"""Innovations and gradients of an interval in compressed form, and the honest scatter over the last intervals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: intervals in memory
+_LENGTH = 40
+#: intervals' worth of white-noise theory that the scatter is mixed with
+_SHRINK = 4.0
+
+
+class Interval:
+    """Normal equations of an interval: ``A = sum psi^T W psi``, ``g = sum psi^T W nu``, ``sum nu^T W nu``.
+
+    Parameters
+    ----------
+    count
+        Number of parameters.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.information = np.zeros((count, count))
+        self.gradient = np.zeros(count)
+        self.square = 0.0
+        self.samples = 0
+        self.duration = 0.0
+
+    def add(self, innovation: Array, gradient: Array, weights: Array, duration: float) -> None:
+        """Add the ticks of a chunk.
+
+        Parameters
+        ----------
+        innovation, gradient
+            Shapes (K, 6) and (K, 6, N).
+        weights
+            L with ``L L^T`` the inverse covariance of an innovation, shape (6, 6).
+        duration
+            [s].
+        """
+        white = innovation @ weights
+        rows = np.matmul(weights.T, gradient).reshape(-1, gradient.shape[2])
+        self.information += rows.T @ rows
+        self.gradient += rows.T @ white.reshape(-1)
+        self.square += float(np.sum(white**2))
+        self.samples += white.size
+        self.duration += duration
+
+
+class IntervalMemory:
+    """The last intervals, for a covariance that rests on their scatter.
+
+    ``Cov = A^-1 B A^-1`` with ``A = sum A_j`` and ``B`` the scatter of the gradients at the present parameters, each with its
+    neighbour (noise near a resonance is correlated over an interval): the estimate is no surer than its intervals agree.
+
+    Parameters
+    ----------
+    count
+        Number of parameters.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._information: list[Array] = []
+        self._gradient: list[Array] = []
+        self._centre: list[Array] = []
+        self.inflation = 4.0
+
+    @property
+    def length(self) -> int:
+        """Return the number of intervals in memory."""
+        return len(self._information)
+
+    @property
+    def total(self) -> Array:
+        """Return the information of all intervals in memory, shape (N, N)."""
+        return np.asarray(np.sum(self._information, axis=0)) if self._information else np.zeros((self._count, self._count))
+
+    def add(self, interval: Interval, centre: Array) -> None:
+        """Add an interval linearised at ``centre``."""
+        for stack, item in ((self._information, interval.information), (self._gradient, interval.gradient), (self._centre, centre)):
+            stack.append(np.array(item))
+            if len(stack) > _LENGTH:
+                stack.pop(0)
+
+    def standard_deviation(self, p: Array, theta: Array) -> Array:
+        """Return the standard deviations of the parameters, shape (N,), and refresh ``inflation``.
+
+        Parameters
+        ----------
+        p
+            Covariance of the filter, whose measurement noise was scaled by ``inflation``.
+        theta
+            Present parameters.
+        """
+        n = self.length
+        stated = np.sqrt(np.diag(p))
+        if n < 4:
+            return stated
+        information = np.array(self._information)
+        scores = np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
+        # neighbours together: half of the scatter of sums of two
+        pairs = scores[1:] + scores[:-1]
+        scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
+        total = information.sum(axis=0)
+        values, basis = np.linalg.eigh(total)
+        keep = values > 1e-6 * values[-1]
+        projected = basis[:, keep].T @ scatter @ basis[:, keep]
+        ratio = float(np.mean(np.diag(projected) / values[keep]))
+        self.inflation = float(np.clip(ratio, 0.5, 1e6))
+        # the filter remembers more than this memory: take its covariance, with the scatter instead of scaled theory
+        half = p @ basis[:, keep] / self.inflation
+        mixed = (n * projected + _SHRINK * ratio * np.diag(values[keep])) / (n + _SHRINK)
+        weight = float(np.sum(values[keep]))
+        filtered = half @ mixed @ half.T
+        gained = float(np.trace(p @ total) / self.inflation / len(p))
+        scale = max(1.0, gained) if weight > 0.0 else 1.0
+        sandwich = np.diag(filtered) / scale
+        # degrees of freedom are few: Student instead of Gauss
+        student = (n + _SHRINK) / max(n + _SHRINK - 3.0, 1.0)
+        excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
+        return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, 0.25 * stated**2)))
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        return {
+            "information": [i.tolist() for i in self._information], "gradient": [g.tolist() for g in self._gradient],
+            "centre": [c.tolist() for c in self._centre], "inflation": self.inflation,
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._information = [np.array(i, dtype=float) for i in saved["information"]]
+        self._gradient = [np.array(g, dtype=float) for g in saved["gradient"]]
+        self._centre = [np.array(c, dtype=float) for c in saved["centre"]]
+        self.inflation = float(saved["inflation"])
