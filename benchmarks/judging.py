@@ -245,6 +245,53 @@ def judge_cab(
     return judge(measurement, vehicle, seed, settings=settings, from_s=from_s)
 
 
+def judge_tracking(
+    seed: int,
+    change: Callable[[CabVehicle, float], CabVehicle],
+    true: Callable[[CabVehicle], dict[str, float]],
+    **options: object,
+) -> dict[str, float]:
+    """Return relative errors 15 s after a change in the middle of a 60 s run, by parameter name.
+
+    ``true(cab)`` gives the values after the change, for example ``{"front_left.z.stiffness": 1.2 * cab.stiffness[0, 2]}``. A payload
+    step at constant stiffness is seen as k/m and c/m: pass the values divided by 1.2 where the mass is held at the file's value.
+    """
+    duration = 60.0
+    measurement = make_measurement(seed, duration=duration, change=change, **options)  # type: ignore[arg-type]
+    _, snapshots, _, _ = run_pipeline(measurement, believed_vehicle(measurement, None, seed))
+    wanted = true(measurement.run.vehicle)
+    when = 0.5 * duration + 15.0
+    estimates = next(e for t, e in snapshots if t >= when)
+    return {e.name: e.value / wanted[e.name] - 1.0 for e in estimates if e.name in wanted}
+
+
+def judge_idle(
+    seed: int, *, drive_s: float = 25.0, idle_s: float = 120.0, engine: tuple[float, float] = (24.0, 0.05)
+) -> dict[str, float]:
+    """Return the largest relative change of every parameter between the stop and the end of an idle stretch (engine shakes)."""
+    rng = np.random.default_rng([seed, 4])
+    road = dataclasses.replace(Road.random(rng, "any"), stop_s=drive_s)
+    measurement = make_measurement(seed, duration=drive_s + idle_s, road=road)
+    _, snapshots, _, _ = run_pipeline(measurement, believed_vehicle(measurement, None, seed), every_s=2.0)
+    after = [e for t, e in snapshots if t >= drive_s + 4.0]
+    first = {e.name: e.value for e in after[0]}
+    return {name: max(abs(e.value / first[e.name] - 1.0) for es in after for e in es if e.name == name) for name in first}
+
+
+def judge_mass(seed: int, anchor: str | None, **options: object) -> tuple[float, float, str]:
+    """Return (relative error, stated relative std, status) of the cab mass with a force reference line or with none.
+
+    The file's mass is off by 10 % and states 20 %, so that only the anchor can find it.
+    """
+    belief = Belief(mass_off=0.1, mass_std=0.2, force_references=(anchor,) if anchor else ())
+    measurement = make_measurement(seed, duration=40.0, **options)  # type: ignore[arg-type]
+    vehicle = believed_vehicle(measurement, belief, seed)
+    _, snapshots, _, _ = run_pipeline(measurement, vehicle)
+    mass = next(e for e in snapshots[-1][1] if e.name == "cab.mass")
+    true = measurement.run.vehicle.mass
+    return mass.value / true - 1.0, mass.std / true, mass.status.value
+
+
 def summarise(judgements: Sequence[CabJudgement], when: float) -> dict[str, float]:
     """Return the figures of the table: 95th percentiles of |error|, coverage, NRMSE, consistency, speed."""
     figures: dict[str, float] = {"runs": len(judgements)}

@@ -21,7 +21,8 @@ class Road:
     ``coherence_length`` of left against right [m], ``bumps`` as (time s, height m, length m, side 'both'|'left'|'right'),
     ``cobbles`` rms height [m] with ``cobble_length`` [m], ``horizontal`` ratio of the own horizontal to the vertical
     chassis acceleration, ``twist`` share of the axle twist that reaches the cab frame, ``local`` ratio of local bracket
-    acceleration, ``standing_s`` seconds at rest before the start, ``engine`` (frequency Hz, acceleration m/s^2) of idle shake.
+    acceleration, ``standing_s`` seconds at rest before the start, ``stop_s`` when it stops again [s], ``engine``
+    (frequency Hz, acceleration m/s^2) of a shake while moving.
     """
 
     roughness: float = 256e-6
@@ -36,6 +37,7 @@ class Road:
     local: float = 0.1
     standing_s: float = 1.0
     ramp_s: float = 1.0
+    stop_s: float = np.inf
     engine: tuple[float, float] = (0.0, 0.0)
     wheelbase: float = 4.2
     track: float = 2.0
@@ -120,6 +122,14 @@ def _band(freq: np.ndarray, low: float, high: float) -> np.ndarray:
     return 1.0 / np.sqrt(1.0 + (low / f) ** 8) / np.sqrt(1.0 + (f / high) ** 8)
 
 
+def _blend(time: np.ndarray, start: float, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a rise from 0 to 1 with continuous speed and acceleration, and its rate."""
+    if length <= 0.0:
+        return np.ones_like(time), np.zeros_like(time)
+    part = np.clip((time - start) / length, 0.0, 1.0)
+    return part**3 * (10.0 - 15.0 * part + 6.0 * part**2), 30.0 * part**2 * (1.0 - part) ** 2 / length
+
+
 def _bump_profile(road: Road, time: np.ndarray, side: str) -> np.ndarray:
     profile = np.zeros_like(time)
     for when, height, length, where in road.bumps:
@@ -199,10 +209,10 @@ def base_motion(
         return envelope * value, slope * value + envelope * rate
 
     t = np.arange(n) * half
-    part = np.clip((t - road.standing_s) / road.ramp_s, 0.0, 1.0) if road.ramp_s > 0 else np.ones(n)
-    # fifth-order blend: position, speed and acceleration continuous
-    envelope = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
-    slope = 30.0 * part**2 * (1.0 - part) ** 2 / road.ramp_s if road.ramp_s > 0 else np.zeros(n)
+    envelope, slope = _blend(t, road.standing_s, road.ramp_s)
+    if np.isfinite(road.stop_s):
+        fall, fall_rate = _blend(t, road.stop_s, 2.0)
+        envelope, slope = envelope * (1.0 - fall), slope * (1.0 - fall) - envelope * fall_rate
 
     chassis = np.zeros((n, 12))
     for j, spectrum in enumerate(spectra):
