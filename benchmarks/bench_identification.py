@@ -37,8 +37,10 @@ def stepped_chirp(step_s: float = 1e-3, duration_s: float = 200.0) -> tuple[np.n
     begin, sign = 0.0, 1.0
     while begin < duration_s:
         f = (40.0 - 0.015) / math.sinh(0.056 * 200.0) * math.sinh(0.056 * begin) + 0.015
-        part = (t >= begin) & (t < begin + 0.5 / f) if f < 1.0 else slice(
-            math.ceil(begin / step_s - 1e-9), min(t.size, math.ceil((begin + 0.5 / f) / step_s - 1e-9))
+        part = (
+            (t >= begin) & (t < begin + 0.5 / f)
+            if f < 1.0
+            else slice(math.ceil(begin / step_s - 1e-9), min(t.size, math.ceil((begin + 0.5 / f) / step_s - 1e-9)))
         )
         x[part] = sign * amplitude[part] * np.sin(2.0 * np.pi * f * (t[part] - begin))
         begin, sign = begin + 0.5 / f, -sign
@@ -115,7 +117,9 @@ def main() -> None:
             fit = fit_time_domain(model, [prepare(record)], start=theta, gram=gram)
             spent.append(time.thread_time() - begin)
         results[name] = (float(np.median(spent)), fit)
-        print(f"{name:<22}{1e3 * np.median(spent):9.2f} ms CPU, {fit.result.passes} passes, rms residual {fit.residual_std:.6f} N")
+        print(
+            f"{name:<22}{1e3 * np.median(spent):9.2f} ms CPU, {fit.result.passes} passes, rms residual {fit.residual_std:.6f} N"
+        )
     best = results["fused kernel"][1]
     print("error against truth [%]", np.round(100 * (best.values / TRUTH - 1), 3))
     good, spent = 0, []
@@ -131,7 +135,10 @@ def main() -> None:
     begin = time.thread_time()
     values, cost, simulations = published_class(x, force, 1e-3)
     slow = time.thread_time() - begin
-    print(f"published class       {1e3 * slow:9.0f} ms CPU, {simulations} simulations, rms residual {math.sqrt(cost / x.size):.6f} N")
+    print(
+        f"published class       {1e3 * slow:9.0f} ms CPU, {simulations} simulations, "
+        f"rms residual {math.sqrt(cost / x.size):.6f} N"
+    )
     print("difference of the optima [%]", np.round(100 * (best.values / values - 1), 4))
     for name, (fast, _) in results.items():
         print(f"ratio to {name}: {slow / fast:.0f}")

@@ -6,13 +6,24 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 import ride_estimation
 from ride_estimation.cli.progress import Progress
+from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.analysis import BenchIdentification, identify_records, ladder_for
 from ride_estimation.identification.bench.element_mapping import build_element
+from ride_estimation.identification.bench.frequency_analysis import identify_operating_points
+from ride_estimation.identification.bench.frequency_domain import NORMS
+from ride_estimation.identification.bench.jounce_analysis import MODELS as JOUNCE_MODELS
+from ride_estimation.identification.bench.jounce_analysis import identify_jounce
 from ride_estimation.identification.bench.models import LADDER
-from ride_estimation.io.bench_records import ReadOptions, read_bench_record
+from ride_estimation.identification.bench.oscillator import identify_oscillator
+from ride_estimation.identification.bench.steady_cycles import EXTRACTIONS, find_operating_points
+from ride_estimation.identification.bench.time_domain import prepare
+from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_operating_points, read_oscillator_record
 from ride_estimation.io.identification_files import write_identification
 
 HELP = "identify a force element (stiffness, damping, friction) from bench records of displacement and force"
@@ -21,10 +32,32 @@ HELP = "identify a force element (stiffness, damping, friction) from bench recor
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="csv, npz, mat file or bag")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for identification.json, element.yaml, report.html")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for identification.json, element.yaml, report.html"
+    )
     parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RECORD", help="records that are not fitted")
-    names = ", ".join(m.name for m in LADDER)
+    names = ", ".join((*(m.name for m in LADDER), *JOUNCE_MODELS))
     parser.add_argument("--model", default="auto", help=f"auto (choose on held-out data) or one of: {names}")
+    parser.add_argument(
+        "--method", choices=("time", "frequency"), default="time", help="fit force samples, or K and W of harmonic tests"
+    )
+    parser.add_argument(
+        "--norm", choices=NORMS, default=NORMS[0], help="misfit of --method frequency; printed: document 003 eq. (24) as printed"
+    )
+    parser.add_argument(
+        "--extraction", choices=EXTRACTIONS, default=EXTRACTIONS[0], help="how K and W are taken from harmonic tests"
+    )
+    parser.add_argument("--local-models", type=int, default=10, metavar="M", help="local models of a network")
+    parser.add_argument(
+        "--oscillator", default="", metavar="INPUT,OUTPUT", help="columns of an excitation and a response: is the spring linear"
+    )
+    parser.add_argument(
+        "--fit-range",
+        nargs=2,
+        type=float,
+        metavar=("FROM", "TO"),
+        help="seconds of the record that --oscillator fits; the rest is held out",
+    )
     add_reading_arguments(parser)
 
 
@@ -38,8 +71,12 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--displacement-unit", default="", help="m, mm, um, cm, in")
     group.add_argument("--force-unit", default="", help="N, kN, daN, kgf, lbf")
     group.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="sample rate of a record without time column")
-    group.add_argument("--zero", choices=("auto", "mean", "start", "none"), default="auto", help="which displacement counts as zero")
-    group.add_argument("--sign", choices=("tension", "opposed"), default="tension", help="opposed: force has the opposite sign of displacement")
+    group.add_argument(
+        "--zero", choices=("auto", "mean", "start", "none"), default="auto", help="which displacement counts as zero"
+    )
+    group.add_argument(
+        "--sign", choices=("tension", "opposed"), default="tension", help="opposed: force has the opposite sign of displacement"
+    )
     group.add_argument("--mount", default="", help="mount of a bag (joint <mount>_<axis>)")
     group.add_argument("--axis", default="", choices=("", "x", "y", "z"), help="axis of a bag")
     group.add_argument("--accept-stiffness", action="store_true", help="accept a stiffness outside the plausible range")
@@ -48,15 +85,48 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
 def reading_options(options: argparse.Namespace) -> ReadOptions:
     """Return the reading options of the command line."""
     return ReadOptions(
-        time=options.time, displacement=options.displacement, force=options.force, time_unit=options.time_unit,
-        displacement_unit=options.displacement_unit, force_unit=options.force_unit, rate_hz=options.rate,
-        zero=options.zero, sign=options.sign, mount=options.mount, axis=options.axis,
+        time=options.time,
+        displacement=options.displacement,
+        force=options.force,
+        time_unit=options.time_unit,
+        displacement_unit=options.displacement_unit,
+        force_unit=options.force_unit,
+        rate_hz=options.rate,
+        zero=options.zero,
+        sign=options.sign,
+        mount=options.mount,
+        axis=options.axis,
         accept_stiffness=options.accept_stiffness,
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Identify and write the results."""
+    if options.oscillator:
+        return _run_oscillator(options)
+    if options.model in JOUNCE_MODELS:
+        return _run_jounce(options)
+    if options.method == "frequency":
+        return _run_frequency(options)
+    return _run_time(options)
+
+
+def _software() -> str:
+    return f"ride_estimation {ride_estimation.__version__}"
+
+
+def _write(options: argparse.Namespace, document: dict[str, Any], mapping: dict[str, Any] | None) -> None:
+    """Write the result files; say where an element is outside the bounds of its kind instead of writing one."""
+    element, problem = (None, "") if mapping is None else build_element(mapping)
+    if problem:
+        document["warnings"].append(f"no element.yaml: {problem}")
+    write_identification(options.out, document, None if element is None else element.to_mapping())
+    for warning in document["warnings"]:
+        print(f"warning: {warning}", file=sys.stderr)
+    print(f"written to {options.out}")
+
+
+def _run_time(options: argparse.Namespace) -> int:
     from ride_estimation.reporting.identification_report import identification_document, write_identification_report
 
     reading = reading_options(options)
@@ -66,31 +136,100 @@ def run(options: argparse.Namespace) -> int:
     progress = Progress(len(models), "identify")
     found = identify_records(records, validation, model=options.model, progress=progress.update)
     progress.close()
-    document = identification_document(found, f"ride_estimation {ride_estimation.__version__}")
-    element, problem = build_element(found.element)
-    if element is None:
-        document["warnings"].append(f"no element.yaml: {problem}")
-    write_identification(options.out, document, None if element is None else element.to_mapping())
+    print_summary(found)
+    _write(options, identification_document(found, _software()), found.element)
     write_identification_report(found, options.out / "report.html")
-    print_summary(found, options.out)
-    if element is None:
-        print(f"warning: no element.yaml: {problem}", file=sys.stderr)
     return 0
 
 
-def print_summary(found: BenchIdentification, out: Path) -> None:
-    """Print the ladder, the parameters and the warnings."""
-    print(f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'held out %':>12}{'gain %':>9}{'criterion':>12}")
+def _run_frequency(options: argparse.Namespace) -> int:
+    from ride_estimation.reporting.identification_special_reports import frequency_document, write_frequency_report
+
+    reading = reading_options(options)
+    models = ladder_for(options.model)
+    table = read_operating_points(options.records[0]) if len(options.records) == 1 else None
+    if table is None:
+        table = find_operating_points([prepare(read_bench_record(p, reading)) for p in options.records], options.extraction)
+    validation = [prepare(read_bench_record(p, reading)) for p in options.validate]
+    progress = Progress(len(models), "identify")
+    found = identify_operating_points(table, validation, models, norm=options.norm, progress=progress.update)
+    progress.close()
+    print(
+        f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'left out %':>12}{'criterion':>12}"
+        f"   ({table.omega.size} operating points)"
+    )
     for i, rung in enumerate(found.rungs):
         mark = " <" if i == found.chosen else ""
         print(
+            f"{rung.fit.model.name:<18}{rung.fit.model.parameter_count:>11}{100 * rung.fitted:>10.3g}"
+            f"{100 * rung.left_out:>12.3g}{rung.criterion:>12.1f}{mark}"
+        )
+    for quantity, value, std in zip(found.best.fit.model.quantities, found.best.fit.values, found.best.fit.std, strict=True):
+        print(f"  {quantity.name:<18}{value:>13.5g} +- {std:<10.2g}{quantity.unit}")
+    for held in found.best.held_out:
+        print(f"  {held.name}: NRMSE {100 * held.scores()['std']:.3g} %")
+    _write(options, frequency_document(found, _software()), found.element)
+    write_frequency_report(found, options.out / "report.html")
+    return 0
+
+
+def _run_jounce(options: argparse.Namespace) -> int:
+    from ride_estimation.reporting.identification_special_reports import jounce_document, write_jounce_report
+
+    reading = reading_options(options)
+    records = [read_bench_record(p, reading) for p in options.records]
+    validation = [read_bench_record(p, reading) for p in options.validate]
+    progress = Progress(4 if options.model == JOUNCE_MODELS[0] else options.local_models - 1, "identify")
+    found = identify_jounce(records, validation, options.model, models=options.local_models, progress=progress.update)
+    progress.close()
+    for name in dict.fromkeys([*found.fitted, *found.held_out]):
+        fitted = f"{100 * found.fitted[name]:.3g} %" if name in found.fitted else "-"
+        held = f"{100 * found.held_out[name]:.3g} %" if name in found.held_out else "-"
+        print(f"  {name:<28} fitted {fitted:>8}  held out {held:>8}")
+    _write(options, jounce_document(found, _software()), found.element)
+    write_jounce_report(found, options.out / "report.html")
+    return 0
+
+
+def _run_oscillator(options: argparse.Namespace) -> int:
+    from ride_estimation.reporting.identification_special_reports import (
+        oscillator_document,
+        unexplained_oscillator,
+        write_oscillator_report,
+    )
+
+    if len(options.records) != 1:
+        raise InputDataError(f"--oscillator fits one record; {len(options.records)} were given (more go to --validate)")
+    record = read_oscillator_record(options.records[0], options.oscillator, options.rate, options.time)
+    validation = [read_oscillator_record(p, options.oscillator, options.rate, options.time) for p in options.validate]
+    time = np.arange(record.u.size) * record.step_s
+    first, last = options.fit_range or ((0.0, np.inf) if validation else (0.0, 0.7 * float(time[-1])))
+    fit = (time >= first) & (time < last)
+    if fit.sum() < 1000:
+        raise InputDataError(
+            f"--fit-range {first:g} {last:g} holds {fit.sum()} samples of 0 to {time[-1]:g} s; at least 1000 are needed"
+        )
+    rungs, chosen = identify_oscillator(record, fit, validation)
+    for i, rung in enumerate(rungs):
+        held = ", ".join(f"{n} {e[0]:.4g} rms ({100 * e[1]:.3g} %)" for n, e in rung.held_out.items())
+        print(f"{rung.name:<26} fitted {rung.fitted_rms:.4g} rms; {held}{' <' if i == chosen else ''}")
+    print(unexplained_oscillator(rungs, chosen))
+    _write(options, oscillator_document(rungs, chosen, _software()), None)
+    write_oscillator_report(rungs, chosen, options.out / "report.html")
+    return 0
+
+
+def print_summary(found: BenchIdentification) -> None:
+    """Print the ladder, the parameters and what stays unexplained."""
+    print(f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'held out %':>12}{'gain %':>9}{'criterion':>12}")
+    for i, rung in enumerate(found.rungs):
+        mark = " <" if i == found.chosen else ""
+        gain = f"{100 * rung.gain:>9.1f}" if i else f"{'':>9}"
+        print(
             f"{rung.fit.model.name:<18}{rung.fit.model.parameter_count:>11}{100 * rung.fitted['std']:>10.3g}"
-            f"{100 * rung.mse**0.5:>12.3g}{100 * rung.gain:>9.1f}{rung.criterion:>12.0f}{mark}"
+            f"{100 * rung.mse**0.5:>12.3g}{gain}{rung.criterion:>12.0f}{mark}"
         )
     for p in found.uncertainty.parameters:
         print(f"  {p.name:<18}{p.value:>13.5g} +- {p.std:<10.2g}{p.unit:<8}{p.status}{'  ' + p.reason if p.reason else ''}")
     print(found.uncertainty.null_direction)
     print(found.unexplained)
-    for warning in found.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    print(f"written to {out}")

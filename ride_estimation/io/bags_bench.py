@@ -48,22 +48,25 @@ def read_bag_columns(path: Path, mount: str, axis: str) -> dict[str, Array]:
     joint = _choose(path, "JointState joint", joints, f"{mount}_{axis}" if mount and axis else mount)
     topic = _choose(path, "WrenchStamped topic", wrenches, f"/{mount}/" if mount else "")
     component = "xyz".index(axis or (joint[-1] if joint[-2:] in ("_x", "_y", "_z") else "z"))
-    moves = np.array(sorted(joints[joint]), dtype=float)
-    loads = np.array(sorted(wrenches[topic]), dtype=float)
-    origin = moves[0, 0]
+    # nanoseconds of the day do not fit a float: subtract the first stamp as an integer
+    origin = joints[joint][0][0]
+    moves = np.array(sorted((stamp - origin, value) for stamp, value in joints[joint]), dtype=float)
+    loads = np.array(sorted((stamp - origin, *values) for stamp, *values in wrenches[topic]), dtype=float)
     keep = (moves[:, 0] >= loads[0, 0]) & (moves[:, 0] <= loads[-1, 0])
     if keep.sum() < 2:
         raise InputDataError(f"{path}: displacement and force do not overlap in time")
     stamps = moves[keep, 0]
     return {
-        "time_s": (stamps - origin) * 1e-9,
+        "time_s": (stamps - stamps[0]) * 1e-9,
         "displacement_m": moves[keep, 1],
         "force_n": -np.interp(stamps, loads[:, 0], loads[:, 1 + component]),
     }
 
 
 def _collect(
-    connection: Any, message: Any, joints: dict[str, list[tuple[int, float]]],
+    connection: Any,
+    message: Any,
+    joints: dict[str, list[tuple[int, float]]],
     wrenches: dict[str, list[tuple[int, float, float, float]]],
 ) -> None:
     stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)

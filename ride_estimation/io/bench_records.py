@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.oscillator import OscillatorRecord
 from ride_estimation.identification.bench.record import BenchRecord, check_record
+from ride_estimation.identification.bench.steady_cycles import OperatingPoints, operating_points
 from ride_estimation.units import SUFFIXES
 
 Array = NDArray[np.float64]
@@ -87,21 +89,109 @@ def read_bench_record(path: Path, options: ReadOptions | None = None) -> BenchRe
     """
     options = options or ReadOptions()
     path = Path(path)
+    columns = _columns(path, options.mount, options.axis)
+    record = _assemble(path.name or str(path), columns, options)
+    return check_record(record, allow_stiffness_outside=options.accept_stiffness)
+
+
+def _columns(path: Path, mount: str = "", axis: str = "") -> dict[str, Array]:
+    """Read all numeric columns of a file."""
     if not path.exists():
         raise InputDataError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in (".mcap", ".db3", ".bag"):
         from ride_estimation.io.bags_bench import read_bag_columns
 
-        columns = read_bag_columns(path, options.mount, options.axis)
-    elif suffix == ".npz":
-        columns = _npz_columns(path)
-    elif suffix == ".mat":
-        columns = _mat_columns(path)
-    else:
-        columns = _csv_columns(path)
-    record = _assemble(path.name or str(path), columns, options)
-    return check_record(record, allow_stiffness_outside=options.accept_stiffness)
+        return read_bag_columns(path, mount, axis)
+    if suffix == ".npz":
+        return _npz_columns(path)
+    return _mat_columns(path) if suffix == ".mat" else _csv_columns(path)
+
+
+def read_operating_points(path: Path) -> OperatingPoints | None:
+    """Read a table of harmonic tests; None where the file is no such table.
+
+    Columns: ``frequency_hz``, ``amplitude_<m, mm>``, ``stiffness_<n_per_m, n_per_mm>`` and ``loss_energy_<j, n_mm>``.
+
+    Raises
+    ------
+    InputDataError
+        A table with a column missing or values that cannot be.
+    """
+    path = Path(path)
+    if path.is_dir() or path.suffix.lower() not in (".csv", ".txt", ".tsv", ".npz"):
+        return None
+    columns = _columns(path)
+    named = {_table_name(c): c for c in columns}
+    if "frequency" not in named or "amplitude" not in named:
+        return None
+    missing = [n for n in ("stiffness", "loss_energy") if n not in named]
+    if missing:
+        raise InputDataError(
+            f"{path}: a table of harmonic tests also needs {', '.join(missing)}; available: {', '.join(columns)}"
+        )
+    values = {}
+    for name, column in named.items():
+        if name in _TABLE_UNITS:
+            suffix = column.strip().lower()[len(name) + 1 :]
+            if suffix not in _TABLE_UNITS[name]:
+                raise InputDataError(
+                    f"{path}: column {column!r} needs its unit: {', '.join(f'{name}_{u}' for u in _TABLE_UNITS[name])}"
+                )
+            values[name] = columns[column] * _TABLE_UNITS[name][suffix]
+            if not np.all(np.isfinite(values[name])):
+                raise InputDataError(f"{path}: column {column!r} has values that are not finite")
+    return operating_points(2.0 * np.pi * values["frequency"], values["amplitude"], values["stiffness"], values["loss_energy"])
+
+
+_TABLE_UNITS: dict[str, dict[str, float]] = {
+    "frequency": {"hz": 1.0},
+    "amplitude": {"m": 1.0, "mm": 1e-3},
+    "stiffness": {"n_per_m": 1.0, "n_per_mm": 1e3},
+    "loss_energy": {"j": 1.0, "n_m": 1.0, "n_mm": 1e-3},
+}
+
+
+def _table_name(column: str) -> str:
+    lower = column.strip().lower()
+    return next((n for n in _TABLE_UNITS if lower == n or lower.startswith(n + "_")), lower)
+
+
+def read_oscillator_record(path: Path, names: str, rate_hz: float, time: str) -> OscillatorRecord:
+    """Read excitation and response of an oscillator.
+
+    Parameters
+    ----------
+    path
+        Record.
+    names
+        ``INPUT,OUTPUT`` columns.
+    rate_hz
+        Sample rate [Hz]; 0: from the time column.
+    time
+        Column of time in s; empty: found by name.
+
+    Raises
+    ------
+    InputDataError
+        Columns not found, no rate.
+    """
+    path = Path(path)
+    columns = _columns(path)
+    wanted = [n.strip() for n in names.split(",")]
+    if len(wanted) != 2 or any(n not in columns for n in wanted) or wanted[0] == wanted[1]:
+        raise InputDataError(f"{path}: --oscillator needs INPUT,OUTPUT; given {names!r}; available: {', '.join(columns)}")
+    if rate_hz <= 0.0:
+        problems: list[str] = []
+        found, factor = _quantity("time", columns, time, "", problems)
+        if found is None:
+            raise InputDataError(f"{path}: {problems[0]}; or state --rate HZ")
+        steps = np.diff(columns[found]) * factor
+        if not np.all(np.isfinite(steps)) or np.any(steps <= 0.0) or np.ptp(steps) > 0.05 * np.mean(steps):
+            raise InputDataError(f"{path}: time column {found!r} is not uniform and increasing")
+        rate_hz = 1.0 / float(np.mean(steps))
+    u, y = (np.ascontiguousarray(columns[n], dtype=float) for n in wanted)
+    return OscillatorRecord(path.name, 1.0 / rate_hz, u, y)
 
 
 def _npz_columns(path: Path) -> dict[str, Array]:
@@ -148,7 +238,8 @@ def _csv_columns(path: Path) -> dict[str, Array]:
     wrong = [i for i, row in enumerate(body) if len(row) < len(names)]
     if wrong:
         raise InputDataError(
-            f"{path}: {len(wrong)} rows have fewer than {len(names)} cells, the first at data row {wrong[0] + 1}: {body[wrong[0]]}"
+            f"{path}: {len(wrong)} rows have fewer than {len(names)} cells, "
+            f"the first at data row {wrong[0] + 1}: {body[wrong[0]]}"
         )
     return {name: _column(path, name, [row[i] for row in body]) for i, name in enumerate(names)}
 
@@ -199,11 +290,11 @@ def _zeroed(where: str, x: Array, zero: str, warnings: list[str]) -> Array:
     if finite.size == 0 or zero == "none":
         return x
     if zero == "start":
-        return x - finite[0]
+        return np.asarray(x - float(finite[0]))
     middle = 0.5 * (finite.max() + finite.min())
     half = 0.5 * float(np.ptp(finite))
     if zero == "mean":
-        return x - float(np.mean(finite))
+        return np.asarray(x - float(np.mean(finite)))
     # a record whose zero lies at or beyond its edge but that does not start at rest there is one with a transducer offset
     if half > 0.0 and abs(middle) > half * 1.02 and abs(finite[0]) > 0.05 * half:
         warnings.append(

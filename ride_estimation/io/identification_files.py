@@ -24,9 +24,7 @@ def write_identification(directory: Path, document: Mapping[str, Any], element: 
         YAML form of the element; it goes as is under an axis of a mount in a vehicle file.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / "identification.json").write_text(
-        json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    (directory / "identification.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     if element is not None:
         head = "# Identified force element: put this mapping under an axis of a mount in the vehicle file.\n"
         (directory / "element.yaml").write_text(head + yaml.safe_dump(dict(element), sort_keys=False), encoding="utf-8")

@@ -46,9 +46,13 @@ def _ladder(page: Page, found: BenchIdentification) -> None:
     page.text(f"Criterion: {CRITERION}. Gain: fall of the held-out error against the rung above, with its 95 % interval.")
     rows = [
         [
-            ("> " if i == found.chosen else "") + r.fit.model.name, r.fit.model.parameter_count, 100 * r.fitted["std"],
-            100 * float(np.sqrt(r.mse)), "" if i == 0 else f"{100 * r.gain:.1f} % ({100 * r.gain_ci95[0]:.1f} to {100 * r.gain_ci95[1]:.1f})",
-            r.criterion, r.fit.result.passes,
+            ("> " if i == found.chosen else "") + r.fit.model.name,
+            r.fit.model.parameter_count,
+            100 * r.fitted["std"],
+            100 * float(np.sqrt(r.mse)),
+            "" if i == 0 else f"{100 * r.gain:.1f} % ({100 * r.gain_ci95[0]:.1f} to {100 * r.gain_ci95[1]:.1f})",
+            r.criterion,
+            r.fit.result.passes,
         ]
         for i, r in enumerate(found.rungs)
     ]
@@ -73,7 +77,9 @@ def _parameters(page: Page, found: BenchIdentification) -> None:
     )
     names = [p.name for p in found.uncertainty.parameters]
     page.text("Correlation of the parameters:")
-    page.table(["", *names], [[n, *(f"{v:.2f}" for v in row)] for n, row in zip(names, found.uncertainty.correlation, strict=True)])
+    page.table(
+        ["", *names], [[n, *(f"{v:.2f}" for v in row)] for n, row in zip(names, found.uncertainty.correlation, strict=True)]
+    )
 
 
 def _records(page: Page, found: BenchIdentification) -> None:
@@ -145,23 +151,37 @@ def identification_document(found: BenchIdentification, software: str) -> dict[s
         "model": best.fit.model.name,
         "criterion": CRITERION,
         "parameters": [
-            {"name": p.name, "value": p.value, "std": p.std, "unit": p.unit, "status": p.status, "reason": p.reason, "meaning": p.meaning}
+            {
+                "name": p.name,
+                "value": p.value,
+                "std": p.std,
+                "unit": p.unit,
+                "status": p.status,
+                "reason": p.reason,
+                "meaning": p.meaning,
+            }
             for p in found.uncertainty.parameters
         ],
         "correlation": [[float(v) for v in row] for row in found.uncertainty.correlation],
         "identifiability": {
-            "null_direction": found.uncertainty.null_direction, "condition": found.uncertainty.condition,
+            "null_direction": found.uncertainty.null_direction,
+            "condition": found.uncertainty.condition,
             "effective_samples": found.uncertainty.effective_samples,
         },
-        "parameters_from": "all samples of the records to fit" ,
+        "parameters_from": "all samples of the records to fit",
         "bounds_hit": [p.name for p in found.uncertainty.parameters if p.status == "at_bound"],
         "nrmse_fitted": best.fitted,
         "validation": [{"run": h.name, **{f"nrmse_{n}": v for n, v in h.scores().items()}} for h in best.held_out],
         "ladder": [
             {
-                "model": r.fit.model.name, "parameters": r.fit.model.parameter_count, "nrmse_fitted": r.fitted["std"],
-                "nrmse_held_out": float(np.sqrt(r.mse)), "criterion": r.criterion, "gain": _number(r.gain),
-                "gain_ci95": [_number(v) for v in r.gain_ci95], "passes": r.fit.result.passes,
+                "model": r.fit.model.name,
+                "parameters": r.fit.model.parameter_count,
+                "nrmse_fitted": r.fitted["std"],
+                "nrmse_held_out": float(np.sqrt(r.mse)),
+                "criterion": r.criterion,
+                "gain": _number(r.gain),
+                "gain_ci95": [_number(v) for v in r.gain_ci95],
+                "passes": r.fit.result.passes,
                 "values": {q.name: float(v) for q, v in zip(r.fit.model.quantities, r.fit.values, strict=True)},
             }
             for r in found.rungs

@@ -38,7 +38,7 @@ def bumper_force(t, u):
     share = height(u) / 1800.0
     slope = 1.2e5 + share**0.8 * (6.0e5 - 1.2e5)
     depth = ENTRY * np.logaddexp(0.0, (u[:, None] - CONTACTS) / ENTRY)
-    friction, memory = 0.0, np.zeros(5)
+    friction = 0.0
     out = np.empty(u.size)
     a, b = (1.0 - 0.5 * h * RATES) / (1.0 + 0.5 * h * RATES), 1.0 / (1.0 + 0.5 * h * RATES)
     away = CONTACTS - 4.0 * ENTRY
@@ -46,9 +46,11 @@ def bumper_force(t, u):
     steps = np.diff(u, prepend=u[0])
     for k in range(u.size):
         d = steps[k]
-        friction += slope[k] * d * (1.0 - friction / 900.0 * (1.0 if d > 0 else -1.0)) if abs(d) * slope[k] < 450.0 else (
-            math.copysign(900.0, d) - friction
-        ) * (1.0 - math.exp(-slope[k] * abs(d) / 900.0))
+        friction += (
+            slope[k] * d * (1.0 - friction / 900.0 * (1.0 if d > 0 else -1.0))
+            if abs(d) * slope[k] < 450.0
+            else (math.copysign(900.0, d) - friction) * (1.0 - math.exp(-slope[k] * abs(d) / 900.0))
+        )
         state[k] = friction
     for i in range(5):
         m = 0.0
@@ -58,10 +60,7 @@ def bumper_force(t, u):
         force = np.empty(u.size)
         ai, bi = float(a[i]), float(b[i])
         for k, value in enumerate(column):
-            if free[k]:
-                m = 0.0
-            else:
-                m = ai * m + bi * (value - before)
+            m = 0.0 if free[k] else ai * m + bi * (value - before)
             before = value
             force[k] = m if m > 0.0 else 0.0
         memory_force = STIFFNESS[i] * force

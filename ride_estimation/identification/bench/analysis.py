@@ -82,7 +82,10 @@ _BASELINES = ("linear_spring", "kelvin_voigt", "berg")
 
 
 def identify_records(
-    records: Sequence[BenchRecord], validation: Sequence[BenchRecord], *, model: str = "auto",
+    records: Sequence[BenchRecord],
+    validation: Sequence[BenchRecord],
+    *,
+    model: str = "auto",
     progress: Callable[[float], None] | None = None,
 ) -> BenchIdentification:
     """Identify one element from bench records in the time domain.
@@ -115,8 +118,16 @@ def identify_records(
     element = element_mapping(final, max(p.motion.dead_band for p in prepared))
     warnings = [w for r in (*records, *validation) for w in r.warnings] + _coverage_warnings(prepared, held)
     return BenchIdentification(
-        rungs, chosen, final, spread, element, prepared, held, tuple(_noise(p) for p in prepared),
-        unexplained(final, rungs[chosen], spread, prepared), tuple(dict.fromkeys(warnings)),
+        rungs,
+        chosen,
+        final,
+        spread,
+        element,
+        prepared,
+        held,
+        tuple(_noise(p) for p in prepared),
+        unexplained(final, rungs[chosen], spread, prepared),
+        tuple(dict.fromkeys(warnings)),
     )
 
 
@@ -147,9 +158,7 @@ def _coverage_warnings(prepared: Sequence[PreparedRecord], held: Sequence[Prepar
     ]
 
 
-def unexplained(
-    fit: TimeDomainFit, rung: Rung, spread: Uncertainty, prepared: Sequence[PreparedRecord]
-) -> str:
+def unexplained(fit: TimeDomainFit, rung: Rung, spread: Uncertainty, prepared: Sequence[PreparedRecord]) -> str:
     """Say what the chosen model leaves unexplained, against the noise of the load cell."""
     noise = float(np.sqrt(np.mean([noise_level(item.force) ** 2 for item in prepared])))
     residual = fit.residual_std
@@ -163,7 +172,8 @@ def unexplained(
         return head + "Nothing beyond the noise is left unexplained in the fitted data."
     correlated = fit.samples / max(spread.effective_samples, 1.0)
     words = (
-        f"What remains is {residual / max(noise, 1e-12):.2g} times that noise and correlated over about {correlated:.0f} samples: "
+        f"What remains is {residual / max(noise, 1e-12):.2g} times that noise and correlated over "
+        f"about {correlated:.0f} samples: "
         "a part of the force law (or of the bench: offset drift, skew between the channels, inertia of the fixture) is not "
         f"in the model. The worst held-out NRMSE is {100 * held:.2g} %."
     )

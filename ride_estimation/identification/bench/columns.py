@@ -103,8 +103,21 @@ def branch_states(kind: int, length: float, anchors: Array, directions: Array, l
 
 @compile_kernel
 def _friction_block(
-    kind: int, length: float, x: Array, lo: int, hi: int, start: int, branch: int, starts: IntArray, anchors: Array,
-    directions: Array, state: Array, slope: Array, out: Array, row: int, sensitivity_row: int,
+    kind: int,
+    length: float,
+    x: Array,
+    lo: int,
+    hi: int,
+    start: int,
+    branch: int,
+    starts: IntArray,
+    anchors: Array,
+    directions: Array,
+    state: Array,
+    slope: Array,
+    out: Array,
+    row: int,
+    sensitivity_row: int,
 ) -> int:
     k = lo
     while k < hi:
@@ -133,8 +146,20 @@ def _friction_block(
 
 @compile_kernel
 def gram_kernel(
-    x: Array, force: Array, weight: Array, h: float, spring: bool, cubic: bool, viscous: bool, rates: Array, kind: int,
-    length: float, starts: IntArray, anchors: Array, directions: Array, stop: int,
+    x: Array,
+    force: Array,
+    weight: Array,
+    h: float,
+    spring: bool,
+    cubic: bool,
+    viscous: bool,
+    rates: Array,
+    kind: int,
+    length: float,
+    starts: IntArray,
+    anchors: Array,
+    directions: Array,
+    stop: int,
 ) -> Array:
     """Return the Gram matrix of all columns over samples 0 to stop in one pass, shape (C, C)."""
     cells = rates.size
@@ -186,7 +211,20 @@ def gram_kernel(
             m[j], dm[j] = mj, dmj
         if friction:
             branch = _friction_block(
-                kind, length, x, lo, hi, lo, branch, starts, anchors, directions, state, slope, block, linear - 1,
+                kind,
+                length,
+                x,
+                lo,
+                hi,
+                lo,
+                branch,
+                starts,
+                anchors,
+                directions,
+                state,
+                slope,
+                block,
+                linear - 1,
                 linear + cells,
             )
         for i in range(n):
@@ -224,9 +262,20 @@ def fused_gram(layout: Layout, motion: Motion, theta: Array, force: Array, stop:
     values = np.exp(theta)
     length = float(values[-1]) if layout.friction else 1.0
     gram: Array = gram_kernel(
-        motion.x, force, np.empty(0) if weight is None else weight, motion.step_s, layout.spring, layout.cubic,
-        layout.viscous, values[: layout.cells], layout.friction, length, motion.starts, motion.anchors,
-        motion.directions, stop,
+        motion.x,
+        force,
+        np.empty(0) if weight is None else weight,
+        motion.step_s,
+        layout.spring,
+        layout.cubic,
+        layout.viscous,
+        values[: layout.cells],
+        layout.friction,
+        length,
+        motion.starts,
+        motion.anchors,
+        motion.directions,
+        stop,
     )
     return gram
 

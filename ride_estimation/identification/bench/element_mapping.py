@@ -32,33 +32,51 @@ def element_parts(fit: TimeDomainFit | FrequencyDomainFit, dead_band: float = 0.
     lay = fit.model.layout
     parts: list[Mapping] = []
     if lay.cubic:
-        parts.append({
-            "kind": "cubic_spring", "stiffness_n_per_m": value["stiffness"], "cubic_n_per_m3": value["cubic_stiffness"],
-        })
+        parts.append(
+            {
+                "kind": "cubic_spring",
+                "stiffness_n_per_m": value["stiffness"],
+                "cubic_n_per_m3": value["cubic_stiffness"],
+            }
+        )
         if lay.viscous:
             parts.append({"kind": "kelvin_voigt", "stiffness_n_per_m": 0.0, "damping_n_s_per_m": value["damping"]})
     elif lay.spring or lay.viscous:
-        parts.append({
-            "kind": "kelvin_voigt", "stiffness_n_per_m": value.get("stiffness", 0.0),
-            "damping_n_s_per_m": value.get("damping", 0.0),
-        })
+        parts.append(
+            {
+                "kind": "kelvin_voigt",
+                "stiffness_n_per_m": value.get("stiffness", 0.0),
+                "damping_n_s_per_m": value.get("damping", 0.0),
+            }
+        )
     for i in range(1, lay.cells + 1):
         if value[f"cell_{i}_stiffness"] > 0.0:
-            parts.append({
-                "kind": "maxwell", "stiffness_n_per_m": value[f"cell_{i}_stiffness"],
-                "damping_n_s_per_m": value[f"cell_{i}_damping"],
-            })
+            parts.append(
+                {
+                    "kind": "maxwell",
+                    "stiffness_n_per_m": value[f"cell_{i}_stiffness"],
+                    "damping_n_s_per_m": value[f"cell_{i}_damping"],
+                }
+            )
     if lay.friction and value["friction"] > 0.0:
         if lay.friction == FRICTION_BERG:
-            parts.append({
-                "kind": "berg_friction", "friction_n": value["friction"], "half_stroke_m": value["half_stroke"],
-                "dead_band_m": dead_band,
-            })
+            parts.append(
+                {
+                    "kind": "berg_friction",
+                    "friction_n": value["friction"],
+                    "half_stroke_m": value["half_stroke"],
+                    "dead_band_m": dead_band,
+                }
+            )
         else:
-            parts.append({
-                "kind": "dahl", "friction_n": value["friction"],
-                "slope_n_per_m": value["friction"] / value["presliding"], "dead_band_m": dead_band,
-            })
+            parts.append(
+                {
+                    "kind": "dahl",
+                    "friction_n": value["friction"],
+                    "slope_n_per_m": value["friction"] / value["presliding"],
+                    "dead_band_m": dead_band,
+                }
+            )
     return parts
 
 
@@ -77,14 +95,19 @@ def element_mapping(fit: TimeDomainFit | FrequencyDomainFit, dead_band: float = 
                 for what, unit in (("stiffness", "n_per_m"), ("damping", "n_s_per_m"))
             }
             return {
-                "kind": "modified_berg", "stiffness_n_per_m": value["stiffness"],
-                "cubic_n_per_m3": value["cubic_stiffness"], **cells, **tail,
+                "kind": "modified_berg",
+                "stiffness_n_per_m": value["stiffness"],
+                "cubic_n_per_m3": value["cubic_stiffness"],
+                **cells,
+                **tail,
             }
         if not lay.cubic and lay.cells == 1:
             return {
-                "kind": "berg", "stiffness_n_per_m": value["stiffness"],
+                "kind": "berg",
+                "stiffness_n_per_m": value["stiffness"],
                 "cell_stiffness_n_per_m": value["cell_1_stiffness"],
-                "cell_damping_n_s_per_m": value["cell_1_damping"], **tail,
+                "cell_damping_n_s_per_m": value["cell_1_damping"],
+                **tail,
             }
     return sum_mapping(parts)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.columns import simulate
 from ride_estimation.identification.bench.element_mapping import element_mapping
 from ride_estimation.identification.bench.frequency_domain import (
     FrequencyDomainFit,
@@ -25,7 +26,6 @@ from ride_estimation.identification.bench.ladder import HeldOut, residual_offset
 from ride_estimation.identification.bench.models import LADDER, BenchModel
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints
 from ride_estimation.identification.bench.time_domain import PreparedRecord
-from ride_estimation.identification.bench.columns import simulate
 
 Array = NDArray[np.float64]
 
@@ -74,8 +74,12 @@ class FrequencyIdentification:
 
 
 def identify_operating_points(
-    points: OperatingPoints, validation: Sequence[PreparedRecord], models: Sequence[BenchModel] = LADDER, *,
-    norm: str = "complex_modulus", progress: Callable[[float], None] | None = None,
+    points: OperatingPoints,
+    validation: Sequence[PreparedRecord],
+    models: Sequence[BenchModel] = LADDER,
+    *,
+    norm: str = "complex_modulus",
+    progress: Callable[[float], None] | None = None,
 ) -> FrequencyIdentification:
     """Climb the ladder on operating points.
 
@@ -106,7 +110,8 @@ def identify_operating_points(
         worst = int(np.argmin(points.stiffness.imag / np.abs(points.stiffness)))
         warnings.append(
             f"negative loss at {np.sum(points.stiffness.imag < 0.0)} of {points.omega.size} operating points, worst at "
-            f"{points.omega[worst] / (2 * np.pi):.3g} Hz and {1e3 * points.amplitude[worst]:.3g} mm: force and displacement are skewed in time"
+            f"{points.omega[worst] / (2 * np.pi):.3g} Hz and {1e3 * points.amplitude[worst]:.3g} mm: "
+            "force and displacement are skewed in time"
         )
     chosen = int(np.argmin([r.criterion for r in rungs])) if len(models) > 1 else 0
     best = rungs[chosen]

@@ -88,8 +88,13 @@ def relative_sigma(points: OperatingPoints, force_noise: float | None = None) ->
 
 
 def fit_frequency_domain(
-    model: BenchModel, points: OperatingPoints, *, norm: str = "complex_modulus", beta: float = BETA,
-    force_noise: float | None = None, starts: int = 8,
+    model: BenchModel,
+    points: OperatingPoints,
+    *,
+    norm: str = "complex_modulus",
+    beta: float = BETA,
+    force_noise: float | None = None,
+    starts: int = 8,
 ) -> FrequencyDomainFit:
     """Identify one model from operating points.
 
@@ -117,7 +122,8 @@ def fit_frequency_domain(
         raise InputDataError(f"norm {norm!r} is unknown; allowed: {', '.join(NORMS)}")
     if 2 * points.omega.size < model.parameter_count:
         raise InputDataError(
-            f"{points.omega.size} operating points give {2 * points.omega.size} numbers for {model.parameter_count} parameters of "
+            f"{points.omega.size} operating points give {2 * points.omega.size} numbers for "
+            f"{model.parameter_count} parameters of "
             f"{model.name}: measure more frequencies and amplitudes"
         )
     sigma = relative_sigma(points, force_noise)
@@ -197,7 +203,12 @@ def _refine(
 
 
 def _finish(
-    model: BenchModel, points: OperatingPoints, sigma: Array, theta: Array, coefficients: Array, norm: str,
+    model: BenchModel,
+    points: OperatingPoints,
+    sigma: Array,
+    theta: Array,
+    coefficients: Array,
+    norm: str,
     found: VariableProjectionResult,
 ) -> FrequencyDomainFit:
     rows = _weighted_rows(model, points, sigma, theta)
@@ -216,6 +227,13 @@ def _finish(
     at_limit = set(found.at_bound) | {i - model.layout.static for i in found.at_zero}
     hit = tuple(n for i, n in enumerate(names) if i >= model.layout.static and (i - model.layout.static) // 2 in at_limit)
     return FrequencyDomainFit(
-        model, model.physical(theta, coefficients), theta, coefficients, np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        np.abs(value) / measured - 1.0, (value.imag - points.stiffness.imag) / measured, norm, hit,
+        model,
+        model.physical(theta, coefficients),
+        theta,
+        coefficients,
+        np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        np.abs(value) / measured - 1.0,
+        (value.imag - points.stiffness.imag) / measured,
+        norm,
+        hit,
     )

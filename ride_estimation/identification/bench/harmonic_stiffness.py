@@ -88,9 +88,9 @@ def harmonic_columns(layout: Layout, theta: Array, omega: Array, amplitude: Arra
         harmonic = berg_harmonic if layout.friction == FRICTION_BERG else dahl_harmonic
         out[layout.linear - 1] = harmonic(amplitude, values[-1])
         step = 1e-4
-        out[-1] = (
-            harmonic(amplitude, values[-1] * np.exp(step)) - harmonic(amplitude, values[-1] * np.exp(-step))
-        ) / (2.0 * step)
+        out[-1] = (harmonic(amplitude, values[-1] * np.exp(step)) - harmonic(amplitude, values[-1] * np.exp(-step))) / (
+            2.0 * step
+        )
     return out
 
 

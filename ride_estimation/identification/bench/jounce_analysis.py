@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.bench.jounce import (
+from ride_estimation.identification.bench.jounce import identify_white_box
+from ride_estimation.identification.bench.jounce_model import (
     Load,
     WhiteBox,
     as_load,
     compression_side,
-    fit_static,
-    identify_white_box,
     loaded_nrmse,
     split_static,
 )
+from ride_estimation.identification.bench.jounce_static import fit_static
 from ride_estimation.identification.bench.ladder import HeldOut
 from ride_estimation.identification.bench.lolimot import Network, NetworkInputs, train_network
 from ride_estimation.identification.bench.record import BenchRecord
@@ -75,8 +75,12 @@ class JounceIdentification:
 
 
 def identify_jounce(
-    records: Sequence[BenchRecord], validation: Sequence[BenchRecord], model: str = "jounce_bumper", *,
-    models: int = 10, progress: Callable[[float], None] | None = None,
+    records: Sequence[BenchRecord],
+    validation: Sequence[BenchRecord],
+    model: str = "jounce_bumper",
+    *,
+    models: int = 10,
+    progress: Callable[[float], None] | None = None,
 ) -> JounceIdentification:
     """Identify a jounce bumper.
 
@@ -118,26 +122,35 @@ def identify_jounce(
     worse = max(exported[n] / max(fitted[n], 1e-9) for n in fitted)
     if worse > 1.1:
         warnings.append(
-            f"the exported element is {worse:.2g} times less accurate than the fitted model: see the column of the exported element"
+            f"the exported element is {worse:.2g} times less accurate than the fitted model: "
+            "see the column of the exported element"
         )
     shown = held or [load for load in loads if load.held_out.any()] or loads
     curves = tuple(_stretch(load, predict(load)) for load in shown[:4])
     return JounceIdentification(
-        model, stages, fitted, held_out, exported, {load.name: noise_level(load.force) / load.scale for load in loads}, quantities,
-        element, curves, tuple(dict.fromkeys(warnings)),
+        model,
+        stages,
+        fitted,
+        held_out,
+        exported,
+        {load.name: noise_level(load.force) / load.scale for load in loads},
+        quantities,
+        element,
+        curves,
+        tuple(dict.fromkeys(warnings)),
     )
 
 
 def _response(element: ForceElement, load: Load) -> Array:
     """Return the compression force of an element over a record (its deflection is negative in compression)."""
-    time = np.arange(load.travel.size) * load.step_s
+    time = np.asarray(np.arange(load.travel.size) * load.step_s, dtype=float)
     force: Array = -element.response(time, -load.travel)
     return force
 
 
 def _stretch(load: Load, force: Array) -> HeldOut:
     part = load.held_out if load.held_out.any() else load.fitted
-    time = np.arange(load.travel.size) * load.step_s
+    time = np.asarray(np.arange(load.travel.size) * load.step_s, dtype=float)
     return HeldOut(load.name, time[part], load.travel[part], load.force[part], force[part])
 
 
@@ -159,22 +172,32 @@ def _white(
     travels, forces, heights = _points(box)
     active = [i for i in np.argsort(box.contacts) if box.stiffness[i] > 0.0]
     element = {
-        "kind": "jounce_bumper", "travels_m": travels, "forces_n": forces, "heights_n": heights,
+        "kind": "jounce_bumper",
+        "travels_m": travels,
+        "forces_n": forces,
+        "heights_n": heights,
         "cell_stiffnesses_n_per_m": [float(box.stiffness[i]) for i in active],
         "cell_corners_rad_per_s": [float(box.rates[i]) for i in active],
         "contact_points_m": [float(box.contacts[i]) for i in active],
-        "reference_travel_m": travels[-1], "lowest_slope_n_per_m": float(box.slopes[0]),
-        "highest_slope_n_per_m": float(box.slopes[1]), "exponent": float(box.slopes[2]), "entry_m": float(box.smooth),
+        "reference_travel_m": travels[-1],
+        "lowest_slope_n_per_m": float(box.slopes[0]),
+        "highest_slope_n_per_m": float(box.slopes[1]),
+        "exponent": float(box.slopes[2]),
+        "entry_m": float(box.smooth),
     }
     quantities = [
-        ("reference_travel", travels[-1], "m"), ("static_force_at_reference", forces[-1], "N"),
-        ("hysteresis_height_at_reference", heights[-1], "N"), ("dahl_lowest_slope", float(box.slopes[0]), "N/m"),
-        ("dahl_highest_slope", float(box.slopes[1]), "N/m"), ("dahl_exponent", float(box.slopes[2]), "1"),
+        ("reference_travel", travels[-1], "m"),
+        ("static_force_at_reference", forces[-1], "N"),
+        ("hysteresis_height_at_reference", heights[-1], "N"),
+        ("dahl_lowest_slope", float(box.slopes[0]), "N/m"),
+        ("dahl_highest_slope", float(box.slopes[1]), "N/m"),
+        ("dahl_exponent", float(box.slopes[2]), "1"),
         ("entry", float(box.smooth), "m"),
     ]
     for n, i in enumerate(active, 1):
         quantities += [
-            (f"cell_{n}_contact_point", float(box.contacts[i]), "m"), (f"cell_{n}_stiffness", float(box.stiffness[i]), "N/m"),
+            (f"cell_{n}_contact_point", float(box.contacts[i]), "m"),
+            (f"cell_{n}_stiffness", float(box.stiffness[i]), "N/m"),
             (f"cell_{n}_corner", float(box.rates[i]), "rad/s"),
         ]
     return box.force, stages, element, tuple(quantities)
@@ -207,8 +230,12 @@ def _grey(
     mapping = network_mapping(network, travels, forces)
     if dahl:
         weighted = {
-            "kind": "weighted_dahl", "travels_m": travels, "heights_n": heights, "reference_travel_m": travels[-1],
-            "lowest_slope_n_per_m": float(box.slopes[0]), "highest_slope_n_per_m": float(box.slopes[1]),
+            "kind": "weighted_dahl",
+            "travels_m": travels,
+            "heights_n": heights,
+            "reference_travel_m": travels[-1],
+            "lowest_slope_n_per_m": float(box.slopes[0]),
+            "highest_slope_n_per_m": float(box.slopes[1]),
             "exponent": float(box.slopes[2]),
         }
         mapping = {"kind": "sum", "elements": [mapping, weighted]}
@@ -220,13 +247,24 @@ def network_mapping(network: Network, travels: Sequence[float], forces: Sequence
     """Return the YAML form of a network."""
     g, d1, d2, c1, c2 = network.gains.T
     lists = {
-        "travel_centres": network.centres[:, 0], "rate_centres": network.centres[:, 1], "travel_widths": network.widths[:, 0],
-        "rate_widths": network.widths[:, 1], "poles_per_s": network.alpha, "offsets_n": g, "travel_gains_n_per_m": d1,
-        "travel_inputs": c1, "force_gains": d2, "force_inputs_per_s": c2,
+        "travel_centres": network.centres[:, 0],
+        "rate_centres": network.centres[:, 1],
+        "travel_widths": network.widths[:, 0],
+        "rate_widths": network.widths[:, 1],
+        "poles_per_s": network.alpha,
+        "offsets_n": g,
+        "travel_gains_n_per_m": d1,
+        "travel_inputs": c1,
+        "force_gains": d2,
+        "force_inputs_per_s": c2,
     }
     return {
-        "kind": "local_linear_network", **{k: [float(v) for v in values] for k, values in lists.items()},
-        "travels_m": list(travels), "forces_n": list(forces), "lowest_travel_m": network.travel_range[0],
-        "highest_travel_m": network.travel_range[1], "lowest_rate_m_per_s": network.rate_range[0],
+        "kind": "local_linear_network",
+        **{k: [float(v) for v in values] for k, values in lists.items()},
+        "travels_m": list(travels),
+        "forces_n": list(forces),
+        "lowest_travel_m": network.travel_range[0],
+        "highest_travel_m": network.travel_range[1],
+        "lowest_rate_m_per_s": network.rate_range[0],
         "highest_rate_m_per_s": network.rate_range[1],
     }

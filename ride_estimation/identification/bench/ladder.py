@@ -106,7 +106,10 @@ def _held_out(item: PreparedRecord, force: Array, keep: NDArray[np.bool_], suffi
 
 
 def climb(
-    models: Sequence[BenchModel], prepared: Sequence[PreparedRecord], validation: Sequence[PreparedRecord], *,
+    models: Sequence[BenchModel],
+    prepared: Sequence[PreparedRecord],
+    validation: Sequence[PreparedRecord],
+    *,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[tuple[Rung, ...], int]:
     """Fit every model of the ladder; return the rungs and the index of the chosen one."""
@@ -132,9 +135,7 @@ def paired_gain(before: Rung, after: Rung, seed: int = 0, draws: int = 400) -> t
         n = a.measured.size
         edges = np.linspace(0, n, min(_BLOCKS, max(2, n // 20)) + 1).astype(int)[:-1]
         scale = float(np.var(a.measured))
-        sums.append(
-            np.stack([np.add.reduceat((h.measured - h.modelled) ** 2 / scale, edges) for h in (a, b)], axis=1)
-        )
+        sums.append(np.stack([np.add.reduceat((h.measured - h.modelled) ** 2 / scale, edges) for h in (a, b)], axis=1))
     blocks = np.concatenate(sums)
     total = blocks.sum(axis=0)
     rng = np.random.default_rng(seed)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from ride_estimation.identification.bench.jounce import Load, loaded_nrmse
+from ride_estimation.identification.bench.jounce_model import Load, loaded_nrmse
 
 Array = NDArray[np.float64]
 
@@ -61,10 +61,13 @@ class Network:
 
     def weights(self, travel: Array, rate: Array) -> Array:
         """Return normalised activities, shape (N, M)."""
-        z = np.stack([
-            np.clip((travel - self.travel_range[0]) / (self.travel_range[1] - self.travel_range[0]), 0.0, 1.0),
-            np.clip((rate - self.rate_range[0]) / (self.rate_range[1] - self.rate_range[0]), 0.0, 1.0),
-        ], axis=1)
+        z = np.stack(
+            [
+                np.clip((travel - self.travel_range[0]) / (self.travel_range[1] - self.travel_range[0]), 0.0, 1.0),
+                np.clip((rate - self.rate_range[0]) / (self.rate_range[1] - self.rate_range[0]), 0.0, 1.0),
+            ],
+            axis=1,
+        )
         exponent = -0.5 * np.sum(((z[:, None, :] - self.centres) / self.widths) ** 2, axis=2)
         exponent -= exponent.max(axis=1, keepdims=True)
         activity = np.exp(exponent)
@@ -140,7 +143,8 @@ class _Cells:
         first_high[axis], second_low[axis] = middle, middle
         keep = np.arange(self.alpha.size) != j
         return _Cells(
-            np.vstack([self.low[keep], self.low[j], second_low]), np.vstack([self.high[keep], first_high, self.high[j]]),
+            np.vstack([self.low[keep], self.low[j], second_low]),
+            np.vstack([self.high[keep], first_high, self.high[j]]),
             np.concatenate([self.alpha[keep], [self.alpha[j], self.alpha[j]]]),
         )
 
@@ -154,16 +158,18 @@ class _Problem:
         rate = np.concatenate([i.rate[i.picked] for i in inputs])
         self.travel_range = (0.0, float(travel.max()))
         self.rate_range = (float(np.quantile(rate, 0.002)), float(np.quantile(rate, 0.998)))
-        self._target = np.concatenate([
-            i.target[i.picked] / (i.load.scale * np.sqrt(i.picked.size)) for i in inputs
-        ])
+        self._target = np.concatenate([i.target[i.picked] / (i.load.scale * np.sqrt(i.picked.size)) for i in inputs])
 
     def solve(self, cells: _Cells) -> tuple[Network, Array, Array]:
         """Return the network, the weighted residual and the squared error per local model."""
         m = cells.alpha.size
         network = Network(
-            0.5 * (cells.low + cells.high), WIDTH_SHARE * (cells.high - cells.low), cells.alpha, np.zeros((m, 5)),
-            self.travel_range, self.rate_range,
+            0.5 * (cells.low + cells.high),
+            WIDTH_SHARE * (cells.high - cells.low),
+            cells.alpha,
+            np.zeros((m, 5)),
+            self.travel_range,
+            self.rate_range,
         )
         designs, activities = [], []
         for item in self._inputs:

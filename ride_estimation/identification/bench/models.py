@@ -144,16 +144,21 @@ LADDER: tuple[BenchModel, ...] = (
     _model("dahl", "spring, viscous damper and Dahl friction", viscous=True, friction=FRICTION_DAHL),
     _model("berg_viscous", "spring, viscous damper and Berg friction", viscous=True, friction=FRICTION_BERG),
     _model("berg", "spring, one Maxwell cell and Berg friction", cells=1, friction=FRICTION_BERG),
-    _model("maxwell_dahl", "spring, viscous damper, one Maxwell cell and Dahl friction", viscous=True, cells=1, friction=FRICTION_DAHL),
     _model(
-        "cubic_dahl", "cubic spring, viscous damper and Dahl friction", cubic=True, viscous=True, friction=FRICTION_DAHL
+        "maxwell_dahl",
+        "spring, viscous damper, one Maxwell cell and Dahl friction",
+        viscous=True,
+        cells=1,
+        friction=FRICTION_DAHL,
     ),
+    _model("cubic_dahl", "cubic spring, viscous damper and Dahl friction", cubic=True, viscous=True, friction=FRICTION_DAHL),
     _model("cubic_berg", "cubic spring, one Maxwell cell and Berg friction", cubic=True, cells=1, friction=FRICTION_BERG),
+    _model("modified_berg", "cubic spring, two Maxwell cells and Berg friction", cubic=True, cells=2, friction=FRICTION_BERG),
     _model(
-        "modified_berg", "cubic spring, two Maxwell cells and Berg friction", cubic=True, cells=2, friction=FRICTION_BERG
-    ),
-    _model(
-        "three_cell_berg", "cubic spring, three Maxwell cells and Berg friction", cubic=True, cells=3,
+        "three_cell_berg",
+        "cubic spring, three Maxwell cells and Berg friction",
+        cubic=True,
+        cells=3,
         friction=FRICTION_BERG,
     ),
 )

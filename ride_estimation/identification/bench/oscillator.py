@@ -223,15 +223,23 @@ def identify_oscillator(
         held, error = _score(record, ~fit, validation, p)
         mse = float(np.mean(error**2))
         gain = float(1.0 - np.sqrt(mse / rungs[-1].mse)) if rungs else np.nan
-        rungs.append(OscillatorRung(
-            name, p, std, physical(p, record.step_s), rms, rms / float(np.std(record.y[fit])), held, mse, gain=gain,
-        ))
+        rungs.append(
+            OscillatorRung(
+                name,
+                p,
+                std,
+                physical(p, record.step_s),
+                rms,
+                rms / float(np.std(record.y[fit])),
+                held,
+                mse,
+                gain=gain,
+            )
+        )
         errors.append(error)
     best = int(np.argmin([r.mse for r in rungs]))
     n = effective_samples(errors[best])
-    scored = tuple(
-        dataclasses.replace(r, criterion=float(n * np.log(r.mse) + len(LADDER[r.name]) * np.log(n))) for r in rungs
-    )
+    scored = tuple(dataclasses.replace(r, criterion=float(n * np.log(r.mse) + len(LADDER[r.name]) * np.log(n))) for r in rungs)
     return scored, int(np.argmin([r.criterion for r in scored]))
 
 

@@ -141,7 +141,9 @@ def _clipping(where: str, name: str, values: Array) -> list[str]:
         inner = (firsts > 0) & (lasts < values.size) & (lasts - firsts >= 3)
         arrivals = np.abs(values[firsts[inner]] - values[firsts[inner] - 1])
         if inner.sum() >= 3 and np.mean(arrivals > 0.3 * speed) > 0.5:
-            consequence = "these samples are left out of the fit" if name == "force" else "the true stroke is larger than recorded"
+            consequence = (
+                "these samples are left out of the fit" if name == "force" else "the true stroke is larger than recorded"
+            )
             found.append(
                 f"{where}: {name} looks clipped: {100 * float(np.mean(at)):.2g} % of the samples sit on its {label} value "
                 f"{extreme:g}; {consequence}"

@@ -67,9 +67,7 @@ class PreparedRecord:
         weight = None if self.weight is None else np.ascontiguousarray(self.weight[::factor])
         force = np.ascontiguousarray(self.force[::factor])
         held = None if self.held_out is None else self.held_out[::factor]
-        return dataclasses.replace(
-            self, motion=self.motion.decimated(factor), force=force, weight=weight, held_out=held
-        )
+        return dataclasses.replace(self, motion=self.motion.decimated(factor), force=force, weight=weight, held_out=held)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,9 +131,7 @@ def prepare(record: BenchRecord, *, held_out_share: float = 0.0, raw_reversals: 
     return PreparedRecord(record, motion, np.ascontiguousarray(record.force, dtype=float), weight, held)
 
 
-def total_gram(
-    layout: Layout, prepared: Sequence[PreparedRecord], theta: Array, gram: GramFunction | None = None
-) -> Array:
+def total_gram(layout: Layout, prepared: Sequence[PreparedRecord], theta: Array, gram: GramFunction | None = None) -> Array:
     """Return the Gram matrix summed over records, each with its own force offset projected out."""
     function = columns_module.best_gram if gram is None else gram
     total: Array | None = None
@@ -178,8 +174,13 @@ def start_points(layout: Layout, lower: Array, upper: Array, count: int) -> list
 
 
 def fit_time_domain(
-    model: BenchModel, prepared: Sequence[PreparedRecord], *, start: Array | None = None, starts: int = 6,
-    gram: GramFunction | None = None, decimate: bool = True,
+    model: BenchModel,
+    prepared: Sequence[PreparedRecord],
+    *,
+    start: Array | None = None,
+    starts: int = 6,
+    gram: GramFunction | None = None,
+    decimate: bool = True,
 ) -> TimeDomainFit:
     """Identify one model from one or several records.
 
@@ -220,8 +221,11 @@ def fit_time_domain(
         best = _search_physical(model, list(prepared), best.theta, lower, upper, gram)
     theta, coefficients = _ascending(model, best)
     ordered = dataclasses.replace(
-        best, theta=theta, coefficients=coefficients, gram=total_gram(model.layout, prepared, theta, gram)
-        if not np.array_equal(theta, best.theta) else best.gram, passes=best.passes + passes,
+        best,
+        theta=theta,
+        coefficients=coefficients,
+        gram=total_gram(model.layout, prepared, theta, gram) if not np.array_equal(theta, best.theta) else best.gram,
+        passes=best.passes + passes,
     )
     samples = sum(int(p.fitted.sum()) for p in prepared)
     return TimeDomainFit(model, model.physical(theta, coefficients), theta, coefficients, ordered, samples)
@@ -233,7 +237,11 @@ def decimation(prepared: Sequence[PreparedRecord], upper: Array, layout: Layout)
 
 
 def _search_physical(
-    model: BenchModel, prepared: Sequence[PreparedRecord], start: Array, lower: Array, upper: Array,
+    model: BenchModel,
+    prepared: Sequence[PreparedRecord],
+    start: Array,
+    lower: Array,
+    upper: Array,
     gram: GramFunction | None,
 ) -> VariableProjectionResult:
     """Search without sign bounds first; move cells that end negative; hold what stays negative at zero."""

@@ -138,7 +138,11 @@ def uncertainty(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> Uncer
     condition = float(np.sqrt(max(float(eigenvalues[-1]), smallest) / smallest))
     worst = float(np.max(std / magnitude))
     return Uncertainty(
-        _statuses(fit, std), correlation, independent, white_std, condition,
+        _statuses(fit, std),
+        correlation,
+        independent,
+        white_std,
+        condition,
         _in_words(fit, vectors[:, -1], worst),
     )
 
@@ -155,7 +159,10 @@ def _statuses(fit: TimeDomainFit, std: Array) -> tuple[ParameterStatus, ...]:
         elif part >= 0 and part in fit.result.at_bound:
             status, reason = "at_bound", "its rate or length sits at the limit of what the record can show"
         elif deviation > NOT_IDENTIFIABLE * abs(value):
-            status, reason = "not_identifiable", f"standard deviation is {100 * deviation / max(abs(value), 1e-300):.0f} % of the value"
+            status, reason = (
+                "not_identifiable",
+                f"standard deviation is {100 * deviation / max(abs(value), 1e-300):.0f} % of the value",
+            )
         found.append(ParameterStatus(quantity.name, quantity.unit, quantity.meaning, value, deviation, status, reason))
     return tuple(found)
 
@@ -169,11 +176,12 @@ def _part_of(fit: TimeDomainFit, index: int) -> int:
 def _in_words(fit: TimeDomainFit, direction: Array, worst: float) -> str:
     names = [q.name for q in fit.model.quantities]
     if worst <= 0.05:
-        return "every parameter is told by the record; the worst has a relative standard deviation of " f"{100 * worst:.2g} %"
+        return f"every parameter is told by the record; the worst has a relative standard deviation of {100 * worst:.2g} %"
     top = int(np.argmax(np.abs(direction)))
     sign = np.sign(direction[top])
     parts = [
-        f"{names[i].replace('_', ' ')} {'up' if sign * direction[i] > 0 else 'down'} {100 * abs(direction[i] / direction[top]):.0f} %"
+        f"{names[i].replace('_', ' ')} {'up' if sign * direction[i] > 0 else 'down'} "
+        f"{100 * abs(direction[i] / direction[top]):.0f} %"
         for i in np.argsort(-np.abs(direction))
         if abs(direction[i]) > 0.15 * abs(direction[top])
     ]

@@ -154,8 +154,15 @@ def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive
 
 
 def minimise(
-    evaluate: Callable[[Array], Array], start: Array, lower: Array, upper: Array, linear: int,
-    sensitivities: NDArray[np.int64], positive: NDArray[np.bool_], *, max_passes: int = 60,
+    evaluate: Callable[[Array], Array],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    linear: int,
+    sensitivities: NDArray[np.int64],
+    positive: NDArray[np.bool_],
+    *,
+    max_passes: int = 60,
 ) -> VariableProjectionResult:
     """Minimise the reduced cost by Levenberg-Marquardt inside bounds.
 
@@ -210,6 +217,13 @@ def minimise(
             converged = damping > 1e8
     bound = np.flatnonzero((theta <= lower + 1e-9) | (theta >= upper - 1e-9))
     return VariableProjectionResult(
-        theta, point.coefficients, point.cost, gram, iterations, passes, point.at_zero, tuple(int(i) for i in bound),
+        theta,
+        point.coefficients,
+        point.cost,
+        gram,
+        iterations,
+        passes,
+        point.at_zero,
+        tuple(int(i) for i in bound),
         bool(converged),
     )
