@@ -253,8 +253,9 @@ def judge_tracking(
 ) -> dict[str, float]:
     """Return relative errors 15 s after a change in the middle of a 60 s run, by parameter name.
 
-    ``true(cab)`` gives the values after the change, for example ``{"front_left.z.stiffness": 1.2 * cab.stiffness[0, 2]}``. A payload
-    step at constant stiffness is seen as k/m and c/m: pass the values divided by 1.2 where the mass is held at the file's value.
+    ``true(cab)`` gives the values after the change, for example ``{"front_left.z.stiffness": 1.2 * cab.stiffness[0, 2]}``.
+    A payload step at constant stiffness is seen as k/m and c/m: pass the values divided by 1.2 where the mass is held at the
+    file's value.
     """
     duration = 60.0
     measurement = make_measurement(seed, duration=duration, change=change, **options)  # type: ignore[arg-type]
@@ -265,10 +266,8 @@ def judge_tracking(
     return {e.name: e.value / wanted[e.name] - 1.0 for e in estimates if e.name in wanted}
 
 
-def judge_idle(
-    seed: int, *, drive_s: float = 25.0, idle_s: float = 120.0, engine: tuple[float, float] = (24.0, 0.05)
-) -> dict[str, float]:
-    """Return the largest relative change of every parameter between the stop and the end of an idle stretch (engine shakes)."""
+def judge_idle(seed: int, *, drive_s: float = 25.0, idle_s: float = 120.0) -> dict[str, float]:
+    """Return the largest relative change of every parameter between the stop and the end of an idle stretch."""
     rng = np.random.default_rng([seed, 4])
     road = dataclasses.replace(Road.random(rng, "any"), stop_s=drive_s)
     measurement = make_measurement(seed, duration=drive_s + idle_s, road=road)
