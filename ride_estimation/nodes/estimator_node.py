@@ -264,13 +264,12 @@ class EstimatorNode(LifecycleNode):
         period_ns = round(float(self.get_parameter("diagnostics_period").value) * 1e9)
         if self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
             self._reported_ns = now_ns
-            self.report(now_ns)
+            if self._session is not None and self._outputs is not None:
+                self._outputs.publish_parameters(now_ns, self._session.body, self._session.pipeline.parameters())
+            self._reported_since_watch = True
+            self._publish_diagnostics(now_ns)
 
-    def report(self, stamp_ns: int) -> None:
-        """Publish parameters and diagnostics now."""
-        self._reported_since_watch = True
-        if self._session is not None and self._outputs is not None and self._active:
-            self._outputs.publish_parameters(stamp_ns, self._session.body, self._session.pipeline.parameters())
+    def _publish_diagnostics(self, stamp_ns: int) -> None:
         self._diagnostics.publish(conversions.diagnostics(stamp_ns, self._statuses()))
 
     def _statuses(self) -> Iterable[DiagnosticStatus]:
@@ -283,10 +282,10 @@ class EstimatorNode(LifecycleNode):
         yield from self._session.statuses()
 
     def watch(self) -> None:
-        """Look at topics and types, and report when data have not: nothing must fail in silence."""
+        """Look at topics and types, and tell the health when no data do: nothing must fail in silence."""
         self._follow_topics()
         if not self._reported_since_watch:
-            self.report(self.get_clock().now().nanoseconds)
+            self._publish_diagnostics(self.get_clock().now().nanoseconds)
         self._reported_since_watch = False
 
     # ---- services ----

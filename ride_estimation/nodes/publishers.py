@@ -114,9 +114,8 @@ def finite(block: OutputBlock) -> NDArray[np.bool_]:
         block.cg_accel, block.cg_specific_force, block.angular_rate, block.inertial_load,
         block.mount_force, block.mount_force_std, block.mount_deflection, block.mount_rate,
     )  # fmt: skip
-    count = len(block.stamp_ns)
-    good = np.ones(count, dtype=bool)
+    good = np.ones(len(block.stamp_ns), dtype=bool)
     for part in parts:
-        good &= np.isfinite(part.reshape(count, -1)).all(axis=1)
+        good &= np.isfinite(part).all(axis=tuple(range(1, part.ndim)))
     shared = (block.cg_accel_covariance, block.cg_specific_force_covariance, block.mount_deflection_std)
     return good & all(bool(np.isfinite(part).all()) for part in shared)

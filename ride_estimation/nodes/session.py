@@ -12,11 +12,12 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 
-from ride_estimation.errors import RideEstimationError
+from ride_estimation.errors import ConfigurationError, RideEstimationError
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.messages import Converter, Sample, make_converter
+from ride_estimation.io.vehicle_file import body_layout
 from ride_estimation.nodes.cdr import Reader, make_reader
 from ride_estimation.nodes.inputs import input_topics
 from ride_estimation.nodes.node_health import TopicState, pipeline_statuses
@@ -46,11 +47,19 @@ class Session:
         Checked vehicle.
     settings
         Of the estimators.
+
+    Raises
+    ------
+    ConfigurationError
+        No accelerometers, or a layout that does not determine the motion of the body.
     """
 
     def __init__(self, vehicle: Vehicle, settings: PipelineSettings) -> None:
         self.vehicle = vehicle
         self.pipeline = Pipeline(vehicle, settings)
+        layout = body_layout(vehicle, self.body.name)
+        if not layout.complete:
+            raise ConfigurationError(layout.sentence(self.body.name), where=f"sensor layout of {vehicle.name}")
         self.topics = input_topics(vehicle.sensors)
         self.states = {t.name: TopicState(t.name, tuple(s.name for s in t.sensors)) for t in self.topics.values()}
         self.faults: Counter[str] = Counter()

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from ride_estimation.resources import shared_path
 from ros.conftest import Ros
 from ros.drive import IMU, START_NS, Message, drive, imu, wire
 
+TRUCK = shared_path("config", "vehicles", "truck_cab.yaml")
 VICTIM = "/cab/front_left/accel"
 SENSOR = "cab_front_left"
 GOOD = np.array([0.0, 0.0, 9.81])
@@ -155,10 +158,8 @@ def test_data_marked_as_not_provided_are_ignored_and_it_is_said(watched: Watched
     assert watched.session.pipeline.health().sensors[SENSOR].accepted == 0
 
 
-def test_data_marked_as_not_provided_can_be_trusted(ros_single: Ros, tmp_path) -> None:
-    import dataclasses
-
-    vehicle = load_vehicle(shared_path("config", "vehicles", "truck_cab.yaml"))
+def test_data_marked_as_not_provided_can_be_trusted(ros_single: Ros, tmp_path: Path) -> None:
+    vehicle = load_vehicle(TRUCK)
     sensors = {**vehicle.sensors, SENSOR: dataclasses.replace(vehicle.sensors[SENSOR], trust_despite_minus_one=True)}
     save_vehicle(dataclasses.replace(vehicle, sensors=sensors), tmp_path / "cab.yaml")
     watched = Watched(ros_single, vehicle=str(tmp_path / "cab.yaml"))
@@ -171,6 +172,30 @@ def test_zero_covariance_means_unknown_and_the_data_count(watched: Watched) -> N
     watched.drive(covariance(0.0))
     assert watched.rejected() == {}
     assert watched.session.pipeline.health().sensors[SENSOR].accepted == 300
+
+
+def test_layout_with_too_few_sensors_is_refused_in_words(ros_single: Ros, tmp_path: Path) -> None:
+    vehicle = load_vehicle(TRUCK)
+    kept = {n: s for n, s in vehicle.sensors.items() if s.body != "cab" or n in ("cab_front_left", "cab_front_right")}
+    save_vehicle(dataclasses.replace(vehicle, sensors=kept), tmp_path / "cab.yaml")
+    overrides = [Parameter("vehicle", value=str(tmp_path / "cab.yaml"))]
+    node = EstimatorNode(context=ros_single.context, parameter_overrides=overrides, use_global_arguments=False)
+    ros_single.add(node)
+    assert node.session is None
+    assert "determine 5 of 6 motion components" in node.fault
+
+
+def test_one_imu_on_one_mount_is_enough_for_its_motion(ros_single: Ros) -> None:
+    overrides = [Parameter("vehicle", value="single_imu")]
+    node = EstimatorNode(context=ros_single.context, parameter_overrides=overrides, use_global_arguments=False)
+    ros_single.add(node)
+    blocks = []
+    for k in range(300):
+        message = imu(START_NS + k * 10_000_000, GOOD)
+        message.angular_velocity_covariance[0] = 0.0
+        blocks += node.receive("/imu/data", IMU, wire(message))
+    assert sum(len(b.stamp_ns) for b in blocks) > 250
+    assert np.isfinite(blocks[-1].cg_accel).all()
 
 
 def test_message_of_another_type_is_counted(watched: Watched) -> None:

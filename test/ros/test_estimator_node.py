@@ -215,7 +215,7 @@ def test_messages_over_the_wire_reach_the_estimator(ros: Ros) -> None:
     publishers = {name: talker.create_publisher(Imu, name, qos.output(100)) for name in node.session.topics}
     ros.until(lambda: all(p.get_subscription_count() for p in publishers.values()))
     states = node.session.states
-    for n, message in enumerate(drive(node.session.vehicle, 0.2)):
+    for n, message in enumerate(drive(node.session.vehicle, 0.6)):
         publishers[message.topic].publish(message.payload)
         ros.until(lambda n=n: sum(s.received for s in states.values()) == n + 1)
     assert node.session.pipeline.health().ticks > 0
