@@ -15,7 +15,7 @@ from ride_estimation.frames import COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.simulation.response import Response
-from ride_estimation.simulation.rotation_kernel import STATE, RotationModel, integrate_rotation
+from ride_estimation.simulation.rotation_kernel import OMEGA, PLACE, QUATERNION, ROWS, SCALAR, VELOCITY, RotationModel, integrate_rotation
 from ride_estimation.simulation.substeps import choose_substeps
 from ride_estimation.vehicles.assembly import Assembly, sensor_offset
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -200,12 +200,12 @@ def simulate_full_rotation(
     channel = np.repeat(np.arange(len(terms), dtype=np.int64), [len(t) for t in terms])
     codes, parameters = pack_terms(t for group in terms for t in group)
     model = _model(assembly, levels, level, codes, channel)
-    value = np.ascontiguousarray(np.concatenate([base_motion.displacement, base_motion.angle], axis=2))
-    rate = np.ascontiguousarray(np.concatenate([base_motion.velocity, base_motion.angular_rate], axis=2))
+    value = np.stack([base_motion.displacement, base_motion.angle], axis=2)
+    rate = np.stack([base_motion.velocity, base_motion.angular_rate], axis=2)
     bodies, mounts, components = len(vehicle.bodies), len(vehicle.mounts), len(terms)
-    state = np.zeros((bodies, STATE))
-    state[:, 3] = 1.0
-    out_state, out_slope = np.empty((samples, bodies, STATE)), np.empty((samples, bodies, STATE))
+    state = np.zeros((bodies, ROWS, 3))
+    state[:, SCALAR, 0] = 1.0
+    out_state, out_slope = np.empty((samples, *state.shape)), np.empty((samples, *state.shape))
     out_force = np.empty((samples, mounts, 3))
     out = [np.empty((samples, components)) for _ in range(3)]
     steps = choose_substeps(assembly, base_motion.rate_hz) if substeps is None else int(substeps)
@@ -229,10 +229,11 @@ def _model(
     names = tuple(vehicle.bodies)
     mounts = tuple(vehicle.mounts.values())
     mass, offset, inertia = levels
-    inverse = np.empty((*mass.shape, 6, 6))
+    inverse = np.empty((*mass.shape, 2, 2, 3, 3))
     for i in np.ndindex(mass.shape):
         cross = mass[i] * skew(offset[i])
-        inverse[i] = np.linalg.inv(np.block([[mass[i] * np.eye(3), -cross], [cross, inertia[i]]]))
+        full = np.linalg.inv(np.block([[mass[i] * np.eye(3), -cross], [cross, inertia[i]]]))
+        inverse[i] = full.reshape(2, 3, 2, 3).transpose(0, 2, 1, 3)
     number, axis = assembly.component_index()
     return RotationModel(
         mount_body=np.array([names.index(m.body) for m in mounts], dtype=np.int64),
@@ -285,7 +286,7 @@ def _response(
     components: list[Array],
 ) -> RotationResponse:
     samples, bodies = state.shape[:2]
-    w, x, y, z = np.moveaxis(state[:, :, 3:7], 2, 0)
+    (x, y, z), w = np.moveaxis(state[:, :, QUATERNION], 2, 0), state[:, :, SCALAR, 0]
     rotation = np.empty((samples, bodies, 3, 3))
     rotation[..., 0, 0], rotation[..., 0, 1], rotation[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     rotation[..., 1, 0], rotation[..., 1, 1], rotation[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -298,14 +299,14 @@ def _response(
         ],
         axis=2,
     )
-    local = np.einsum("nbji,nbj->nbi", rotation, slope[:, :, 7:10])
+    local = np.einsum("nbji,nbj->nbi", rotation, slope[:, :, VELOCITY])
 
     def flat(first: Array, second: Array) -> Array:
         return np.concatenate([first, second], axis=2).reshape(samples, 6 * bodies)
 
     return RotationResponse(
         assembly, base_motion,
-        flat(state[:, :, :3], angles), flat(state[:, :, 7:10], state[:, :, 10:13]), flat(local, slope[:, :, 10:13]),
+        flat(state[:, :, PLACE], angles), flat(state[:, :, VELOCITY], state[:, :, OMEGA]), flat(local, slope[:, :, OMEGA]),
         *components, rotation=rotation, force_world=force,
         mass=model.mass[model.level], offset=model.offset[model.level], inertia=model.inertia[model.level],
     )

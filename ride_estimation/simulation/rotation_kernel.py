@@ -1,8 +1,9 @@
 # Copyright 2026 ride_estimation contributors
 """Compiled exact rigid-body kinematics: finite rotations, centripetal terms, gyroscopic moment, tilting brackets.
 
-State of a body, 13 numbers: displacement of its reference point (world), quaternion wxyz, velocity (world), angular
-velocity (body axes). The reference point is the CG of the vehicle file; a payload moves the actual CG away from it:
+State of a body, five rows of three: displacement of its reference point (world), velocity (world), angular velocity (body
+axes), quaternion x y z, quaternion (w, 0, 0). The reference point is the CG of the vehicle file; a payload moves the actual
+CG away from it:
 
 ``M (a_P + alpha x s + w x (w x s)) = F``, ``J_P alpha + w x J_P w + M s x a_P = tau_P`` in body axes.
 """
@@ -20,7 +21,9 @@ from ride_estimation.jit import compile_kernel, compile_lean_kernel
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
-STATE = 13
+#: rows of a body's state
+ROWS = 5
+PLACE, VELOCITY, OMEGA, QUATERNION, SCALAR = 0, 1, 2, 3, 4
 
 
 class RotationModel(NamedTuple):
@@ -38,7 +41,7 @@ class RotationModel(NamedTuple):
         Shape (C,), axis 0 to 5.
     mass, offset, inertia, inverse
         Per level and body: mass (L, B), CG from the reference (L, B, 3), inertia about the reference (L, B, 3, 3),
-        inverse of the generalised inertia (L, B, 6, 6).
+        inverse of the generalised inertia (L, B, 2, 2, 3, 3): blocks force/moment to acceleration/angular acceleration.
     level
         Mass level of each sample, shape (N,).
     codes, channel
@@ -120,64 +123,96 @@ def add_cross(a: Array, b: Array, scale: float, out: Array) -> None:
     out[2] += scale * (a[0] * b[1] - a[1] * b[0])
 
 
-@compile_kernel
+@compile_lean_kernel
+def copy(vector: Array, out: Array) -> None:
+    """Write the vector."""
+    for i in range(3):
+        out[i] = vector[i]
+
+
+@compile_lean_kernel
+def add(vector: Array, scale: float, out: Array) -> None:
+    """Add ``scale * vector``."""
+    for i in range(3):
+        out[i] += scale * vector[i]
+
+
+@compile_lean_kernel
+def clear(out: Array) -> None:
+    """Write zeros."""
+    for i in range(3):
+        out[i] = 0.0
+
+
+@compile_lean_kernel
+def add_point_motion(state: Array, rotation: Array, arm: Array, sign: float, gap: Array, speed: Array, work: Array) -> None:
+    """Add ``sign`` times displacement and velocity (world) of a point fixed to a body.
+
+    Parameters
+    ----------
+    work
+        Scratch, shape (2, 3).
+    """
+    turned(rotation, arm, work[0])
+    add(work[0], sign, gap)
+    add(arm, -sign, gap)
+    add(state[PLACE], sign, gap)
+    clear(work[0])
+    add_cross(state[OMEGA], arm, 1.0, work[0])
+    turned(rotation, work[0], work[1])
+    add(work[1], sign, speed)
+    add(state[VELOCITY], sign, speed)
+
+
+@compile_lean_kernel
 def set_points(
     model: RotationModel, state: Array, base: Array, base_rate: Array, rotation: Array, bracket: Array, gap: Array,
-    x: Array, v: Array,
+    motion: Array, work: Array, x: Array, v: Array,
 ) -> None:
     """Set body rotations, bracket rotations, mount gaps (world) and the deflection and rate of every component.
 
     Parameters
     ----------
     base, base_rate
-        Displacement and roll, pitch, yaw of each prescribed base and their rates, shape (M, 6).
+        Displacement and roll, pitch, yaw of each prescribed base and their rates, shape (M, 2, 3).
     rotation, bracket
         Out: shapes (B, 3, 3) and (M, 3, 3).
     gap
         Out: body side minus base side, world axes, shape (M, 3).
+    motion
+        Out: deflection, rotation, their rates, bracket axes, shape (M, 4, 3).
+    work
+        Scratch, shape (6, 3).
     """
-    arm, speed, base_speed, spin = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    omega, local, local_rate = np.zeros(3), np.zeros(3), np.zeros(3)
-    motion = np.zeros((len(gap), 12))
     for b in range(state.shape[0]):
-        rotation_of(state[b, 3], state[b, 4], state[b, 5], state[b, 6], rotation[b])
+        q = state[b, QUATERNION]
+        rotation_of(state[b, SCALAR, 0], q[0], q[1], q[2], rotation[b])
+    speed, omega, spin = work[2], work[3], work[4]
     for m in range(gap.shape[0]):
         body, other = model.mount_body[m], model.mount_base[m]
-        local[:] = 0.0
-        add_cross(state[body, 10:13], model.arm_body[m], 1.0, local)
-        turned(rotation[body], local, speed)
-        turned(rotation[body], model.arm_body[m], arm)
-        for i in range(3):
-            gap[m, i] = state[body, i] + arm[i] - model.arm_body[m, i]
-            speed[i] += state[body, 7 + i]
+        clear(gap[m])
+        clear(speed)
+        add_point_motion(state[body], rotation[body], model.arm_body[m], 1.0, gap[m], speed, work)
         if other >= 0:
-            bracket[m] = rotation[other]
-            omega[:] = state[other, 10:13]
-            local[:] = 0.0
-            add_cross(omega, model.arm_base[m], 1.0, local)
-            turned(rotation[other], local, base_speed)
-            turned(rotation[other], model.arm_base[m], arm)
             for i in range(3):
-                gap[m, i] -= state[other, i] + arm[i] - model.arm_base[m, i]
-                base_speed[i] += state[other, 7 + i]
+                copy(rotation[other, i], bracket[m, i])
+            copy(state[other, OMEGA], omega)
+            add_point_motion(state[other], rotation[other], model.arm_base[m], -1.0, gap[m], speed, work)
         else:
-            bracket_rotation(base[m, 3:6], base_rate[m, 3:6], bracket[m], omega)
-            for i in range(3):
-                gap[m, i] -= base[m, i]
-                base_speed[i] = base_rate[m, i]
-        speed -= base_speed
-        turned_back(bracket[m], gap[m], local)
-        turned_back(bracket[m], speed, local_rate)
-        add_cross(omega, local, -1.0, local_rate)
-        turned(rotation[body], state[body, 10:13], arm)
-        turned_back(bracket[m], arm, spin)
-        motion[m, 0:3] = local
-        motion[m, 6:9] = local_rate
-        motion[m, 9:12] = spin - omega
-        relative_rotation(bracket[m], rotation[body], motion[m, 3:6])
+            bracket_rotation(base[m, 1], base_rate[m, 1], bracket[m], omega)
+            add(base[m, 0], -1.0, gap[m])
+            add(base_rate[m, 0], -1.0, speed)
+        turned_back(bracket[m], gap[m], motion[m, 0])
+        turned_back(bracket[m], speed, motion[m, 2])
+        add_cross(omega, motion[m, 0], -1.0, motion[m, 2])
+        turned(rotation[body], state[body, OMEGA], spin)
+        turned_back(bracket[m], spin, motion[m, 3])
+        add(omega, -1.0, motion[m, 3])
+        relative_rotation(bracket[m], rotation[body], motion[m, 1])
     for c in range(x.shape[0]):
-        x[c] = motion[model.component_mount[c], model.component_axis[c]]
-        v[c] = motion[model.component_mount[c], 6 + model.component_axis[c]]
+        m, axis = model.component_mount[c], model.component_axis[c]
+        x[c] = motion[m, axis // 3, axis % 3]
+        v[c] = motion[m, 2 + axis // 3, axis % 3]
 
 
 @compile_lean_kernel
@@ -202,82 +237,136 @@ def relative_rotation(bracket: Array, body: Array, out: Array) -> None:
             out[i] *= factor
 
 
-@compile_kernel
-def set_slopes(
-    model: RotationModel, state: Array, load: Array, level: int, rotation: Array, bracket: Array, gap: Array,
-    tension: Array, force: Array, slope: Array,
+@compile_lean_kernel
+def set_wrenches(
+    model: RotationModel, load: Array, level: int, rotation: Array, bracket: Array, gap: Array, tension: Array,
+    pull: Array, work: Array, force: Array, wrench: Array,
 ) -> None:
-    """Set the force by each mount (world axes, shape (M, 3)) and the time derivative of the state, shape (B, 13)."""
-    local, arm, couple = np.zeros(3), np.zeros(3), np.zeros(3)
-    pull = np.zeros((gap.shape[0], 6))
-    wrench = np.zeros((state.shape[0], 6))
+    """Set the force by each mount (world, shape (M, 3)) and force and moment on each body (body axes, shape (B, 2, 3)).
+
+    Parameters
+    ----------
+    load
+        External force (world) and moment (body axes), shape (6 B,).
+    pull
+        Scratch, shape (M, 2, 3).
+    work
+        Scratch, shape (6, 3).
+    """
+    local, arm, couple = work[0], work[1], work[2]
     for c in range(tension.shape[0]):
-        pull[model.component_mount[c], model.component_axis[c]] = tension[c]
-    for b in range(state.shape[0]):
-        for i in range(3):
-            local[i] = load[6 * b + i] - (model.mass[level, b] * model.gravity if i == 2 else 0.0)
-        turned_back(rotation[b], local, wrench[b, 0:3])
-        wrench[b, 3:6] = load[6 * b + 3 : 6 * b + 6]
+        axis = model.component_axis[c]
+        pull[model.component_mount[c], axis // 3, axis % 3] = tension[c]
+    for b in range(wrench.shape[0]):
         # gravity acts at the actual CG
-        local[:] = 0.0
+        clear(local)
         local[2] = -model.mass[level, b] * model.gravity
+        turned_back(rotation[b], local, wrench[b, 0])
+        for i in range(3):
+            local[i] = load[6 * b + i]
+            wrench[b, 1, i] = load[6 * b + 3 + i]
+        add_cross(model.offset[level, b], wrench[b, 0], 1.0, wrench[b, 1])
         turned_back(rotation[b], local, arm)
-        add_cross(model.offset[level, b], arm, 1.0, wrench[b, 3:6])
+        add(arm, 1.0, wrench[b, 0])
     for m in range(gap.shape[0]):
         body, other = model.mount_body[m], model.mount_base[m]
-        for i in range(3):
-            local[i] = model.static_force[m, i] - pull[m, i]
+        copy(model.static_force[m], local)
+        add(pull[m, 0], -1.0, local)
         turned(bracket[m], local, force[m])
-        turned(bracket[m], pull[m, 3:6], couple)
+        turned(bracket[m], pull[m, 1], couple)
         turned_back(rotation[body], force[m], local)
-        wrench[body, 0:3] += local
-        add_cross(model.arm_body[m], local, 1.0, wrench[body, 3:6])
+        add(local, 1.0, wrench[body, 0])
+        add_cross(model.arm_body[m], local, 1.0, wrench[body, 1])
         turned_back(rotation[body], couple, local)
-        wrench[body, 3:6] -= local
+        add(local, -1.0, wrench[body, 1])
         if other >= 0:
             turned_back(rotation[other], force[m], local)
-            wrench[other, 0:3] -= local
+            add(local, -1.0, wrench[other, 0])
             turned_back(rotation[other], gap[m], arm)
-            arm += model.arm_base[m]
-            add_cross(arm, local, -1.0, wrench[other, 3:6])
+            add(model.arm_base[m], 1.0, arm)
+            add_cross(arm, local, -1.0, wrench[other, 1])
             turned_back(rotation[other], couple, local)
-            wrench[other, 3:6] += local
+            add(local, 1.0, wrench[other, 1])
+
+
+@compile_lean_kernel
+def set_slopes(model: RotationModel, state: Array, level: int, rotation: Array, work: Array, wrench: Array, slope: Array) -> None:
+    """Set the time derivative of the state, shape (B, 5, 3); ``wrench`` is overwritten."""
+    local, arm = work[0], work[1]
     for b in range(state.shape[0]):
-        omega = state[b, 10:13]
-        local[:] = 0.0
+        omega, q, w = state[b, OMEGA], state[b, QUATERNION], state[b, SCALAR, 0]
+        clear(local)
         add_cross(omega, model.offset[level, b], 1.0, local)
-        arm[:] = 0.0
-        add_cross(omega, local, 1.0, arm)
-        for i in range(3):
-            wrench[b, i] -= model.mass[level, b] * arm[i]
+        add_cross(omega, local, -model.mass[level, b], wrench[b, 0])
         turned(model.inertia[level, b], omega, local)
-        add_cross(omega, local, -1.0, wrench[b, 3:6])
-        motion = model.inverse[level, b] @ wrench[b]
-        turned(rotation[b], motion[0:3], slope[b, 7:10])
-        slope[b, 10:13] = motion[3:6]
-        slope[b, 0:3] = state[b, 7:10]
-        w, x, y, z = state[b, 3], state[b, 4], state[b, 5], state[b, 6]
-        slope[b, 3] = -0.5 * (x * omega[0] + y * omega[1] + z * omega[2])
-        slope[b, 4] = 0.5 * (w * omega[0] + y * omega[2] - z * omega[1])
-        slope[b, 5] = 0.5 * (w * omega[1] + z * omega[0] - x * omega[2])
-        slope[b, 6] = 0.5 * (w * omega[2] + x * omega[1] - y * omega[0])
+        add_cross(omega, local, -1.0, wrench[b, 1])
+        inverse = model.inverse[level, b]
+        turned(inverse[0, 0], wrench[b, 0], local)
+        turned(inverse[0, 1], wrench[b, 1], arm)
+        add(arm, 1.0, local)
+        turned(rotation[b], local, slope[b, VELOCITY])
+        turned(inverse[1, 0], wrench[b, 0], slope[b, OMEGA])
+        turned(inverse[1, 1], wrench[b, 1], arm)
+        add(arm, 1.0, slope[b, OMEGA])
+        copy(state[b, VELOCITY], slope[b, PLACE])
+        clear(slope[b, QUATERNION])
+        add(omega, 0.5 * w, slope[b, QUATERNION])
+        add_cross(q, omega, 0.5, slope[b, QUATERNION])
+        slope[b, SCALAR, 0] = -0.5 * (q[0] * omega[0] + q[1] * omega[1] + q[2] * omega[2])
 
 
 @compile_lean_kernel
 def hermite(value: Array, rate: Array, sample: int, s: float, sample_time: float, out: Array, out_rate: Array) -> None:
-    """Write value and rate the share s of a sample after ``sample`` by the cubic Hermite spline, shapes (M, 6)."""
+    """Write value and rate the share s of a sample after ``sample`` by the cubic Hermite spline, shapes (M, 2, 3)."""
     following = min(sample + 1, value.shape[0] - 1)
     for m in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            u0, u1 = value[sample, m, i], value[following, m, i]
-            v0, v1 = rate[sample, m, i], rate[following, m, i]
-            out[m, i] = (
-                (1.0 + 2.0 * s) * (1.0 - s) ** 2 * u0 + s * (1.0 - s) ** 2 * sample_time * v0
-                + s * s * (3.0 - 2.0 * s) * u1 + s * s * (s - 1.0) * sample_time * v1
-            )
-            out_rate[m, i] = (
-                6.0 * s * (s - 1.0) * (u0 - u1) / sample_time + (1.0 - s) * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-            )
+        for j in range(2):
+            for i in range(3):
+                u0, u1 = value[sample, m, j, i], value[following, m, j, i]
+                v0, v1 = rate[sample, m, j, i], rate[following, m, j, i]
+                out[m, j, i] = (
+                    (1.0 + 2.0 * s) * (1.0 - s) ** 2 * u0 + s * (1.0 - s) ** 2 * sample_time * v0
+                    + s * s * (3.0 - 2.0 * s) * u1 + s * s * (s - 1.0) * sample_time * v1
+                )
+                out_rate[m, j, i] = (
+                    6.0 * s * (s - 1.0) * (u0 - u1) / sample_time
+                    + (1.0 - s) * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+                )
+
+
+@compile_lean_kernel
+def advance(
+    stage: int, h: float, state: Array, slope: Array, total: Array, point: Array
+) -> None:
+    """Add the slope of a Runge-Kutta stage to the sum and set the next point; the fourth stage accepts it, unit quaternion."""
+    weight = h / 3.0 if stage in (1, 2) else h / 6.0
+    reach = 0.5 * h if stage < 2 else h
+    for b in range(state.shape[0]):
+        for j in range(ROWS):
+            for i in range(3):
+                start = state[b, j, i] if stage == 0 else total[b, j, i]
+                total[b, j, i] = start + weight * slope[b, j, i]
+                point[b, j, i] = state[b, j, i] + reach * slope[b, j, i] if stage < 3 else total[b, j, i]
+        if stage == 3:
+            q = point[b, QUATERNION]
+            length = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + point[b, SCALAR, 0] ** 2)
+            for i in range(3):
+                q[i] /= length
+            point[b, SCALAR, 0] /= length
+            for j in range(ROWS):
+                copy(point[b, j], state[b, j])
+
+
+@compile_lean_kernel
+def record(state: Array, slope: Array, out_state: Array, out_slope: Array) -> bool:
+    """Write state and slope to the output; return False where the state is not finite."""
+    total = 0.0
+    for b in range(state.shape[0]):
+        for j in range(ROWS):
+            copy(state[b, j], out_state[b, j])
+            copy(slope[b, j], out_slope[b, j])
+            total += state[b, j, 0] + state[b, j, 1] + state[b, j, 2]
+    return bool(np.isfinite(total))
 
 
 @compile_kernel
@@ -291,58 +380,51 @@ def integrate_rotation(
     Parameters
     ----------
     base_value, base_rate_value
-        Displacement and roll, pitch, yaw of the bases and their rates, shape (N, M, 6).
+        Displacement and roll, pitch, yaw of the bases and their rates, shape (N, M, 2, 3).
     load
         External force (world) and moment (body axes) per body, shape (N, 6 B) or (1, 6 B).
     state
-        Shape (B, 13), advanced in place.
+        Shape (B, 5, 3), advanced in place.
     """
     samples, mounts = base_value.shape[0], base_value.shape[1]
     bodies, components = state.shape[0], out_x.shape[1]
     h = sample_time / substeps
-    base, base_rate = np.zeros((mounts, 6)), np.zeros((mounts, 6))
+    base, base_rate = np.zeros((mounts, 2, 3)), np.zeros((mounts, 2, 3))
     rotation, bracket = np.zeros((bodies, 3, 3)), np.zeros((mounts, 3, 3))
-    gap, force = np.zeros((mounts, 3)), np.zeros((mounts, 3))
+    gap, force, motion = np.zeros((mounts, 3)), np.zeros((mounts, 3)), np.zeros((mounts, 4, 3))
+    pull, wrench, work = np.zeros((mounts, 2, 3)), np.zeros((bodies, 2, 3)), np.zeros((6, 3))
     x, v, tension = np.zeros(components), np.zeros(components), np.zeros(components)
-    point, slope, total = state.copy(), np.zeros((bodies, STATE)), np.zeros((bodies, STATE))
-    hermite(base_value, base_rate_value, 0, 0.0, sample_time, base, base_rate)
-    set_points(model, point, base, base_rate, rotation, bracket, gap, x, v)
-    network_commit(model.codes, parameters, memory, model.channel, x, v, 0.0, tension)
-    set_slopes(model, point, load[0], model.level[0], rotation, bracket, gap, tension, force, slope)
-    for sample in range(samples):
-        now = load[min(sample, load.shape[0] - 1)]
-        following = load[min(sample + 1, load.shape[0] - 1)]
-        level = model.level[sample]
-        out_state[sample] = point
-        out_slope[sample] = slope
-        out_force[sample] = force
-        out_x[sample], out_v[sample], out_tension[sample] = x, v, tension
-        if not np.isfinite(point.sum()):
-            return sample
-        if sample == samples - 1:
-            break
-        for sub in range(substeps):
-            for stage in range(4):
-                weight = h / 3.0 if stage in (1, 2) else h / 6.0
-                reach = 0.5 * h if stage < 2 else h
-                if stage == 0:
-                    total[:] = state
-                total += weight * slope
-                if stage < 3:
-                    point[:] = state + reach * slope
-                else:
-                    state[:] = total
-                    for b in range(bodies):
-                        state[b, 3:7] /= np.sqrt(np.sum(state[b, 3:7] ** 2))
-                    point[:] = state
-                share = (sub + reach / h) / substeps
-                if stage in (0, 2):
-                    hermite(base_value, base_rate_value, sample, share, sample_time, base, base_rate)
-                set_points(model, point, base, base_rate, rotation, bracket, gap, x, v)
-                if stage < 3:
-                    network_force(model.codes, parameters, memory, model.channel, x, v, reach, tension)
-                else:
-                    network_commit(model.codes, parameters, memory, model.channel, x, v, h, tension)
-                acting = now + share * (following - now)
-                set_slopes(model, point, acting, level, rotation, bracket, gap, tension, force, slope)
+    point, slope, total = state.copy(), np.zeros((bodies, ROWS, 3)), np.zeros((bodies, ROWS, 3))
+    acting = np.zeros(load.shape[1])
+    # the first pass only evaluates the start; each further pass is one step
+    for step in range((samples - 1) * substeps + 1):
+        sample = max(step - 1, 0) // substeps
+        sub = max(step - 1, 0) % substeps
+        now, following = min(sample, load.shape[0] - 1), min(sample + 1, load.shape[0] - 1)
+        for stage in range(4):
+            if step == 0 and stage < 3:
+                continue
+            reach = 0.0 if step == 0 else 0.5 * h if stage < 2 else h
+            share = (sub + reach / h) / substeps
+            if step > 0:
+                advance(stage, h, state, slope, total, point)
+            hermite(base_value, base_rate_value, sample, share, sample_time, base, base_rate)
+            set_points(model, point, base, base_rate, rotation, bracket, gap, motion, work, x, v)
+            if stage < 3:
+                network_force(model.codes, parameters, memory, model.channel, x, v, reach, tension)
+            else:
+                network_commit(model.codes, parameters, memory, model.channel, x, v, reach, tension)
+            for i in range(acting.shape[0]):
+                acting[i] = load[now, i] + share * (load[following, i] - load[now, i])
+            level = model.level[sample]
+            set_wrenches(model, acting, level, rotation, bracket, gap, tension, pull, work, force, wrench)
+            set_slopes(model, point, level, rotation, work, wrench, slope)
+        if step % substeps == 0:
+            done = step // substeps
+            if not record(point, slope, out_state[done], out_slope[done]):
+                return done
+            for m in range(mounts):
+                copy(force[m], out_force[done, m])
+            for c in range(components):
+                out_x[done, c], out_v[done, c], out_tension[done, c] = x[c], v[c], tension[c]
     return samples
