@@ -114,18 +114,18 @@ def _joined(name: str, pieces: list[Array], rate_hz: float, dwell_s: float) -> E
 def _ramp(peak: float, speed: float, rate_hz: float) -> Array:
     """Return a triangle at constant rate; the run-up starts out of contact so that contact is met at full rate."""
     run_up = 0.05 * peak
-    rise = np.arange(0.0, (peak + run_up) / speed, 1.0 / rate_hz) * speed - run_up
-    return np.concatenate([rise, rise[::-1]])
+    t = np.arange(0.0, 2.0 * (peak + run_up) / speed, 1.0 / rate_hz)
+    return np.minimum(speed * t - run_up, 2.0 * peak + run_up - speed * t)
 
 
 def _half_sine(peak: float, omega: float, rate_hz: float) -> Array:
     """Return a half sine that meets contact at its full rate, out of a run-up at constant acceleration."""
     run_up_s = 1.0 / omega
-    t = np.arange(0.0, run_up_s, 1.0 / rate_hz)
-    acceleration = peak * omega / run_up_s
-    approach = 0.5 * acceleration * t**2 - 0.5 * acceleration * run_up_s**2
-    wave = peak * np.sin(omega * np.arange(0.0, np.pi / omega, 1.0 / rate_hz))
-    return np.concatenate([approach, wave, approach[::-1]])
+    # time from the middle of the stroke: sine while in contact, parabola from rest at -peak / 2 before and after
+    away = np.abs(np.arange(0.0, 2.0 * run_up_s + np.pi / omega, 1.0 / rate_hz) - run_up_s - 0.5 * np.pi / omega)
+    left = np.maximum(run_up_s - (away - 0.5 * np.pi / omega), 0.0)
+    parabola = 0.5 * peak * omega**2 * left**2 - 0.5 * peak
+    return np.where(away <= 0.5 * np.pi / omega, peak * np.cos(omega * away), parabola)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,7 +148,8 @@ def operating_hull(travel: Array, rate: Array, margin: float = MARGIN) -> Operat
     Parameters
     ----------
     travel, rate
-        Travel [m] and its rate [m/s], shape (N,); samples out of contact (travel < 0) are left out.
+        Travel [m] and its rate [m/s], shape (N,); samples out of contact (travel < 0) are left out,
+        but for those next to contact.
     margin
         Excess of travel; the rate is taken as it is.
 
@@ -161,10 +162,13 @@ def operating_hull(travel: Array, rate: Array, margin: float = MARGIN) -> Operat
     -----
     Source: document 004, Figure 6 and the margin of 10 %.
     """
-    loaded = travel >= 0.0
-    points = np.column_stack([(1.0 + margin) * travel[loaded], rate[loaded]])
-    span = np.ptp(points, axis=0) if len(points) else np.zeros(2)
-    if len(points) < 3 or not np.all(span > 0.0):
+    loaded = np.asarray(travel >= 0.0)
+    # the samples next to contact belong to it, at travel zero: contact is met between two samples
+    beside = loaded | np.append(loaded[1:], False) | np.append(False, loaded[:-1])
+    measured = np.column_stack([np.maximum(travel[beside], 0.0), rate[beside]])
+    points = np.concatenate([measured, measured * (1.0 + margin, 1.0)])
+    span = np.ptp(points, axis=0) if np.any(loaded) else np.zeros(2)
+    if not np.all(span > 0.0) or np.linalg.matrix_rank((measured - measured[0]) / span, tol=1e-9) < 2:
         raise InputDataError(f"{int(np.sum(loaded))} samples in contact do not span a range of travel and rate")
     try:
         hull = ConvexHull(points / span)
