@@ -64,12 +64,13 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
         for values, colour in ((measured, MEASURED), (measured - predicted, "#cf222e")):
             frequency, density = spectrum(values[run.valid, i], time)
             right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
+        right.minorticks_off()
         right.set_ylabel("m/s²/√Hz")
     axes[0][0].legend(loc="upper right", fontsize=8)
     axes[0][1].set_title("spectrum: measured (grey), difference (red)", fontsize=9)
     axes[2][0].set_xlabel("time [s]")
     axes[2][1].set_xlabel("frequency [Hz]")
-    figure.tight_layout()
+    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
     return figure
 
 
@@ -106,7 +107,7 @@ def motion_and_load(run: OfflineRun) -> Figure:
         axis.set_ylabel(label)
         axis.legend(loc="upper right", fontsize=8, ncols=3)
     axes[-1].set_xlabel("time [s]")
-    figure.tight_layout()
+    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
     return figure
 
 
@@ -127,7 +128,7 @@ def mount_forces(run: OfflineRun, mount: int, window_s: float = 5.0) -> Figure:
     axes[0][1].set_title("busiest stretch with ± 2 std", fontsize=9)
     for axis in axes[2]:
         axis.set_xlabel("time [s]")
-    figure.tight_layout()
+    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
     return figure
 
 
@@ -158,7 +159,7 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
     axis.set_ylabel(f"{label} / prior")
     axis.set_xlabel("time [s]")
     axis.legend(fontsize=7, ncols=4, loc="upper right")
-    figure.tight_layout()
+    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.16, top=0.95, hspace=0.28, wspace=0.22)
     return figure
 
 
