@@ -102,7 +102,7 @@ def integrate_block(relative: Array, corner: float, dt: float, state: Array, def
 @compile_kernel
 def response_block(
     residual: Array, columns: Array, elastic: Array, viscous: Array, transition: Array, hold_old: Array, hold_new: Array,
-    feedback: Array, direction: Array, state: Array, last: Array, innovation: Array, gradient: Array,
+    feedback: Array, gain: Array, direction: Array, state: Array, last: Array, innovation: Array, gradient: Array,
 ) -> None:  # fmt: skip
     """Let the model respond to its own error: innovations of the simulated body and their gradients.
 
@@ -122,31 +122,37 @@ def response_block(
         Exact discrete response with linear hold, (12, 12), (12, 6), (12, 6).
     feedback
         S_m, shape (6, 12).
+    gain
+        Kalman gain of z for the innovation, (12, 6): it keeps the simulated body from gathering the noise of the base sensors.
     direction
         (6, N): the acceleration a unit of a parameter's force causes.
     state
         (12, 1 + N), in place: z of the residual and of every column.
     last
-        (6, 1 + N), in place: last inputs.
+        (12, 1 + N), in place: last inputs, last outputs.
     innovation, gradient
         Outputs (K, 6) and (K, 6, N).
     """
     count = columns.shape[2]
     inputs = np.zeros((6, 1 + count))
+    old_inputs = last[:6].copy()
+    output = last[6:].copy()
     for k in range(residual.shape[0]):
         # e at this tick follows from the residual alone; the columns need it first
         for r in range(6):
             inputs[r, 0] = residual[k, r]
-        e = transition @ state[:, 0].copy() + hold_old @ last[:, 0].copy() + hold_new @ inputs[:, 0].copy()
+        free = transition @ state + hold_old @ old_inputs - gain @ output
+        e = free[:, 0].copy() + hold_new @ inputs[:, 0].copy()
         extra = elastic @ e[:6].copy() + viscous @ e[6:].copy()
         for r in range(6):
             for n in range(count):
                 inputs[r, 1 + n] = columns[k, r, n] + direction[r, n] * extra[n]
-        state[:, :] = transition @ state + hold_old @ last + hold_new @ inputs
+        state[:, :] = free + hold_new @ inputs
         output = inputs - feedback @ state
+        old_inputs[:, :] = inputs
         for r in range(6):
             innovation[k, r] = -output[r, 0]
             for n in range(count):
                 gradient[k, r, n] = output[r, 1 + n]
-                last[r, 1 + n] = inputs[r, 1 + n]
-            last[r, 0] = inputs[r, 0]
+    last[:6] = old_inputs
+    last[6:] = output

@@ -23,8 +23,9 @@ from ride_estimation.estimation.interval import Interval, IntervalMemory
 from ride_estimation.estimation.mount_forces import static_share
 from ride_estimation.estimation.mount_law import ROLES, MountLaw
 from ride_estimation.estimation.parameter_status import StatusTracker
+from ride_estimation.estimation.refinement import Refinement
 from ride_estimation.estimation.response import ModelResponse
-from ride_estimation.estimation.rls import RecursiveLeastSquares, forgetting_noise
+from ride_estimation.estimation.rls import forgetting_noise
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slots import find_slots
 from ride_estimation.frames import AXES
@@ -37,8 +38,13 @@ FOLLOW_STD = 0.3
 _SETTLE = 9.0
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
-#: iterations of the first estimate
-_ITERATIONS = 6
+#: length of the stretch that is looked at as a whole [s]
+_LONGEST = 6.0
+#: excited time after a start or a change at which it is [s]
+_REVIEWS = (5.0, 9.0, 16.0, 30.0)
+_REVIEWS_AFTER_CHANGE = (3.0, 6.0, 9.0, 16.0)
+#: relative improvement of the squared error that moves the parameters then
+_CLEARLY = 0.02
 #: intervals of excitation kept in memory by the forgetting
 _MEMORY_INTERVALS = 60
 #: standard deviation a change of the vehicle opens in every logarithm
@@ -69,6 +75,8 @@ class ParameterEstimator:
         self._law = MountLaw(arrangement)
         self._balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
         self._response = ModelResponse(self._balance, arrangement.vehicle.gravity)
+        variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
+        self._base_variance = float(np.mean(variances)) if variances else 0.0
         self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD])
         self._lower = np.array([s.lower for s in self.slots] + [-1.2])
         self._upper = np.array([s.upper for s in self.slots] + [0.2])
@@ -84,6 +92,10 @@ class ParameterEstimator:
         self.stamp_ns = 0
         self._filter: GuardedEkf | None = None
         self._memory = IntervalMemory(self.count + 1)
+        self._refinement = Refinement(self._response, self._prepare, self._prior_std, self._lower, self._upper)
+        self._refused = 0
+        self._reviews: tuple[float, ...] = _REVIEWS
+        self._pending_ticks_taken = 0
         self.restart()
 
     def _no_input_reason(self) -> str:
@@ -99,8 +111,7 @@ class ParameterEstimator:
         self._pending_ticks = 0
         self._settled = 0.0
         self._interval = Interval(self.count + 1)
-        self._gathered: list[BalanceChunk] = []
-        self._gathered_at = self.theta
+        self._refinement.clear()
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
@@ -200,8 +211,13 @@ class ParameterEstimator:
         size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
         self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
         weights = self._weights(covariance)
+        self._response.set_noise(covariance, self._base_variance)
+        if self.excited:
+            self._refinement.add(chunk, self.theta, _LONGEST)
+        else:
+            self._refinement.clear()
         if self._filter is None:
-            return self._start(chunk, weights, stamp_ns) if self.excited else False
+            return self._start(weights, chunk.step, stamp_ns) if self.excited else False
         innovation, gradient = self._response.observe(chunk)
         if not self.excited:
             return False
@@ -211,6 +227,7 @@ class ParameterEstimator:
             return False
         self._update(self._interval, chunk.step)
         self._interval = Interval(self.count + 1)
+        self._review(weights, chunk.step)
         self.stamp_ns = stamp_ns
         return True
 
@@ -221,97 +238,47 @@ class ParameterEstimator:
         result[np.ix_(free, free)] = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)]))
         return result
 
-    # -- start ------------------------------------------------------------------------------------------------------------
+    # -- start and review -------------------------------------------------------------------------------------------------
 
-    def _start(self, chunk: BalanceChunk, weights: Array, stamp_ns: int) -> bool:
-        """Gather a few seconds of excitation, then estimate by least squares and refine by output error."""
-        if not self._gathered:
-            self._gathered_at = self.theta.copy()
-        self._gathered.append(chunk)
-        duration = sum(len(c.measured) * c.step for c in self._gathered)
-        if duration < _FIRST:
+    def _start(self, weights: Array, step: float, stamp_ns: int) -> bool:
+        """After a few seconds of excitation estimate by least squares, refine by output error and begin to track."""
+        if self._refinement.duration < _FIRST:
             return False
-        start = self._least_squares(weights)
-        best, best_cost = np.zeros(self.count + 1), np.inf
-        for candidate in (start, np.zeros(self.count + 1)):
-            theta, cost = self._refine(candidate, weights)
-            if cost < best_cost:
-                best, best_cost = theta, cost
+        starts = [self._refinement.least_squares(), self.theta]
+        refined = [self._refinement.refine(start, weights) for start in starts]
+        best = min(refined, key=lambda r: r[1])[0]
         self._filter = GuardedEkf(best, np.diag(self._prior_std**2))
-        self._set(best, chunk.step)
-        self._rerun(weights)
-        self._gathered = []
-        self.excited_time += duration
+        self._learn_all(best, weights, step)
+        self.excited_time += self._refinement.duration
         self.stamp_ns = stamp_ns
         return True
 
-    def _least_squares(self, weights: Array) -> Array:
-        """Return logarithms from the linear regression on measured deflections (biased by noise, but never lost)."""
-        rls = RecursiveLeastSquares(np.zeros(self.count + 1), np.append(np.expm1(self._prior_std[:-1]), FOLLOW_STD), 1.0 - 1e-9)
-        for c in self._gathered:
-            residual = c.measured - c.modelled
-            scale = np.sqrt(np.mean(residual**2, axis=0)) + 1e-9
-            rows = (c.columns / scale[:, None]).reshape(-1, self.count + 1)
-            target = (residual / scale).reshape(-1)
-            rls.update(rows.T @ rows, rows.T @ (target - rows @ rls.theta))
-        logs = np.log(np.maximum(1.0 + rls.theta[:-1], 0.1))
-        return np.clip(np.append(logs, rls.theta[-1]), self._lower, self._upper)
-
-    def _rescaled(self, theta: Array) -> list[BalanceChunk]:
-        """Return the gathered chunks for other parameters than those they were filtered with."""
-        ratio = np.append(np.exp(theta[:-1] - self._gathered_at[:-1]), 1.0)
-        shift = np.append(ratio[:-1] - 1.0, theta[-1] - self._gathered_at[-1])
-        return [
-            BalanceChunk(c.measured, c.modelled + c.columns @ shift, c.columns * ratio, c.step) for c in self._gathered
-        ]  # fmt: skip
-
-    def _passed(self, theta: Array, weights: Array) -> list[Interval]:
-        """Run the response over the gathered chunks with given parameters."""
-        self._law.scale(self._spread(np.exp(theta[:-1]), 1.0))
-        self._response.prepare(self._static(), 1.0 + float(theta[-1]), self._gathered[0].step)
-        self._response.reset()
-        intervals = []
-        for n, c in enumerate(self._rescaled(theta)):
-            innovation, gradient = self._response.observe(c)
-            if n == 0:
-                continue  # the simulated body starts where the measured one seems to be; let that fade
-            interval = Interval(self.count + 1)
-            interval.add(innovation, gradient, weights, len(c.measured) * c.step)
-            intervals.append(interval)
-        return intervals
-
-    def _refine(self, theta: Array, weights: Array) -> tuple[Array, float]:
-        """Minimise the output error over the gathered chunks by damped Gauss-Newton from a start; return the best and its cost."""
-        prior = np.diag(self._prior_std**-2.0)
-        best, best_cost, damping = theta, np.inf, 0.0
-        for _ in range(_ITERATIONS):
-            intervals = self._passed(theta, weights)
-            information = sum((i.information for i in intervals), np.zeros_like(prior))
-            gradient = sum((i.gradient for i in intervals), np.zeros(self.count + 1))
-            cost = sum(i.square for i in intervals) + float(theta @ prior @ theta)
-            if not np.isfinite(cost):
-                break
-            if cost < best_cost:
-                settled = cost > 0.999 * best_cost
-                best, best_cost = theta, cost
-                kept = (information, gradient)
-                damping *= 0.1
-                if settled:
-                    break
-            else:
-                damping = max(10.0 * damping, 1e-3)
-            information, gradient = kept
-            matrix = information + prior + damping * np.diag(np.diag(information))
-            step = np.linalg.solve(matrix, gradient - prior @ best)
-            theta = np.clip(best + np.clip(step, -0.5, 0.5), self._lower, self._upper)
-        return best, best_cost
-
-    def _rerun(self, weights: Array) -> None:
-        """Feed the gathered chunks to the filter, with the gradients of the best start."""
-        centre = self.theta.copy()
-        for interval in self._passed(centre, weights):
+    def _learn_all(self, centre: Array, weights: Array, step: float) -> None:
+        """Feed the last seconds to the filter, linearised at one point."""
+        self._memory.clear()
+        for interval in self._refinement.passed(centre, weights):
             self._learn(interval, centre)
-        self._set(self.theta, self._gathered[0].step)
+        self._set(self.theta, step)
+
+    def _review(self, weights: Array, step: float) -> None:
+        """Look again at the last seconds as a whole; move where that fits clearly better than what the filter holds."""
+        if not self._reviews or self.excited_time < self._reviews[0] or self._filter is None:
+            return
+        self._reviews = self._reviews[1:]
+        state, last = self._response.state, self._response.last
+        theta, cost = self._refinement.refine(self.theta, weights)
+        present = sum(i.square for i in self._refinement.passed(self.theta, weights))
+        if cost < (1.0 - _CLEARLY) * present:
+            self._filter.replace(x=theta, p=np.diag(self._prior_std**2))
+            self._learn_all(theta, weights, step)
+        else:
+            self._response.state, self._response.last = state, last
+            self._set(self.theta, step)
+
+    def _prepare(self, theta: Array, step: float) -> None:
+        """Make the response ready for a parameter vector."""
+        self._law.scale(self._spread(np.exp(theta[:-1]), 1.0))
+        self._response.prepare(self._static(), 1.0 + float(theta[-1]), step)
 
     # -- tracking ---------------------------------------------------------------------------------------------------------
 
@@ -337,7 +304,6 @@ class ParameterEstimator:
         residual = (basis[:, keep].T @ interval.gradient) / root - jacobian @ (ekf.x - centre)
         ekf.predict(forgetting_noise(ekf.p, interval.information / scale, 1.0 - 1.0 / _MEMORY_INTERVALS))
         established = self._memory.length >= 8
-        noise = scale * np.eye(len(root)) * (_SUSPECT_RATIO if established else 1.0)
         ratio = self._normalised(ekf, residual, jacobian, scale)
         self.innovation_ratio += 0.1 * (ratio - self.innovation_ratio)
         if established and ratio > _SUSPECT_RATIO:
@@ -347,7 +313,6 @@ class ParameterEstimator:
                 return
             self._open()
         self._refused = 0
-        del noise
         result = ekf.update(residual, jacobian, scale * np.eye(len(root)), gate=False)
         if not result.accepted:
             self._count(result.reason)
@@ -358,8 +323,6 @@ class ParameterEstimator:
         self.std = self._memory.standard_deviation(ekf.p, self.theta)
         self.status.follow(self.std[:-1], self._prior_std[:-1], self.theta[:-1], self._memory, self._lower[:-1], self._upper[:-1])
 
-    _refused = 0
-
     def _normalised(self, ekf: GuardedEkf, residual: Array, jacobian: Array, scale: float) -> float:
         """Return the normalised innovation squared per degree of freedom."""
         s = jacobian @ ekf.p @ jacobian.T + scale * np.eye(len(residual))
@@ -369,6 +332,7 @@ class ParameterEstimator:
         """The vehicle has changed: open the covariance and forget the scatter of before."""
         self.changes += 1
         self._memory.clear()
+        self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         if self._filter is not None:
             self._filter.replace(p=self._filter.p + _CHANGE_STD**2 * np.eye(self.count + 1))
 
@@ -382,8 +346,7 @@ class ParameterEstimator:
         self.theta = np.array(theta, dtype=float)
         if self._filter is not None and not np.array_equal(self._filter.x, self.theta):
             self._filter.replace(x=self.theta)
-        self._law.scale(self.multipliers())
-        self._response.prepare(self._static(), self.follow, step)
+        self._prepare(self.theta, step)
 
     def _count(self, reason: str) -> None:
         self.rejected[reason] = self.rejected.get(reason, 0) + 1

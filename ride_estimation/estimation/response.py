@@ -34,12 +34,13 @@ class ModelResponse:
         self._count = len(balance.slots) + 1
         self._gravity = gravity
         self._step = 0.0
+        self._covariance, self._base_variance = np.eye(6), 0.0
         self.reset()
 
     def reset(self) -> None:
         """Put the simulated body where the measured one is."""
         self.state = np.zeros((12, 1 + self._count))
-        self.last = np.zeros((6, 1 + self._count))
+        self.last = np.zeros((12, 1 + self._count))
 
     def prepare(self, static_force: Array, follow: float, step: float) -> None:
         """Discretise the response for the present parameters.
@@ -70,6 +71,7 @@ class ModelResponse:
         self.hold_new = np.ascontiguousarray(exact[:12, 18:24])
         self.hold_old = np.ascontiguousarray(exact[:12, 12:18] - exact[:12, 18:24])
         self.feedback = np.ascontiguousarray(mounts)
+        self.gain = self._kalman_gain(step)
         p = balance.arrangement.wrench.T
         self.elastic, self.viscous = np.zeros((self._count, 6)), np.zeros((self._count, 6))
         k, c = balance.law.stiffness, balance.law.damping
@@ -81,12 +83,54 @@ class ModelResponse:
                 self.viscous[n] = c[slot.mount, slot.axis] * row
         self._step = step
 
+    def set_noise(self, covariance: Array, base_variance: float) -> None:
+        """State the covariance of the body's acceleration (6, 6) and the variance of a base accelerometer; used by ``prepare``."""
+        self._covariance, self._base_variance = covariance, base_variance
+
+    def _kalman_gain(self, step: float) -> Array:
+        """Return the gain (12, 6) that balances the noise of the base sensors, seen through the mounts, with that of the body's.
+
+        Near a resonance the mounts pass the base acceleration on as if the base were rigid, so that is the process noise:
+        ``sigma^2 (P^T P)^-1``, P the motion of the mount points.
+        """
+        free = self._balance.arrangement.free
+        gain = np.zeros((12, 6))
+        states = np.flatnonzero(np.concatenate([free, free]))
+        outputs = np.flatnonzero(free)
+        points = self._balance.arrangement.wrench[free]
+        accel = self._base_variance * np.linalg.pinv(points @ points.T, hermitian=True)
+        drive = (self.hold_old + self.hold_new)[np.ix_(states, outputs)]
+        process = drive @ accel @ drive.T
+        seen = -self.feedback[np.ix_(outputs, states)]
+        noise = self._covariance[np.ix_(outputs, outputs)]
+        transition = self.transition[np.ix_(states, states)]
+        p = _riccati(transition, seen, process, noise)
+        innovation = seen @ p @ seen.T + noise
+        gain[np.ix_(states, outputs)] = np.linalg.solve(innovation, seen @ p @ transition.T).T
+        return gain
+
     def observe(self, chunk: BalanceChunk) -> tuple[Array, Array]:
         """Return innovations (K, 6) and gradients (K, 6, N) of a chunk."""
         innovation = np.empty_like(chunk.measured)
         gradient = np.empty_like(chunk.columns)
         response_block(
             chunk.modelled - chunk.measured, chunk.columns, self.elastic, self.viscous, self.transition, self.hold_old,
-            self.hold_new, self.feedback, self._balance.direction, self.state, self.last, innovation, gradient,
+            self.hold_new, self.feedback, self.gain, self._balance.direction, self.state, self.last, innovation, gradient,
         )  # fmt: skip
         return innovation, gradient
+
+
+def _riccati(a: Array, c: Array, q: Array, r: Array) -> Array:
+    """Return the stationary covariance of ``P = A P A^T - A P C^T (C P C^T + R)^-1 C P A^T + Q`` by doubling, 2^12 steps."""
+    identity = np.eye(len(a))
+    alpha, beta, p = a.T, c.T @ np.linalg.solve(r, c), q
+    for _ in range(12):
+        w = identity + beta @ p
+        inverse = np.linalg.inv(w)
+        p_new = p + alpha.T @ p @ inverse @ alpha
+        beta = beta + alpha @ inverse @ beta @ alpha.T
+        alpha = alpha @ inverse @ alpha
+        if np.max(np.abs(p_new - p)) <= 1e-9 * np.max(np.abs(p_new)):
+            return np.asarray(0.5 * (p_new + p_new.T))
+        p = p_new
+    return np.asarray(0.5 * (p + p.T))
