@@ -293,7 +293,10 @@ def _missing_text(path: Path, source: BagSource, missing: Sequence[Sensor], igno
         else:
             own = (f"{sensor.name}:", f"topic {sensor.topic}:")
             reasons = [f"{reason} ({n})" for reason, n in ignored.items() if reason.startswith(own)]
-            why = "; ".join(reasons) or f"topic {sensor.topic} has no messages"
+            empty = f"topic {sensor.topic} has no messages"
+            if sensor.element and source.counts[sensor.topic]:
+                empty = f"no message of {sensor.topic} names {sensor.element!r}"
+            why = "; ".join(reasons) or empty
         lines.append(f"  - {sensor.name}: {why}")
     there = [f"{topic} ({source.types[topic]}, {count} messages)" for topic, count in sorted(source.counts.items())]
     return (

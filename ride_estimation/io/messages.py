@@ -124,12 +124,9 @@ def _joint_state(sensors: Sequence[Sensor]) -> Converter:
     def convert(message: Any) -> Sequence[Sample]:
         stamp = stamp_of(message)
         position = dict(zip(message.name, message.position))
-        return tuple(
-            Sample(s.name, stamp, (float(position[s.element]),), None, "")
-            if s.element in position
-            else Sample(s.name, stamp, (), None, ELEMENT_MISSING)
-            for s in sensors
-        )
+        # transducers may come in one message or each in its own, so only a message with none of them is odd
+        found = [Sample(s.name, stamp, (float(position[s.element]),), None, "") for s in sensors if s.element in position]
+        return found or (Sample(sensors[0].name, stamp, (), None, ELEMENT_MISSING),)
 
     return convert
 

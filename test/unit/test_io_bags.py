@@ -232,10 +232,12 @@ def test_a_type_that_cannot_feed_the_sensor_is_named(bag: Path) -> None:
         read_recording(bag, Vehicle("v", {}, {}, {"accel": wrong}))
 
 
-def test_an_element_missing_from_joint_states_is_counted(bag: Path) -> None:
+def test_an_element_missing_from_joint_states_is_named(bag: Path) -> None:
     other = dataclasses.replace(SENSORS["fl_z"], name="rl_z", element="rl_z")
-    with pytest.raises(InputDataError, match=r"rl_z: element_not_in_message \(200\)"):
+    with pytest.raises(InputDataError, match=r"rl_z: no message of /mounts/displacement names 'rl_z'"):
         read_recording(bag, Vehicle("v", {}, {}, {"fl_z": SENSORS["fl_z"], "rl_z": other}))
+    with pytest.raises(InputDataError, match=r"rl_z: element_not_in_message \(200\)"):
+        read_recording(bag, Vehicle("v", {}, {}, {"rl_z": other}))
 
 
 def test_unknown_message_types_in_the_bag_do_not_disturb(tmp_path: Path) -> None:
