@@ -1,0 +1,155 @@
+# Copyright 2026 ride_estimation contributors
+"""Identification of jounce bumpers on a synthetic programme whose bumper is written independently (J5, J12-J15)."""
+
+import jounce_programme as programme
+import numpy as np
+import pytest
+
+from ride_estimation.elements.registry import element_from_mapping
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.jounce import fit_static, pre_estimate
+from ride_estimation.identification.bench.jounce_analysis import identify_jounce, network_mapping
+from ride_estimation.identification.bench.jounce_model import as_load, compression_side, loaded_nrmse, split_static
+from ride_estimation.identification.bench.lolimot import NetworkInputs, network_nrmse, train_network
+from ride_estimation.identification.bench.record import BenchRecord, check_record
+from ride_estimation.identification.bench.time_domain import prepare
+
+DYNAMIC = ("dynamic_ramps", "amplitude_sweep", "road_a", "road_b")
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return programme.measured(0)
+
+
+def records(measured, names, prefix=""):
+    return [check_record(BenchRecord(prefix + n, *measured[n][:3])) for n in names]
+
+
+def loads(measured, names):
+    return [as_load(prepare(r), 1.0) for r in records(measured, names)]
+
+
+@pytest.fixture(scope="module")
+def static_box(measured):
+    (load,) = loads(measured, ["static_ramps"])
+    return fit_static([load], 0.075), load
+
+
+def test_objective_is_the_std_normalised_error_while_loaded(measured):
+    # J5: document 004 (2)
+    (load,) = loads(measured, ["road_a"])
+    model = 0.9 * load.force
+    on = load.travel > 0
+    f = load.force[on]
+    expected = np.sqrt(np.sum((f - model[on]) ** 2) / np.sum((f - f.mean()) ** 2))
+    assert loaded_nrmse(load, model) == pytest.approx(expected, abs=1e-12)
+
+
+def test_static_stage_finds_curve_and_height(static_box):
+    # J12 stage 1, J6: heights and forces are told where loops saturate (below 90 % of the largest travel)
+    box, load = static_box
+    travel = np.array([0.02, 0.035, 0.05, 0.06])
+    spline = box.basis(travel)
+    assert spline @ box.static == pytest.approx(programme.static_force(travel), rel=0.03)
+    assert spline @ box.height == pytest.approx(programme.height(travel), rel=0.12)
+    assert loaded_nrmse(load, box.force(load)) < 0.03
+
+
+def test_pre_estimate_of_the_cells_brings_most_of_the_dynamic_force(static_box, measured):
+    # J12 stage 2: envelope of the dynamic stiffening
+    box, _ = static_box
+    dynamic = loads(measured, ["dynamic_ramps", "amplitude_sweep"])
+    before = np.mean([loaded_nrmse(x, box.force(x)) for x in dynamic])
+    started = pre_estimate(box, dynamic)
+    after = np.mean([loaded_nrmse(x, started.force(x)) for x in dynamic])
+    assert after < 0.6 * before
+    assert np.all(np.diff(started.contacts) >= 0) and np.all(started.stiffness >= 0)
+
+
+def test_network_grows_better_with_stable_poles(static_box, measured):
+    # J14 on two dynamic records: M = 1 to 5 improves, poles negative and slower than half the sample rate allows
+    box, _ = static_box
+    inputs = [
+        NetworkInputs(x, lambda u: np.maximum(box.basis(u) @ box.static, 0.0), x.force)
+        for x in loads(measured, ["dynamic_ramps", "amplitude_sweep"])
+    ]
+    network, history = train_network(inputs, 5)
+    assert history[-1] < 0.8 * history[0], history
+    assert np.all(np.diff(history) < 1e-4)
+    assert np.all(network.alpha > 0) and np.all(network.alpha * inputs[0].load.step_s < 2.0)
+    assert np.mean([network_nrmse(network, i) for i in inputs]) < 0.12
+    weights = network.weights(inputs[0].travel, inputs[0].rate)
+    assert np.allclose(weights.sum(axis=1), 1.0, atol=1e-12)
+    # the initial state of the exported element: at rest at 40 mm with its own force the state does not move
+    travels = np.linspace(0.0, 0.075, 20)
+    static = np.maximum(box.basis(travels) @ box.static, 0.0)
+    static[0] = 0.0
+    element = element_from_mapping(network_mapping(network, travels.tolist(), static.tolist()))
+    u, f = element._inputs(-0.04)
+    rest = (np.array(element.travel_inputs) * u + np.array(element.force_inputs) * f) / np.array(element.poles)
+    state = element.consistent_state(-0.04, element.force(rest, -0.04, 0.0))
+    assert state == pytest.approx(rest, rel=1e-6, abs=1e-3)
+
+
+def test_a_two_sided_force_is_refused(measured):
+    t, u, f, _ = measured["road_a"]
+    with pytest.raises(InputDataError, match="only pushes"):
+        compression_side([prepare(check_record(BenchRecord("bushing", t, u, f - 0.5 * f.max())))])
+
+
+def test_a_programme_without_a_slow_record_is_refused(measured):
+    with pytest.raises(InputDataError, match="slow record"):
+        split_static(loads(measured, ["dynamic_ramps", "road_a"]))
+
+
+@pytest.fixture(scope="module")
+def three_models(measured):
+    held = programme.measured(7)
+    found = {}
+    for model in ("jounce_bumper", "local_linear_network", "local_linear_network_dahl"):
+        found[model] = identify_jounce(
+            records(measured, ["static_ramps", *DYNAMIC]), records(held, ["road_a", "road_b"], "held "), model
+        )
+    return found
+
+
+def mean(scores):
+    return float(np.mean(list(scores.values())))
+
+
+@pytest.mark.slow
+def test_white_box_reaches_three_per_cent(three_models):
+    # J12, J13: each stage improves; noise floor about 1.5 % (12 N load-cell noise)
+    white = three_models["jounce_bumper"]
+    stages = [mean(s) for s in white.stages.values()]
+    assert all(b < a for a, b in zip(stages, stages[1:], strict=False)), stages
+    assert mean(white.fitted) < 0.03
+    assert mean(white.noise_floor) < mean(white.fitted)
+    # roads of another seed, not fitted
+    assert mean(white.held_out) < 0.03
+    # the element in the vehicle file is the fitted model
+    assert mean(white.exported) < 1.1 * mean(white.fitted)
+
+
+@pytest.mark.slow
+def test_grey_box_needs_the_friction_for_static_ramps(three_models):
+    # J13, J15
+    white, grey, dahl = (three_models[m] for m in ("jounce_bumper", "local_linear_network", "local_linear_network_dahl"))
+    assert mean(white.fitted) < mean(dahl.fitted) < mean(grey.fitted)
+    assert max(grey.fitted, key=grey.fitted.get) == "static_ramps"
+    assert mean(dahl.fitted) < 0.08 and mean(dahl.held_out) < 0.08
+    assert dahl.fitted["static_ramps"] < 0.4 * grey.fitted["static_ramps"]
+    for found in (grey, dahl):
+        assert mean(found.exported) < 1.15 * mean(found.fitted)
+        poles = [value for name, value, _ in found.quantities if name.startswith("pole")]
+        assert len(poles) == 10 and max(poles) < 0 and min(poles) > -2000.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12])
+def test_white_box_on_other_programmes(seed):
+    measured = programme.measured(seed)
+    found = identify_jounce(records(measured, ["static_ramps", *DYNAMIC]), [])
+    assert mean(found.fitted) < 0.03
+    assert mean(found.held_out) < 0.04
