@@ -29,7 +29,8 @@ class LocalLinearNetwork(ForceElement):
     With the travel ``u = -x - clearance`` and the static push ``f(u)`` as second input (Hammerstein), model j of M is
     ``w_j' = -a_j w_j + c_1j u + c_2j f``, ``y_j = g_j + w_j + d_1j u + d_2j f``; ``F = -sum_j Phi_j y_j``,
     ``Phi_j = mu_j / sum mu``, ``mu_j = exp(-((z_1 - p_j)^2 / sigma_1j^2 + (z_2 - q_j)^2 / sigma_2j^2) / 2)`` with travel and
-    rate z normalised to the trained range and clipped to it. Every pole -a_j is negative: each model is stable.
+    rate z normalised to the trained range and clipped to it. Every pole -a_j is negative: each model is stable. Out of
+    contact (u < 0) both inputs are zero and there is no force.
 
     Source: document 004 eq. (15)-(26). It prints no factor 1/2 in (18), which only rescales the widths. The gains follow
     from discrete models by :func:`continuous_gains`.
