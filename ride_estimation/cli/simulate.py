@@ -19,7 +19,7 @@ HELP = "simulate a field run from a scenario file: writes a bag and its truth"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument("scenario", type=Path, help="scenario file (YAML)")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write bag, recipe.yaml, truth.json, truth.npz into")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for bag, recipe and truth")
     parser.add_argument("--vehicle", type=Path, help="vehicle file instead of the one the scenario names")
 
 

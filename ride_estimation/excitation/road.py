@@ -50,7 +50,7 @@ class Road:
     @property
     def distance(self) -> Array:
         """Return the distance of the samples [m], shape (N,)."""
-        return self.start + np.arange(len(self.left)) * self.spacing
+        return np.asarray(self.start + np.arange(len(self.left)) * self.spacing, dtype=np.float64)
 
     def heights(self, distance: Array) -> Array:
         """Return (left, right) at given distances, linear in between, shape (K, 2) [m].
@@ -96,12 +96,12 @@ def iso_spectrum(wavenumber: Array, roughness: float, waviness: float = 2.0) -> 
     waviness
         w.
     """
-    return roughness * (np.asarray(wavenumber, dtype=float) / REFERENCE_WAVENUMBER) ** -waviness
+    return np.asarray(roughness * (np.asarray(wavenumber) / REFERENCE_WAVENUMBER) ** -waviness, dtype=np.float64)
 
 
 def coherence(wavenumber: Array, length: float = COHERENCE_LENGTH) -> Array:
     """Return the coherence of the two tracks ``|G_lr| / Gd = exp(-L n)``: one for long waves, zero for short ones."""
-    return np.exp(-length * np.asarray(wavenumber, dtype=float))
+    return np.asarray(np.exp(-length * np.asarray(wavenumber)), dtype=np.float64)
 
 
 def random_road(
@@ -153,7 +153,7 @@ def random_road(
     wanted = math.ceil(length / spacing) + 1
     # twice the length is made and half of it used, so that the end does not run into the beginning again
     count = 2 * wanted
-    n = np.fft.rfftfreq(count, spacing)
+    n: Array = np.fft.rfftfreq(count, spacing).astype(np.float64)
     inside = (n >= band[0]) & (n <= band[1])
     amplitude = np.zeros(len(n))
     amplitude[inside] = np.sqrt(0.5 * iso_spectrum(n[inside], roughness, waviness) / (count * spacing))

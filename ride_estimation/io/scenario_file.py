@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -162,7 +163,7 @@ def _points(section: Section, name: str, unit: str, required: bool = False) -> t
         section.note(key, f"{value!r} is neither a number nor a list of [time_s, value]")
         return None
     numbers = [(float(t or 0.0), float(v or 0.0)) for t, v in points]
-    if any(b[0] <= a[0] for a, b in zip(numbers, numbers[1:])) or any(v < 0.0 for _, v in numbers):
+    if any(b[0] <= a[0] for a, b in itertools.pairwise(numbers)) or any(v < 0.0 for _, v in numbers):
         section.note(key, "times must increase and values be 0 or more")
         return None
     return tuple((t, v * factor) for t, v in numbers)

@@ -196,6 +196,8 @@ def measure(
     start_ns
         Stamp of the first ideal sample [ns].
     """
+    # own draws for the faults, so that planting one changes nothing else
+    fault_generator = np.random.default_rng(generator.integers(2**63))
     late = np.zeros(len(time))
     for fault in faults:
         if fault.kind == "delay":
@@ -205,14 +207,15 @@ def measure(
         signal = signal - signal.mean(axis=0)
     values = CubicSpline(np.arange(len(signal)) / rate_hz, signal, axis=0)(np.maximum(time - late, 0.0))
     values = _unit_errors(sensor, values, errors, unit, generator)
-    values = _value_faults(values, time, faults, generator)
+    values = _value_faults(values, time, faults, fault_generator)
     values = np.clip(values, -sensor.full_scale, sensor.full_scale) if math.isfinite(sensor.full_scale) else values
     if errors.quantisation > 0.0:
         values = np.round(values / errors.quantisation) * errors.quantisation
     stamps = time if errors.stamp_error_std == 0.0 else time + errors.stamp_error_std * generator.standard_normal(len(time))
     stamp_ns = start_ns + np.round(stamps * 1e9).astype(np.int64)
     way = errors.latency * (0.5 + generator.exponential(0.5, len(time)))
-    arrival_ns = start_ns + np.round((time + way) * 1e9).astype(np.int64)
+    # one device sends its samples in order
+    arrival_ns = start_ns + np.round(np.maximum.accumulate(time + way) * 1e9).astype(np.int64)
     return _transport_faults(sensor, time, stamp_ns, arrival_ns, values, errors, faults, generator)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +96,8 @@ class BaseMotion:
         acceleration
             Gravity removed, shape (N, M, 3) [m/s^2].
         corner_hz
-            Corner of a zero-phase high-pass (gain ``f^4 / (f^4 + corner^4)``) applied to the acceleration; 0: none.
+            Corner of a zero-phase high-pass (gain ``f^4 / (f^4 + corner^4)``) applied to the acceleration; 0: none. Two
+            periods of the corner at both ends of the record are less certain.
         """
         acceleration = np.ascontiguousarray(acceleration, dtype=float)
         if corner_hz > 0.0:
@@ -141,8 +143,8 @@ def _integrate_high_passed(signal: Array, rate_hz: float, corner_hz: float) -> t
     spectrum = np.fft.rfft(extended, axis=0)
     rest = (1,) * (signal.ndim - 1)
 
-    def back(factor: NDArray[np.complex128]) -> Array:
+    def back(factor: NDArray[Any]) -> Array:
         full = np.fft.irfft(spectrum * factor.reshape(-1, *rest), n=len(extended), axis=0)
         return np.ascontiguousarray(full[pad : pad + count], dtype=float)
 
-    return back(-gain / omega**2 + 0j), back(gain / (1j * omega)), back(gain + 0j)
+    return back(-gain / omega**2), back(gain / (1j * omega)), back(gain)

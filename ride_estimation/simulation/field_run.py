@@ -88,11 +88,11 @@ def _unknown_names(scenario: Scenario, vehicle: Vehicle) -> list[str]:
         elif parameter not in names:
             problems.append(f"true_factors.{mount}.{axis}.{parameter}: no such parameter; allowed: {', '.join(names)}")
     bodies = [p.body for p in scenario.payloads] + [d.body for d in scenario.disturbances] + list(scenario.true_bodies)
-    problems += [f"body {b!r}: not in the vehicle file; allowed: {', '.join(vehicle.bodies)}" for b in bodies if b not in vehicle.bodies]
+    known = ", ".join(vehicle.bodies)
+    problems += [f"body {b!r}: not in the vehicle file; allowed: {known}" for b in bodies if b not in vehicle.bodies]
     sensors = [f.sensor for f in scenario.faults] + list(scenario.own_errors)
-    problems += [
-        f"sensor {s!r}: not in the vehicle file; allowed: {', '.join(vehicle.sensors)}" for s in sensors if s not in vehicle.sensors
-    ]
+    known = ", ".join(vehicle.sensors)
+    problems += [f"sensor {s!r}: not in the vehicle file; allowed: {known}" for s in sensors if s not in vehicle.sensors]
     return problems
 
 
@@ -186,7 +186,10 @@ def _true_parameters(scenario: Scenario, vehicle: Vehicle, units: Mapping[str, U
             m.name: {axis: element.to_mapping() for axis, element in m.elements.items()} for m in vehicle.mounts.values()
         },
         "payloads": [
-            {"body": p.body, "mass_kg": p.mass, "position_m": np.asarray(p.position).tolist(), "from_s": p.begin, "over_s": p.duration}
+            {
+                "body": p.body, "mass_kg": p.mass, "position_m": np.asarray(p.position).tolist(), "from_s": p.begin,
+                "over_s": p.duration,
+            }
             for p in scenario.payloads
         ],
         "sensors": {

@@ -229,4 +229,4 @@ def integrate(
                 else:
                     network_commit(codes, parameters, states, channel, x, v, h, tension)
                 set_accelerations(tc, tv, kc, kv, mc, mv, sq, tension, force, sa)
-    return displacement.shape[0]
+    return int(displacement.shape[0])

@@ -15,7 +15,16 @@ from ride_estimation.frames import COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.simulation.response import Response
-from ride_estimation.simulation.rotation_kernel import OMEGA, PLACE, QUATERNION, ROWS, SCALAR, VELOCITY, RotationModel, integrate_rotation
+from ride_estimation.simulation.rotation_kernel import (
+    OMEGA,
+    PLACE,
+    QUATERNION,
+    ROWS,
+    SCALAR,
+    VELOCITY,
+    RotationModel,
+    integrate_rotation,
+)
 from ride_estimation.simulation.substeps import choose_substeps
 from ride_estimation.vehicles.assembly import Assembly, sensor_offset
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -82,7 +91,7 @@ class RotationResponse(Response):
     def mount_force(self) -> Array:
         """Return the force on the body by each mount in the axes of that body, static share included, shape (N, M, 3)."""
         bodies = [self._body(m.body) for m in self.assembly.vehicle.mounts.values()]
-        return np.einsum("nmji,nmj->nmi", self.rotation[:, bodies], self.force_world)
+        return np.asarray(np.einsum("nmji,nmj->nmi", self.rotation[:, bodies], self.force_world), dtype=float)
 
     def cg_motion(self, body: str) -> Array:
         """Return acceleration of the actual CG (payload included) and angular acceleration, body axes, shape (N, 6)."""
@@ -287,10 +296,12 @@ def _response(
 ) -> RotationResponse:
     samples, bodies = state.shape[:2]
     (x, y, z), w = np.moveaxis(state[:, :, QUATERNION], 2, 0), state[:, :, SCALAR, 0]
-    rotation = np.empty((samples, bodies, 3, 3))
-    rotation[..., 0, 0], rotation[..., 0, 1], rotation[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    rotation[..., 1, 0], rotation[..., 1, 1], rotation[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    rotation[..., 2, 0], rotation[..., 2, 1], rotation[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    rotation = np.moveaxis(np.array(rows), (0, 1), (2, 3))
     angles = np.stack(
         [
             np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
@@ -307,6 +318,6 @@ def _response(
     return RotationResponse(
         assembly, base_motion,
         flat(state[:, :, PLACE], angles), flat(state[:, :, VELOCITY], state[:, :, OMEGA]), flat(local, slope[:, :, OMEGA]),
-        *components, rotation=rotation, force_world=force,
-        mass=model.mass[model.level], offset=model.offset[model.level], inertia=model.inertia[model.level],
+        components[0], components[1], components[2], rotation, force,
+        model.mass[model.level], model.offset[model.level], model.inertia[model.level],
     )

@@ -427,4 +427,4 @@ def integrate_rotation(
                 copy(force[m], out_force[done, m])
             for c in range(components):
                 out_x[done, c], out_v[done, c], out_tension[done, c] = x[c], v[c], tension[c]
-    return samples
+    return int(samples)

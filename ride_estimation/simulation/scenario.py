@@ -154,7 +154,7 @@ class Scenario:
         if fastest > self.simulation_rate:
             problems.append(f"sensors rate_hz: {fastest:g} Hz; allowed: at most simulation_rate_hz {self.simulation_rate:g} Hz")
         if not 0.0 < self.truth_rate <= self.simulation_rate:
-            problems.append(f"truth_rate_hz: {self.truth_rate:g} Hz; allowed: up to simulation_rate_hz {self.simulation_rate:g} Hz")
+            problems.append(f"truth_rate_hz: {self.truth_rate:g} Hz; allowed: above 0 to simulation_rate_hz")
         if self.duration * self.simulation_rate > 2e7:
             problems.append("duration_s times simulation_rate_hz: more than 2e7 samples; make several runs")
         for i, o in enumerate(self.obstacles):

@@ -105,7 +105,7 @@ class CompiledModel:
             *_sparse(assembly.deflection_map),
             *_sparse(assembly.deflection_map.T),
             *_sparse(assembly.geometric_stiffness),
-            *_sparse(np.linalg.inv(assembly.mass_matrix)),
+            *_sparse(np.linalg.inv(assembly.mass_matrix).astype(np.float64)),
         )
         self._input = self._make_input(load)
         self._elements = dict(zip(assembly.components, assembly.elements))

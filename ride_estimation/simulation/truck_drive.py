@@ -120,7 +120,8 @@ def _wheel_paths(
     """Return the motion under the tyres, faded in over two seconds, and the road slope at the wheels, shape (N, 4)."""
     fade = np.clip(np.arange(len(distance)) / (2.0 * rate), 0.0, 1.0)
     fade = fade**2 * (3.0 - 2.0 * fade)
-    grade = Road(road.spacing, *(np.gradient(t, road.spacing) for t in (road.left, road.right)), road.start)
+    left, right = (np.asarray(np.gradient(t, road.spacing), dtype=float) for t in (road.left, road.right))
+    grade = Road(road.spacing, left, right, road.start)
     at = (distance, distance - data.wheelbase)
     height = np.hstack([road.heights(s) for s in at]) * fade[:, None]
     slope = np.hstack([grade.heights(s) for s in at]) * fade[:, None]
@@ -189,7 +190,7 @@ def _with_engine(base: BaseMotion, engine: Engine, time: Array, seed: int) -> Ba
     added = np.zeros_like(base.displacement)
     for order, amplitude in engine.orders.items():
         for m, a in np.ndindex(mounts, 3):
-            line = order_lines(angle, {order: amplitude * strength[m, a]}, {order: phase[m, a]})
+            line = order_lines(angle, {order: amplitude * float(strength[m, a])}, {order: float(phase[m, a])})
             added[:, m, a] -= fade * line / (order * omega) ** 2
     velocity = derivative(added, base.rate_hz)
     return dataclasses.replace(

@@ -109,9 +109,8 @@ def test_full_rotation_satisfies_equilibrium_of_forces_and_moments_exactly(cab):
     np.testing.assert_allclose(force.sum(axis=1) - weight, load[:, :3], atol=1e-8)  # N
     np.testing.assert_allclose(np.cross(places, force).sum(axis=1), load[:, 3:], atol=1e-8)  # N m
     # the virtual accelerometer at the CG reads the sum of the mount forces over the mass (gravity included)
-    np.testing.assert_allclose(
-        response.accelerations[:, :3] + cab.vehicle.gravity * response.rotation[:, 0, 2, :], force.sum(axis=1) / 1200.0, atol=1e-10
-    )
+    felt = response.accelerations[:, :3] + cab.vehicle.gravity * response.rotation[:, 0, 2, :]
+    np.testing.assert_allclose(felt, force.sum(axis=1) / 1200.0, atol=1e-10)
 
 
 def test_full_rotation_tends_to_small_rotations_with_the_amplitude(cab):
@@ -130,7 +129,8 @@ def test_free_body_keeps_energy_and_angular_momentum():
     still = KelvinVoigt(0.0, 0.0)
     body = Body("b", Prior(100.0), np.zeros(3), np.diag([10.0, 20.0, 27.0]) + 0.5)
     # one eccentric weak spring sets it spinning; afterwards it is compared over a time in which the spring does work
-    mount = Mount("m", np.array([0.3, 0.2, 0.1]), "b", "ground", {"x": KelvinVoigt(500.0, 0.0), "y": still, "z": KelvinVoigt(900.0, 0.0)})
+    law = {"x": KelvinVoigt(500.0, 0.0), "y": still, "z": KelvinVoigt(900.0, 0.0)}
+    mount = Mount("m", np.array([0.3, 0.2, 0.1]), "b", "ground", law)
     assembly = assemble(Vehicle("free", {"b": body}, {"m": mount}, {}, gravity=0.0))
     base = BaseMotion.from_displacement(np.zeros((2001, 1, 3)), 200.0)
     push = np.zeros((2001, 6))
@@ -138,7 +138,8 @@ def test_free_body_keeps_energy_and_angular_momentum():
     response = simulate(assembly, base, load=push, substeps=4, full_rotation=True)
     v, w = response.rates[:, :3], response.rates[:, 3:]
     x = response.mount_array("deflection")[:, 0]
-    energy = 50.0 * np.sum(v**2, 1) + 0.5 * np.einsum("ni,ij,nj->n", w, body.inertia, w) + 250.0 * x[:, 0] ** 2 + 450.0 * x[:, 2] ** 2
+    kinetic = 50.0 * np.sum(v**2, 1) + 0.5 * np.einsum("ni,ij,nj->n", w, body.inertia, w)
+    energy = kinetic + 250.0 * x[:, 0] ** 2 + 450.0 * x[:, 2] ** 2
     assert np.abs(response.coordinates[:, 3:]).max() > 1.0  # rad: large rotations
     np.testing.assert_allclose(energy[110:], energy[110], rtol=1e-6)
 
@@ -217,17 +218,17 @@ def test_rising_damping_filter_energy_is_dissipated(quarter):
 
 def test_base_acceleration_integrates_back_to_its_displacement():
     rate = 200.0
-    displacement = sines(1, rate, 20.0)
+    displacement = sines(1, rate, 60.0)
     acceleration = derivative(derivative(displacement, rate), rate)
     plain = BaseMotion.from_acceleration(acceleration, rate)
     np.testing.assert_allclose(plain.displacement[:1000], displacement[:1000], atol=2e-4)  # m
     drifting = BaseMotion.from_acceleration(acceleration + 0.02, rate)
-    assert np.abs(drifting.displacement).max() > 3.0  # m: an offset of 0.02 m/s^2 over 20 s
+    assert np.abs(drifting.displacement).max() > 30.0  # m: an offset of 0.02 m/s^2 over 60 s
     filtered = BaseMotion.from_acceleration(acceleration + 0.02, rate, corner_hz=0.2)
-    inner = slice(1600, 3000)
+    inner = slice(4000, 8000)  # two periods of the corner away from the ends
     error = np.sqrt(np.mean((filtered.displacement[inner] - displacement[inner]) ** 2))
     # the high-pass takes 0.7 % of the lowest line, 0.7 Hz
-    assert error < 0.03 * np.sqrt(np.mean(displacement[inner] ** 2))
+    assert error < 0.01 * np.sqrt(np.mean(displacement[inner] ** 2))
 
 
 @pytest.mark.parametrize(
