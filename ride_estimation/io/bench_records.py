@@ -253,10 +253,18 @@ def _is_numeric(row: list[str]) -> bool:
 
 
 def _column(path: Path, name: str, cells: list[str]) -> Array:
-    try:
-        return np.array([cell if cell.strip() else "nan" for cell in cells], dtype=float)
-    except ValueError:
-        return np.full(len(cells), np.nan)
+    """Return one column; a text in a column that is otherwise numbers is a mistake, a column of texts is no signal."""
+    values = np.full(len(cells), np.nan)
+    texts: list[int] = []
+    for i, cell in enumerate(cells):
+        if cell.strip():
+            try:
+                values[i] = float(cell)
+            except ValueError:
+                texts.append(i)
+    if texts and len(texts) < 0.5 * len(cells):
+        raise InputDataError(f"{path}: {cells[texts[0]]!r} in data row {texts[0] + 1} of column {name!r} is not a number")
+    return values
 
 
 def _assemble(where: str, columns: Mapping[str, Array], options: ReadOptions) -> BenchRecord:

@@ -17,7 +17,9 @@ MIN_SAMPLES = 200
 #: largest departure of one time step from the mean step that still counts as uniform
 MAX_STEP_JITTER = 0.02
 #: plausible secant stiffness of mounts, bushings, jounce bumpers and dampers on a bench [N/m]
-PLAUSIBLE_STIFFNESS = (2.0e1, 5.0e8)
+PLAUSIBLE_STIFFNESS = (5.0e2, 5.0e8)
+#: plausible stroke of a bench record [m]
+PLAUSIBLE_STROKE = (1.0e-6, 1.0)
 #: share of samples at exactly the extreme value from which a channel counts as clipped
 CLIPPED_SHARE = 0.005
 
@@ -161,19 +163,22 @@ def clipped_samples(record: BenchRecord) -> NDArray[np.bool_]:
 
 
 def _stiffness_range(where: str, x: Array, f: Array, allow: bool) -> list[str]:
-    secant = float(np.ptp(f) / np.ptp(x))
+    stroke = float(np.ptp(x))
+    secant = float(np.ptp(f)) / stroke
     low, high = PLAUSIBLE_STIFFNESS
-    if low <= secant <= high:
+    if low <= secant <= high and PLAUSIBLE_STROKE[0] <= stroke <= PLAUSIBLE_STROKE[1]:
         return []
+    soft = secant < low or stroke > PLAUSIBLE_STROKE[1]
     # three decades off in the direction of a forgotten mm -> m conversion
     hint = (
         "a displacement in millimetres given as metres, or a force in kN given as N, makes a mount look 1000 times softer"
-        if secant < low
+        if soft
         else "a displacement in metres given as millimetres, or a force in N given as kN, makes a mount look 1000 times stiffer"
     )
     text = (
         f"{where}: force range {np.ptp(f):g} N over displacement range {np.ptp(x):g} m is a stiffness of {secant:g} N/m, "
-        f"outside {low:g} to {high:g} N/m; {hint}. State the units (--displacement-unit, --force-unit)"
+        f"expected are {low:g} to {high:g} N/m and strokes of {PLAUSIBLE_STROKE[0]:g} to {PLAUSIBLE_STROKE[1]:g} m; {hint}. "
+        "State the units (--displacement-unit, --force-unit)"
     )
     if allow:
         return [text]

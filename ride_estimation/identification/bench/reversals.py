@@ -78,10 +78,12 @@ def noise_level(values: Array) -> float:
     firsts = np.unique(np.linspace(0, values.size - window, min(24, values.size // window)).astype(int))
     parts = values[firsts[:, None] + np.arange(window)]
     for order in (4, 6, 8, 10):
+        if order >= window:
+            break
         difference = np.diff(parts, n=order, axis=1)
         deviation = float(np.median(np.abs(difference))) / 0.6745
         best = min(best, deviation / float(np.sqrt(comb(2 * order, order))))
-    return best
+    return best if np.isfinite(best) else 0.0
 
 
 def signal_band(values: Array, step_s: float, noise_std: float) -> float:
@@ -119,7 +121,8 @@ def find_motion(displacement: Array, step_s: float, *, dead_band: float | None =
     corner, band = 0.0, 0.0
     if not raw and noise > NEGLIGIBLE_NOISE * np.ptp(x):
         nyquist = 0.5 / step_s
-        corner = 2.0 * signal_band(x, step_s, noise)
+        # four times the band: forward and backward the filter then takes 1.5e-5 of the highest component
+        corner = 4.0 * signal_band(x, step_s, noise)
         left = noise
         if corner < 0.8 * nyquist:
             x = low_pass(x, step_s, corner)
