@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import dataclasses
+import pathlib
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 from worlds import adapters
+from worlds.bag import write_bag
 from worlds.cab import GRAVITY, CabSensor, measure, random_sensors, random_vehicle, simulate, true_signal
 from worlds.calibration import BestLinear
 from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE, SENSOR_CAUSES, Effect, Reference, plant
@@ -17,6 +19,8 @@ from worlds.plane_scenario import machine_case, quarter_car_case
 from worlds.quarter_car import FireTruck, QuarterCar
 from worlds.roads import Road, base_motion
 from worlds.vehicle_text import Belief, believed_parameters
+
+from ride_estimation.io.bags import read_recording
 
 
 @pytest.fixture(scope="module")
@@ -165,3 +169,16 @@ def test_machine_case_is_complete() -> None:
     between = (0.9 * run.data["cab_front"] + 0.7 * run.data["cab_rear"]) / 1.6
     noise = vehicle.sensors["cab_front"].noise_std
     assert np.std(run.data["cab_middle"][:, 2] - between[:, 2]) < 1.5 * noise
+
+
+def test_bag_comes_back_sample_by_sample(reference: Reference, tmp_path: pathlib.Path) -> None:
+    stroke = CabSensor("stroke", "front_left", np.zeros(3), kind="displacement", axis="z", noise_std=1e-5)
+    sensors = (*reference.sensors[:2], stroke)
+    data = measure(reference.run, sensors, 100.0, 2)
+    vehicle = adapters.believed_vehicle(data)
+    write_bag(tmp_path / "run", data)
+    read = read_recording(tmp_path / "run", vehicle)
+    for sensor in sensors:
+        channel = read.channels[sensor.name]
+        assert np.array_equal(channel.values, data.data[sensor.name])
+        assert np.array_equal(channel.stamp_ns, adapters.START_NS + np.round(data.time * 1e9).astype(np.int64))
