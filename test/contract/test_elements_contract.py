@@ -62,8 +62,10 @@ class TestEveryElement:
         # energy taken up over a closed path from rest, relative to the energy moved to and fro;
         # 2e-5 is the quadrature error of the path at 0.1 ms
         element = kinds()[kind].example()
+        # the fitted network is the only law of the registry whose example may yield energy, and says so
+        assert element.is_passive() == (kind != "local_linear_network")
         if not element.is_passive():
-            pytest.skip("declared not passive")
+            return
         for seed in range(4):
             for stroke in (0.2 * STROKE, STROKE, 1.4 * STROKE):
                 _, x, v = path(1e-4, stroke=stroke, seed=seed)
