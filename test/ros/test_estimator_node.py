@@ -198,7 +198,7 @@ def test_parameters_and_diagnostics_come_once_per_second_of_data(ros_single: Ros
     listener = Listener(ros_single, names)
     node = estimator(ros_single)
     ros_single.until(lambda: node.count_subscribers("/ride/estimator/parameters") > 0)
-    feed(node, 4.2)
+    feed(node, 4.7)
     got = listener.got["/ride/estimator/parameters"]
     ros_single.until(lambda: len(got) == 5)
     stamps = np.array([m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in got])

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -71,13 +72,24 @@ def test_recorded_run_is_played_into_the_live_estimator(ros_single: Ros, start: 
     run = write_bag(tmp_path / "run", [(m.topic, m.type_name, m.stamp_ns, m.payload) for m in drive(load_vehicle(TRUCK), 2.0)])
     listener = ros_single.add(Node("listener", context=ros_single.context, use_global_arguments=False))
     got: list[JointState] = []
+    accepted: dict[str, int] = {}
+
+    def keep_accepted(message: DiagnosticArray) -> None:
+        for status in message.status:
+            accepted.update((status.name, int(pair.value)) for pair in status.values if pair.key == "accepted")
+
     listener.create_subscription(JointState, "/ride/estimator/mounts/states", got.append, qos.output(2000))
+    listener.create_subscription(DiagnosticArray, "/diagnostics", keep_accepted, qos.output())
     estimator = start("estimator_node", "-p", "use_sim_time:=true")
-    player = start("replay_node", "-p", f"bag:={run}", "-p", "rate:=2.0", "-p", "wait_for_subscribers:=60.0")
+    ros_single.until(lambda: bool(accepted), deadline_s=60.0)  # active, and its topics are matched
+    player = start("replay_node", "-p", f"bag:={run}", "-p", "wait_for_subscribers:=60.0")
+    ros_single.until(lambda: player.poll() is not None, deadline_s=60.0)
     code, output = end(player, None)
     assert code == 0, output
     assert "played 1600 messages" in output
-    ros_single.until(lambda: len(got) >= 150, deadline_s=20.0)
+    ros_single.until(lambda: min(accepted.values()) == 200, deadline_s=20.0)
+    assert len(accepted) == 8
+    assert got, "estimates are published"
     assert end(estimator, signal.SIGINT)[0] == 0
 
 
