@@ -82,8 +82,8 @@ def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
     """
     files = bag_files(path)
     warnings: list[str] = []
-    target = path
-    if path.is_dir() and not (path / "metadata.yaml").exists():
+    target = path if path.is_file() else files[0].parent
+    if target.is_dir() and not (target / "metadata.yaml").exists():
         if len(files) > 1:
             raise InputDataError(f"{path}: metadata.yaml is missing and there are {len(files)} files; name one of them")
         target = files[0]
@@ -98,7 +98,7 @@ def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
 
 
 def bag_files(path: Path) -> tuple[Path, ...]:
-    """Return the storage files of a run.
+    """Return the storage files of a run; a folder that only holds the folder of a bag stands for that bag.
 
     Raises
     ------
@@ -113,10 +113,11 @@ def bag_files(path: Path) -> tuple[Path, ...]:
         if path.stat().st_size == 0:
             raise InputDataError(f"{path}: the file is empty")
         return (path,)
-    files = tuple(sorted(p for p in path.iterdir() if p.suffix in SUFFIXES))
-    if not files:
-        raise InputDataError(f"{path}: the folder holds no {', '.join(SUFFIXES)} file")
-    return files
+    for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir())):
+        files = tuple(sorted(p for p in folder.iterdir() if p.is_file() and p.suffix in SUFFIXES))
+        if files:
+            return files
+    raise InputDataError(f"{path}: the folder holds no {', '.join(SUFFIXES)} file")
 
 
 def checksum_of(path: Path) -> str:

@@ -81,12 +81,12 @@ def _quality(page: Page, run: OfflineRun, quality: Mapping[str, ChannelQuality])
         health = run.health.sensors.get(name)
         rows.append([
             name, q.samples, health.accepted if health else 0, sum(health.rejected.values()) if health else 0,
-            q.rate_hz, 1e3 * q.jitter_s, q.gaps, 1e3 * q.longest_gap_s, q.clipped, q.spikes, "  ".join(f"{v:.2f}" for v in q.mean[:3]),
-            "  ".join(f"{v:.2f}" for v in q.std[:3]), "; ".join(q.findings) or "fine",
+            q.backwards, q.rate_hz, 1e3 * q.jitter_s, q.gaps, 1e3 * q.longest_gap_s, q.clipped, q.spikes,
+            "  ".join(f"{v:.2f}" for v in q.mean[:3]), "  ".join(f"{v:.2f}" for v in q.std[:3]), "; ".join(q.findings) or "fine",
         ])  # fmt: skip
     page.table([
-        "sensor", "samples", "used", "rejected", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped", "spikes",
-        "mean [unit]", "std [unit]", "findings",
+        "sensor", "samples", "used", "rejected", "overtaken", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped",
+        "spikes", "mean [unit]", "std [unit]", "findings",
     ], rows)  # fmt: skip
     page.text("Mean of an accelerometer in sensor axes; a specific force of +9.81 m/s² points up at rest.")
 

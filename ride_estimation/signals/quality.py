@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: periods without a sample that make a gap
 GAP_PERIODS = 3.5
+#: steps back that are more than messages overtaking each other [periods]
+FAR_PERIODS = 10.0
 #: time without any change that makes a flat line [s]
 FLAT_SECONDS = 1.0
 #: distance of a sample from its neighbours, in robust standard deviations of that distance, that makes a spike
@@ -35,7 +37,7 @@ class ChannelQuality:
     rate_hz, jitter_s
         From the median distance of stamps, and its robust standard deviation.
     duplicates, backwards
-        Stamps equal to and before the stamp received just before.
+        Stamps equal to and before the stamp received just before (a few backwards are messages that overtook each other).
     gaps, longest_gap_s
         Holes longer than :data:`GAP_PERIODS` periods.
     clipped
@@ -116,8 +118,10 @@ def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
         found.append(f"{int(np.sum(channel.stamp_ns <= 0))} stamps are zero")
     if q.duplicates:
         found.append(f"{q.duplicates} stamps are repeated")
-    if q.backwards:
-        found.append(f"stamps run backwards {q.backwards} times")
+    back = np.diff(channel.stamp_ns)
+    far = back[back < -FAR_PERIODS * period * 1e9] if period else back[back < 0]
+    if len(far):
+        found.append(f"stamps run backwards {len(far)} times, the farthest by {-float(far.min()) * 1e-9:.3g} s")
     if q.gaps:
         found.append(f"{q.gaps} gaps of more than {GAP_PERIODS:g} periods, the longest {q.longest_gap_s:.3g} s")
     if period and q.jitter_s > 0.1 * period:
