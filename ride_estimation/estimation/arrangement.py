@@ -51,7 +51,7 @@ class Arrangement:
     wrench: Array
 
     @property
-    def free(self) -> Array:
+    def free(self) -> NDArray[np.bool_]:
         """Return which of the six coordinates the body may move in, shape (6,) bool."""
         return np.array([c in self.body.coordinates for c in COORDINATES])
 

@@ -129,7 +129,7 @@ class IntervalMemory:
         # degrees of freedom are few: Student instead of Gauss
         student = (n + _SHRINK) / max(n + _SHRINK - 3.0, 1.0)
         excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
-        return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, 0.25 * stated**2)))
+        return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

@@ -110,11 +110,13 @@ class MountForceEstimator:
         self.law = law
         self.known = known
         self.mass = arrangement.body.mass.value
+        #: share of the rotation of the brackets that the mount axes follow
+        self.follow = 1.0
         count = len(arrangement.mounts)
         self._count = count
         # log standard deviations of stiffness and damping, set by the parameter estimator
         self.parameter_std = np.zeros((2, count, 3))
-        free = np.repeat(arrangement.free, 1)
+        free = arrangement.free
         self._g = arrangement.wrench[free]
         self._free = free
         self.reset()
@@ -164,6 +166,7 @@ class MountForceEstimator:
         """
         ticks, count = len(support), self._count
         turn = deflection.turn
+        turn, turn_rate = self.follow * turn, self.follow * turn_rate
         x = deflection.deflection + cross(turn, deflection.deflection)
         v = deflection.rate + cross(turn, deflection.rate) + cross(turn_rate, deflection.deflection)
         x, v = x * self.known, v * self.known

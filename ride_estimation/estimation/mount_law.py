@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
-from ride_estimation.elements.terms import STATE_SIZE, initial_states, pack_terms, terms_commit
+from ride_estimation.elements.terms import STATE_SIZE, Term, initial_states, pack_terms, terms_commit
 from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.frames import AXES
 from ride_estimation.jit import compile_kernel
@@ -74,7 +74,8 @@ class MountLaw:
         self.states = initial_states(self._codes, self._params) if len(self._codes) else np.zeros((0, STATE_SIZE))
 
     def _pack(self) -> None:
-        terms, owner = [], []
+        terms: list[Term] = []
+        owner: list[tuple[int, int, int, int]] = []
         self.stiffness, self.damping = np.zeros((self._count, 3)), np.zeros((self._count, 3))
         for i, a, element in self._elements:
             own = scaled(element, self.multipliers[0, i, a], self.multipliers[1, i, a])

@@ -19,6 +19,7 @@ from ride_estimation.estimation.cg_motion import MotionBlock
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.force_balance import BalanceChunk, BalanceInput, ForceBalance
 from ride_estimation.estimation.guarded_ekf import GuardedEkf
+from ride_estimation.estimation.identifiable import null_directions
 from ride_estimation.estimation.interval import Interval, IntervalMemory
 from ride_estimation.estimation.mount_forces import static_share
 from ride_estimation.estimation.mount_law import ROLES, MountLaw
@@ -39,12 +40,12 @@ _SETTLE = 9.0
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the stretch that is looked at as a whole [s]
-_LONGEST = 6.0
+_LONGEST = 9.0
 #: excited time after a start or a change at which it is [s]
-_REVIEWS = (5.0, 9.0, 16.0, 30.0)
-_REVIEWS_AFTER_CHANGE = (3.0, 6.0, 9.0, 16.0)
-#: relative improvement of the squared error that moves the parameters then
-_CLEARLY = 0.02
+_REVIEWS = (4.5, 7.0, 12.0)
+_REVIEWS_AFTER_CHANGE = (3.0, 6.0, 9.0)
+#: improvement of the squared error that moves the parameters then, in units of its scatter
+_CLEARLY = 6.0
 #: intervals of excitation kept in memory by the forgetting
 _MEMORY_INTERVALS = 60
 #: standard deviation a change of the vehicle opens in every logarithm
@@ -149,6 +150,28 @@ class ParameterEstimator:
                 name = f"{mount.name}.{axis}.{p.name}"
                 found.append(Estimate(name, value, abs(value) * float(self.std[n]), p.unit, prior, status, reason, self.stamp_ns))
         return tuple(found)
+
+    def null_directions(self) -> list[str]:
+        """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
+        if self._filter is None:
+            return []
+        names = [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
+        return null_directions(self._filter.p[:-1, :-1], self._prior_std[:-1], names)
+
+    def notes(self) -> list[str]:
+        """Return what the person in the field should know about the parameters."""
+        found = []
+        if self.changes:
+            found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
+        vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
+        moved = self.theta[:-1][vertical]
+        sure = self.std[:-1][vertical]
+        if len(moved) >= 4 and np.max(sure) < 0.03 and np.ptp(moved) < 0.03 and abs(np.mean(moved)) > 0.04:
+            found.append(
+                f"all vertical stiffness and damping values are {100 * np.expm1(np.mean(moved)):+.0f} % off the vehicle file together: "
+                "a mass that differs from the file explains that better than the mounts"
+            )  # fmt: skip
+        return found
 
     def at_bound(self) -> tuple[str, ...]:
         """Return the names of multipliers at a bound."""
@@ -267,8 +290,9 @@ class ParameterEstimator:
         self._reviews = self._reviews[1:]
         state, last = self._response.state, self._response.last
         theta, cost = self._refinement.refine(self.theta, weights)
-        present = sum(i.square for i in self._refinement.passed(self.theta, weights))
-        if cost < (1.0 - _CLEARLY) * present:
+        prior = np.sum((self.theta / self._prior_std) ** 2)
+        present = sum(i.square for i in self._refinement.passed(self.theta, weights)) + float(prior)
+        if present - cost > _CLEARLY * max(self._memory.inflation, 1.0):
             self._filter.replace(x=theta, p=np.diag(self._prior_std**2))
             self._learn_all(theta, weights, step)
         else:

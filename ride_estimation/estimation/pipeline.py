@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.health import Health, SensorHealth, residual_message, sensor_messages
+from ride_estimation.estimation.identifiable import describe
 from ride_estimation.estimation.loads import InertialLoads
 from ride_estimation.estimation.mount_forces import ForceBlock, MountForceEstimator
 from ride_estimation.estimation.mount_law import MountLaw
@@ -64,7 +66,10 @@ class Pipeline:
         self._law = MountLaw(a)
         self._forces = MountForceEstimator(a, self._law, self._deflection.known)
         self._parameters = ParameterEstimator(a, self.settings)
-        used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers]
+        self._anchor = MassAnchor(a, self._parameters.slots)
+        self._factor = 1.0
+        cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
+        used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers, *cells]
         self._sensors = tuple({s.name: s for s in used}.values())
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
@@ -78,6 +83,9 @@ class Pipeline:
         self._dt = 0.0
         self._stamp = 0
         self._since_variance = 0.0
+        self._run_time = 0.0
+        self._next_anchor = 0.0
+        self._apply()
 
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu")) for s in self._sensors]
@@ -99,6 +107,8 @@ class Pipeline:
             (a.mount_names.index(s.mount), AXES.index(s.axis), self._index[s.name], columns[self._index[s.name]].start)
             for s in a.transducers
         ]  # fmt: skip
+        self._cells = [(name, i, self._index[name], columns[self._index[name]].start) for name, i in self._anchor.cells]
+        self._needed = np.array([self._index[s.name] for s in self._sensors if s.kind != "force"])
         self._limits = np.array([s.full_scale for s in self._sensors])
         self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
 
@@ -134,7 +144,8 @@ class Pipeline:
     def reset(self, reason: str) -> None:
         """Forget motion and learned parameters and begin again from the vehicle file."""
         self._parameters = ParameterEstimator(self.arrangement, self.settings)
-        self._law.scale(self._parameters.multipliers())
+        self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
+        self._apply()
         self._restart(reason)
         self._aligner = self._new_aligner()
 
@@ -163,7 +174,11 @@ class Pipeline:
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         deflection = self._observe_deflection(block, motion, support, dt)
         forces = self._observe_forces(deflection, support, load_covariance, motion, dt)
-        self._learn(motion, deflection, support, bool(block.valid.all()), dt)
+        for name, i, stream, start in self._cells:
+            if block.valid[:, stream].all():
+                cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
+                self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
+        self._learn(motion, deflection, support, bool(block.valid[:, self._needed].all()), dt)
         self._ticks += ticks
         self._invalid_ticks += int(np.sum(~motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
@@ -214,29 +229,58 @@ class Pipeline:
 
     def _learn(self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, complete: bool, dt: float) -> None:
         data = BalanceInput(
-            support, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
-            self._deflection.turn_rate(deflection), self._forces.shared(support),
+            support / self._factor, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
+            self._deflection.turn_rate(deflection), self._forces.shared(support) / self._factor,
         )  # fmt: skip
-        if self._parameters.observe(data, motion, complete, self._stamp, dt):
-            self._law.scale(self._parameters.multipliers())
-            self._forces.parameter_std = self._parameters.stds()
+        self._run_time += len(support) * dt
+        p = self._parameters
+        moved = p.observe(data, motion, complete, self._stamp, dt)
+        if moved or self._run_time >= self._next_anchor:
+            self._next_anchor = self._run_time + 1.0
+            self._anchor.update(p.theta[:-1], p.std[:-1], self._forces.static_force / self._factor, self._run_time, p.excited_time)
+            self._apply()
+
+    def _apply(self) -> None:
+        """Let mass and parameters reach loads and forces."""
+        self._factor, relative = self._anchor.factor()
+        body = self.arrangement.body
+        self._loads = InertialLoads(
+            body.mass.value * self._factor, body.mass.value * self._factor * relative, np.asarray(body.inertia) * self._factor,
+            body.inertia_relative_std or 0.0,
+        )  # fmt: skip
+        self._law.scale(self._parameters.multipliers() * self._factor)
+        self._forces.mass = self._loads.mass
+        self._forces.follow = self._parameters.follow
+        self._forces.parameter_std = self._parameters.stds()
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
-        return (self._mass_estimate(), *self._parameters.estimates())
+        return (self._mass_estimate(), *(self._absolute(e) for e in self._parameters.estimates()))
+
+    def _absolute(self, estimate: Estimate) -> Estimate:
+        """Return an estimate for the present mass; its standard deviation knows that of the mass."""
+        factor, relative = self._anchor.factor()
+        value = estimate.value * factor
+        std = float(np.hypot(estimate.std * factor, value * relative))
+        status, reason = estimate.status, estimate.reason
+        if not self._anchor.anchored and status in (Status.VALID, Status.ESTIMATING):
+            status, reason = Status.NOT_IDENTIFIABLE, "only its ratio to the mass can be told; the value holds for the file's mass"
+        return dataclasses.replace(estimate, value=value, std=std, status=status, reason=reason)
 
     def _mass_estimate(self) -> Estimate:
         body = self.arrangement.body
-        return Estimate(
-            f"{body.name}.mass", self._loads.mass, self._loads.mass_std, "kg", body.mass.value, Status.NOT_IDENTIFIABLE,
-            "accelerations alone do not tell it", self._stamp,
-        )  # fmt: skip
+        factor, relative = self._anchor.factor()
+        status, reason = self._anchor.status()
+        mass = body.mass.value * factor
+        return Estimate(f"{body.name}.mass", mass, mass * relative, "kg", body.mass.value, status, reason, self._stamp)
 
     def identifiability(self) -> dict[str, Any]:
         """Return what the data can and cannot tell, in words."""
-        return {"identifiable": [], "not_identifiable": [], "advice": []}
+        return describe(
+            self.arrangement, self.parameters(), self._anchor.anchored, self._parameters.null_directions(), self._parameters.notes()
+        )
 
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""
@@ -251,10 +295,11 @@ class Pipeline:
                 int(self._invalid[i]), ratio.get(s.name, 0.0),
             )  # fmt: skip
         messages = [m for m in (residual_message(test),) if m] + sensor_messages(list(sensors.values()), self._ticks)
+        messages += self._parameters.notes()
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,
-            0.0, False, (), tuple(messages),
+            self._parameters.innovation_ratio, self._parameters.excited, self._parameters.at_bound(), tuple(messages),
         )  # fmt: skip
 
     # -- persistence ------------------------------------------------------------------------------------------------------
@@ -265,7 +310,7 @@ class Pipeline:
             "schema": STATE_SCHEMA, "vehicle": self.vehicle.checksum, "sensors": [s.name for s in self._sensors],
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
-            "parameters": self._parameters.save(),
+            "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -283,5 +328,7 @@ class Pipeline:
         self._motion.load(state["motion"])
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
-        self._law.scale(self._parameters.multipliers())
+        self._anchor.load(state["anchor"])
+        self._run_time = float(state["run_time"])
+        self._apply()
         self._forces.load(state["forces"])

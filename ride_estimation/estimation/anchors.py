@@ -1,0 +1,206 @@
+# Copyright 2026 ride_estimation contributors
+"""Mass where something anchors forces in absolute terms; without an anchor it stays what the vehicle file says.
+
+Accelerations alone leave every signal unchanged under ``(m, J, k, c) -> s (m, J, k, c)``. Everything here estimates that one
+factor s: from a stiffness that is known, from a load cell, from the pressure of an air spring at rest or from a mass added during
+the run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.slots import Slot
+from ride_estimation.frames import AXES
+from ride_estimation.vehicles.vehicle import ForceReference
+
+Array = NDArray[np.float64]
+
+#: relative standard deviation of a reference that states none
+_DEFAULT_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.03, "known_added_mass": 0.005}
+#: relative standard deviation of a mount's share of the weight (levelling)
+_SHARE_STD = 0.03
+#: memory of the means of a load cell [s] and correlation time of its misfit [s]
+_MEAN_MEMORY, _CORRELATION = 4.0, 0.3
+#: excited time needed on each side of an added mass [s]
+_SETTLED = 8.0
+
+NULL_DIRECTION = (
+    "mass, inertia and all stiffness and damping values scaled by one factor together: accelerations do not change; only ratios "
+    "such as k/m, c/m and force per mass can be told"
+)
+
+
+@dataclasses.dataclass
+class _Cell:
+    """Running sums of one load cell against the estimated force, shape (3,) each."""
+
+    mean_cell: Array
+    mean_force: Array
+    cross: float = 0.0
+    square: float = 0.0
+    misfit: float = 0.0
+    time: float = 0.0
+
+
+class MassAnchor:
+    """The factor between the true mass and the one of the vehicle file.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts, force references.
+    slots
+        Multipliers of the parameter estimator.
+    """
+
+    def __init__(self, arrangement: Arrangement, slots: Sequence[Slot]) -> None:
+        self.arrangement = arrangement
+        self._slots = tuple(slots)
+        body = arrangement.body.name
+        self._references = tuple(
+            r for r in arrangement.vehicle.force_references if r.mount in arrangement.mount_names or r.body == body
+        )
+        self.known = any(r.kind == "known_mass" for r in self._references)
+        self._cells = {r.sensor: _Cell(np.zeros(3), np.zeros(3)) for r in self._references if r.kind == "load_cell"}
+        self._found: dict[int, tuple[float, float]] = {}
+        self._before: tuple[Array, Array] | None = None
+        self._added_at = 0.0
+
+    @property
+    def cells(self) -> tuple[tuple[str, int], ...]:
+        """Return (sensor, mount index) of the load cells that anchor forces."""
+        names = self.arrangement.mount_names
+        return tuple((r.sensor, names.index(r.mount)) for r in self._references if r.kind == "load_cell")
+
+    @property
+    def anchored(self) -> bool:
+        """Return whether the vehicle file names anything that anchors forces."""
+        return bool(self._references)
+
+    def observe_cell(self, sensor: str, measured: Array, force: Array, duration: float) -> None:
+        """Compare a load cell with the force estimated for the file's mass, shapes (K, 3); moving parts only."""
+        cell = self._cells[sensor]
+        share = 1.0 - math.exp(-duration / _MEAN_MEMORY)
+        if cell.time == 0.0:
+            cell.mean_cell, cell.mean_force = measured.mean(axis=0), force.mean(axis=0)
+        cell.mean_cell = cell.mean_cell + share * (measured.mean(axis=0) - cell.mean_cell)
+        cell.mean_force = cell.mean_force + share * (force.mean(axis=0) - cell.mean_force)
+        cell.time += duration
+        if cell.time < _MEAN_MEMORY:
+            return
+        a, b = (force - cell.mean_force)[:, 2], (measured - cell.mean_cell)[:, 2]
+        cell.cross += float(a @ b) / len(a) * duration
+        cell.square += float(a @ a) / len(a) * duration
+        slope = cell.cross / cell.square if cell.square > 0.0 else 1.0
+        cell.misfit += float(np.mean((b - slope * a) ** 2)) * duration
+
+    def update(self, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float) -> None:
+        """Look at all references with the present parameters (logarithms of multipliers, for the file's mass)."""
+        for n, reference in enumerate(self._references):
+            found = self._look(reference, theta, std, static_force, run_time, excited_time)
+            if found is not None:
+                self._found[n] = found
+
+    def _look(
+        self, r: ForceReference, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float
+    ) -> tuple[float, float] | None:
+        """Return (logarithm of the factor, its standard deviation) of one reference, None while it tells nothing."""
+        own = float(r.details.get("relative_std", _DEFAULT_STD.get(r.kind, 0.0)))
+        if r.kind == "known_stiffness":
+            slot = self._slot(r)
+            return None if slot is None or std[slot] > 0.1 else (-float(theta[slot]), math.hypot(own, float(std[slot])))
+        if r.kind == "air_spring_pressure":
+            force = float(r.details["pressure"]) * float(r.details["area"])
+            weight = float(static_force[self.arrangement.mount_names.index(r.mount), AXES.index(r.axis or "z")])
+            if "force_std" in r.details:
+                own = float(r.details["force_std"]) / force
+            return (math.log(force / weight), math.hypot(own, _SHARE_STD)) if weight > 0.0 and force > 0.0 else None
+        if r.kind == "load_cell":
+            cell = self._cells[r.sensor]
+            if cell.square <= 0.0 or cell.cross <= 0.0 or cell.time < 2.0 * _MEAN_MEMORY:
+                return None
+            scatter = math.sqrt(cell.misfit * 2.0 * _CORRELATION) / math.sqrt(cell.square) / math.sqrt(cell.time)
+            return math.log(cell.cross / cell.square), math.hypot(own, scatter * cell.square**0.5 / max(cell.cross**0.5, 1e-12))
+        if r.kind == "known_added_mass":
+            return self._added(r, own, theta, std, run_time, excited_time)
+        return None
+
+    def _slot(self, r: ForceReference) -> int | None:
+        names = self.arrangement.mount_names
+        for n, slot in enumerate(self._slots):
+            if slot.role == 0 and names[slot.mount] == r.mount and AXES[slot.axis] == r.axis:
+                return n
+        return None
+
+    def _added(self, r: ForceReference, own: float, theta: Array, std: Array, run_time: float, excited_time: float) -> tuple[float, float] | None:
+        """Return the factor from the fall of all k/m and c/m when a known mass comes on: ``exp(-fall) = m / (m + dm)``."""
+        start = float(r.details["from_s"])
+        if run_time < start:
+            self._before, self._added_at = (theta.copy(), std.copy()), excited_time
+            return None
+        if self._before is None or excited_time - self._added_at < _SETTLED or run_time > float(r.details.get("to_s", math.inf)):
+            return None
+        old, old_std = self._before
+        vertical = np.array([s.axis == 2 for s in self._slots])
+        variance = (old_std**2 + std**2)[vertical]
+        weight = 1.0 / variance
+        fall = float(np.sum(weight * (old - theta)[vertical]) / np.sum(weight))
+        fall_std = float(1.0 / math.sqrt(np.sum(weight)))
+        added = float(r.details["mass"])
+        ratio = math.expm1(fall)
+        if ratio * added <= 0.0 or abs(fall) < 3.0 * fall_std:
+            return None
+        mass = added / ratio
+        return math.log(mass / self.arrangement.body.mass.value), math.hypot(own, fall_std * (1.0 + ratio) / abs(ratio))
+
+    def factor(self) -> tuple[float, float]:
+        """Return the factor on the file's mass and its relative standard deviation."""
+        prior = self.arrangement.body.mass
+        relative = prior.std / prior.value if prior.std else 0.0
+        if self.known or not self._found:
+            return 1.0, relative if self.known or prior.std else 0.1
+        weights = np.array([1.0 / s**2 for _, s in self._found.values()])
+        logs = np.array([v for v, _ in self._found.values()])
+        mean = float(np.sum(weights * logs) / np.sum(weights))
+        spread = float(np.sqrt(np.sum(weights * (logs - mean) ** 2) / np.sum(weights))) if len(logs) > 1 else 0.0
+        return math.exp(mean), math.hypot(1.0 / math.sqrt(float(np.sum(weights))), spread)
+
+    def status(self) -> tuple[Status, str]:
+        """Return status and reason of the mass."""
+        if self.known:
+            return Status.VALID, "declared as known in the vehicle file"
+        if not self._references:
+            return Status.NOT_IDENTIFIABLE, f"nothing anchors forces in absolute terms; {NULL_DIRECTION}; the file's mass is used as given"
+        if not self._found:
+            kinds = ", ".join(sorted({r.kind for r in self._references}))
+            return Status.ESTIMATING, f"waiting for excitation to use {kinds}; the file's mass is used meanwhile"
+        kinds = ", ".join(sorted({self._references[n].kind for n in self._found}))
+        return Status.VALID, f"from {kinds}"
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        cells = {
+            name: {**dataclasses.asdict(c), "mean_cell": c.mean_cell.tolist(), "mean_force": c.mean_force.tolist()}
+            for name, c in self._cells.items()
+        }
+        before = None if self._before is None else [self._before[0].tolist(), self._before[1].tolist()]
+        return {"found": {str(n): list(v) for n, v in self._found.items()}, "cells": cells, "before": before, "added_at": self._added_at}
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._found = {int(n): (float(v[0]), float(v[1])) for n, v in saved["found"].items()}
+        for name, c in saved["cells"].items():
+            own = {key: float(c[key]) for key in ("cross", "square", "misfit", "time")}
+            self._cells[name] = _Cell(np.array(c["mean_cell"], dtype=float), np.array(c["mean_force"], dtype=float), **own)
+        before = saved["before"]
+        self._before = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
+        self._added_at = float(saved["added_at"])
