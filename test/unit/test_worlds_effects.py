@@ -14,7 +14,7 @@ from worlds import adapters
 from worlds.bag import write_bag
 from worlds.cab import GRAVITY, CabSensor, measure, random_sensors, random_vehicle, simulate, true_signal
 from worlds.calibration import BestLinear
-from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE, SENSOR_CAUSES, Effect, Reference, plant
+from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE, SENSOR_CAUSES, Effect, Reference, combine, plant
 from worlds.plane_scenario import machine_case, quarter_car_case
 from worlds.quarter_car import FireTruck, QuarterCar
 from worlds.roads import Road, base_motion
@@ -182,3 +182,17 @@ def test_bag_comes_back_sample_by_sample(reference: Reference, tmp_path: pathlib
         channel = read.channels[sensor.name]
         assert np.array_equal(channel.values, data.data[sensor.name])
         assert np.array_equal(channel.stamp_ns, adapters.START_NS + np.round(data.time * 1e9).astype(np.int64))
+
+
+def test_two_effects_add_up(reference: Reference) -> None:
+    rng = np.random.default_rng(21)
+    first = plant("damping_nonlinearity", reference, rng, form="tanh_damper", mount="front_left", axis="z")
+    second = plant("one_soft_mount", reference, rng, mount="rear_left")
+    third = plant("sensor_delay", reference, rng)
+    vehicle, _, _ = combine(first, second)(2.0, 0.5)
+    assert len(vehicle.hidden.laws) == 1
+    assert vehicle.stiffness[2, 2] == pytest.approx(np.exp(-0.5) * reference.vehicle.stiffness[2, 2])
+    assert vehicle.damping[0, 2] == pytest.approx(2.0 / 0.97 * reference.vehicle.damping[0, 2])
+    vehicle, sensors, _ = combine(third, first)(1.0, 2.0)
+    assert vehicle.damping[0, 2] == pytest.approx(2.0 / 0.97 * reference.vehicle.damping[0, 2])
+    assert {s.name for s in sensors if s.delay_s > 0.0} == {third.location}

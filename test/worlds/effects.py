@@ -141,10 +141,9 @@ def combine(first: Effect, second: Effect) -> Callable[[float, float], Changed]:
             if f.name != "laws" and repr(getattr(none, f.name)) != repr(f.default)
         }
         hidden = dataclasses.replace(base, laws=base.laws + none.laws, **changes)
-        changed = np.any(v2.stiffness != v1.stiffness) and second.cause == "one_soft_mount"
-        vehicle = dataclasses.replace(
-            v1, hidden=hidden, **({"stiffness": v2.stiffness, "damping": v2.damping} if changed else {})
-        )
+        plain = second.apply(0.0)[0]
+        stiffness, damping = v1.stiffness * v2.stiffness / plain.stiffness, v1.damping * v2.damping / plain.damping
+        vehicle = dataclasses.replace(v1, hidden=hidden, stiffness=stiffness, damping=damping)
         sensors = tuple(_merge_sensor(a, b) for a, b in zip(s1, s2))
         return vehicle, sensors, tuple(a + b for a, b in zip(c1, c2))  # type: ignore[return-value]
 
