@@ -19,7 +19,7 @@ from ride_estimation.cli.main import build_parser, main, verbs
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "bags").glob("*.md")])
 #: longer than a few seconds: run by the slow suite
-SLOW_VERBS = {"demo", "diagnose"}
+SLOW_VERBS = {"demo", "diagnose", "replay", "simulate"}
 #: commands of the shell and of other programs that need no check here
 OTHER_PROGRAMS = {"cd", "source", ".", "git", "touch", "mkdir", "pip", "colcon", "deactivate", "export"}
 

@@ -31,7 +31,7 @@ def loaded_by(module: str) -> set[str]:
 @pytest.mark.parametrize(
     ("module", "forbidden"),
     [
-        ("ride_estimation.diagnosis", (*ROS, "rosbags", "matplotlib", "yaml")),
+        ("ride_estimation.diagnosis", (*ROS, "rosbags", "matplotlib")),
         ("ride_estimation.io", (*ROS, "matplotlib")),
         ("ride_estimation.cli", ROS),
     ],
