@@ -15,6 +15,9 @@ from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
 
+#: largest rotation of the body against a bracket that is believed [rad]
+LARGEST_TURN = 0.3
+
 
 @compile_kernel
 def advance_covariance(p: Array, dt: float, accel_variance: float, bias_density: float, value_variance: float, gain: Array) -> None:
@@ -209,7 +212,8 @@ def deflection_block(
                 for j in range(mounts):
                     for b in range(3):
                         total += tilt_maps[i, a, 3 * j + b] * (state[0, j, b] + dt * state[1, j, b])
-                turn[k, i, a] = total
+                # a faulty sensor must not turn the cab over: beyond this the tilt would feed itself
+                turn[k, i, a] = min(max(total, -LARGEST_TURN), LARGEST_TURN)
         w0, w1, w2 = rate[k, 0], rate[k, 1], rate[k, 2]
         ww = w0 * w0 + w1 * w1 + w2 * w2
         for i in range(mounts):
