@@ -107,13 +107,13 @@ class CgMotionEstimator:
     """
 
     def __init__(
-        self, sensors: Sequence[Sensor], cg: Array, free: Array, gravity: float, settings: PipelineSettings = PipelineSettings()
+        self, sensors: Sequence[Sensor], cg: Array, free: BoolArray, gravity: float, settings: PipelineSettings | None = None
     ) -> None:
         self.sensors = tuple(sensors)
         self.gyros = tuple(i for i, s in enumerate(self.sensors) if s.kind == "imu")
         self._free = np.asarray(free, dtype=bool)
         self._gravity = gravity
-        self._settings = settings
+        self._settings = settings or PipelineSettings()
         directions, points, rows = motion_rows(self.sensors, np.asarray(cg, dtype=float))
         extra = 3 * len(self.gyros)
         self.directions = np.vstack([directions, np.zeros((extra, 3))])
@@ -241,13 +241,11 @@ class CgMotionEstimator:
         )  # fmt: skip
         self._last_good = out.motion[where][-1].copy()
         out.valid[where] = weights.rank == needed
-        n = y.shape[1]
         residual = (y - self.predict(out.motion[where], out.rate[where])) * np.repeat(mask, 3)
         out.residual[where] = residual
         if mask.all() and weights.rank == needed:
             self.residual_products += residual.T @ residual
             self.residual_count += len(y)
-        del n
         return weights.covariance
 
     def _filter_noise(self, weights: Weights, dt: float) -> Array:

@@ -21,8 +21,8 @@ from ride_estimation.estimation.mount_law import MountLaw
 
 Array = NDArray[np.float64]
 
-#: share of the dynamic mount force that frame twist hides from the body (ride_models 4.7: 34 to 40 %)
-TWIST_SHARE = 0.4
+#: share of the dynamic mount force that frame twist hides from the body (34 to 40 % in pilots, up to 80 % on twisting frames)
+TWIST_SHARE = 0.7
 #: relative standard deviation of the static share that equilibrium leaves open (levelling, free lengths)
 STATIC_SHARE = 0.01
 #: memory of mean squares [s]

@@ -241,6 +241,8 @@ class ParameterEstimator:
             self._refinement.clear()
         if self._filter is None:
             return self._start(weights, chunk.step, stamp_ns) if self.excited else False
+        if self._response.step != chunk.step:
+            self._prepare(self.theta, chunk.step)
         innovation, gradient = self._response.observe(chunk)
         if not self.excited:
             return False

@@ -33,7 +33,8 @@ class ModelResponse:
         self._balance = balance
         self._count = len(balance.slots) + 1
         self._gravity = gravity
-        self._step = 0.0
+        #: step the response is prepared for [s], 0 before
+        self.step = 0.0
         self._covariance, self._base_variance = np.eye(6), 0.0
         self.reset()
 
@@ -81,7 +82,7 @@ class ModelResponse:
                 self.elastic[n] = k[slot.mount, slot.axis] * row
             else:
                 self.viscous[n] = c[slot.mount, slot.axis] * row
-        self._step = step
+        self.step = step
 
     def set_noise(self, covariance: Array, base_variance: float) -> None:
         """State the covariance of the body's acceleration (6, 6) and the variance of a base accelerometer; used by ``prepare``."""
