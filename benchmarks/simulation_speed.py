@@ -91,11 +91,11 @@ def main() -> None:
     theirs = scipy_seconds(assembly, reference) / (len(reference.displacement) / RATE) * simulated
     print(f"scipy solve_ivp RK45 rtol 1e-6, Kelvin-Voigt: {theirs:.0f} s for the same time, {theirs / voigt_s:.0f} times ours")
     try:
-        import mujoco_cab  # noqa: PLC0415
+        import mujoco_cab
     except ImportError:
         print("MuJoCo is not installed: no comparison")
         return
-    import mujoco  # noqa: PLC0415
+    import mujoco
 
     plant = mujoco_cab.cab_model(assembly.vehicle, assembly.static_force, 1.0 / RATE)
     data = mujoco.MjData(plant)

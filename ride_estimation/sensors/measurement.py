@@ -52,7 +52,7 @@ class SensorErrors:
     bias_std, gain_std, misalignment_std
         Spread from which each sensor draws its own bias [unit], relative gain error and rotation [rad].
     quantisation
-        Step of the converter [unit], 0 for none.
+        Step of the converter of the first three channels [unit], 0 for none.
     anti_alias
         Corner of the zero-phase low-pass before sampling [Hz], 0 for none (a logger that compensates its filter delay).
     jitter_std
@@ -210,7 +210,7 @@ def measure(
     values = _value_faults(values, time, faults, fault_generator)
     values = np.clip(values, -sensor.full_scale, sensor.full_scale) if math.isfinite(sensor.full_scale) else values
     if errors.quantisation > 0.0:
-        values = np.round(values / errors.quantisation) * errors.quantisation
+        values[:, :3] = np.round(values[:, :3] / errors.quantisation) * errors.quantisation
     stamps = time if errors.stamp_error_std == 0.0 else time + errors.stamp_error_std * generator.standard_normal(len(time))
     stamp_ns = start_ns + np.round(stamps * 1e9).astype(np.int64)
     way = errors.latency * (0.5 + generator.exponential(0.5, len(time)))

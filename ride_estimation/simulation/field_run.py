@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.sensors.measurement import SensorErrors, UnitErrors, draw_unit, measure, sample_times
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
+from ride_estimation.simulation.response import Response
 from ride_estimation.simulation.rotation import RotationResponse, simulate_full_rotation
 from ride_estimation.simulation.scenario import Scenario
+from ride_estimation.simulation.simulate import simulate
 from ride_estimation.simulation.truck_drive import Drive, drive
-from ride_estimation.vehicles.assembly import assemble
+from ride_estimation.vehicles.assembly import Assembly, assemble
 from ride_estimation.vehicles.vehicle import Prior, Vehicle
 
 Array = NDArray[np.float64]
@@ -57,6 +60,8 @@ def true_vehicle(scenario: Scenario, vehicle: Vehicle) -> Vehicle:
         A mount, axis, parameter or body the vehicle file does not have; all at once.
     """
     problems = _unknown_names(scenario, vehicle)
+    if scenario.payloads and not has_full_rotation(vehicle):
+        problems.append(f"payloads: need a vehicle whose bodies all have {', '.join(COORDINATES)} as degrees of freedom")
     if problems:
         raise ConfigurationError(problems, where=scenario.name)
     changes: dict[tuple[str, str], ForceElement] = dict(scenario.true_elements)
@@ -115,10 +120,14 @@ def run_scenario(scenario: Scenario, vehicle: Vehicle, progress: Callable[[float
     driven = drive(scenario, real)
     progress(0.4)
     lead_s = driven.lead / scenario.simulation_rate
-    payloads = [dataclasses.replace(p, begin=p.begin + lead_s) for p in scenario.payloads]
-    response = simulate_full_rotation(
-        assemble(real), driven.base, load=_disturbance_load(scenario, real, driven), payloads=payloads
-    )
+    assembly = assemble(real)
+    load = _disturbance_load(scenario, assembly, driven)
+    response: Response
+    if has_full_rotation(real):
+        payloads = [dataclasses.replace(p, begin=p.begin + lead_s) for p in scenario.payloads]
+        response = simulate_full_rotation(assembly, driven.base, load=load, payloads=payloads)
+    else:
+        response = simulate(assembly, driven.base, load=load)
     progress(0.3)
     channels, units = _measure_all(scenario, real, response, driven)
     progress(0.2)
@@ -128,30 +137,31 @@ def run_scenario(scenario: Scenario, vehicle: Vehicle, progress: Callable[[float
     return FieldRun(recording, truth)
 
 
-def _disturbance_load(scenario: Scenario, vehicle: Vehicle, driven: Drive) -> Array | None:
+def has_full_rotation(vehicle: Vehicle) -> bool:
+    """Return whether all bodies have all six coordinates, so that exact rigid-body kinematics apply."""
+    return all(set(b.coordinates) == set(COORDINATES) for b in vehicle.bodies.values())
+
+
+def _disturbance_load(scenario: Scenario, assembly: Assembly, driven: Drive) -> Array | None:
     if not scenario.disturbances:
         return None
     time = (np.arange(driven.base.samples) - driven.lead) / scenario.simulation_rate
-    load = np.zeros((len(time), 6 * len(vehicle.bodies)))
+    load = np.zeros((len(time), len(assembly.coordinates)))
     for d in scenario.disturbances:
-        force = np.zeros((len(time), 3))
-        wave = d.amplitude * np.sin(2.0 * np.pi * d.frequency * time + d.phase)
-        force[:, "xyz".index(d.axis)] = np.where(time >= d.begin, wave, 0.0)
-        first = 6 * tuple(vehicle.bodies).index(d.body)
-        load[:, first : first + 3] += force
-        load[:, first + 3 : first + 6] += np.cross(d.position - vehicle.bodies[d.body].cg, force)
+        wave = np.where(time >= d.begin, d.amplitude * np.sin(2.0 * np.pi * d.frequency * time + d.phase), 0.0)
+        load += np.outer(wave, assembly.point_map(d.body, d.position)[AXES.index(d.axis)])
     return load
 
 
 def _measure_all(
-    scenario: Scenario, vehicle: Vehicle, response: RotationResponse, driven: Drive
+    scenario: Scenario, vehicle: Vehicle, response: Response, driven: Drive
 ) -> tuple[dict[str, Channel], dict[str, UnitErrors]]:
     duration = scenario.duration
     channels: dict[str, Channel] = {}
     units: dict[str, UnitErrors] = {}
     times: dict[str, Array] = {}
     for number, sensor in enumerate(vehicle.sensors.values()):
-        errors = scenario.own_errors.get(sensor.name, scenario.sensor_errors)
+        errors = _for_kind(sensor, scenario.own_errors.get(sensor.name, scenario.sensor_errors))
         generator = np.random.default_rng([scenario.seed, 1000 + number])
         units[sensor.name] = draw_unit(sensor, errors, generator)
         if sensor.topic not in times:
@@ -159,25 +169,26 @@ def _measure_all(
         ideal = _ideal(sensor, response, driven)[driven.lead :]
         faults = [f for f in scenario.faults if f.sensor == sensor.name]
         channels[sensor.name] = measure(
-            sensor, ideal, scenario.simulation_rate, times[sensor.topic], _for_kind(sensor, errors), units[sensor.name],
-            faults, generator, scenario.start_ns,
+            sensor, ideal, scenario.simulation_rate, times[sensor.topic], errors, units[sensor.name], faults, generator,
+            scenario.start_ns,
         )
     return channels, units
 
 
 def _for_kind(sensor: Sensor, errors: SensorErrors) -> SensorErrors:
-    """Return the errors with what is meant for accelerometers only switched off for other kinds."""
+    """Return the errors with those in m/s^2 and rad, which are meant for accelerometers, switched off for other kinds."""
     if sensor.kind in ("accelerometer", "imu"):
         return errors
-    return dataclasses.replace(errors, quantisation=0.0)
+    return dataclasses.replace(errors, quantisation=0.0, bias_std=0.0, misalignment_std=0.0)
 
 
-def _ideal(sensor: Sensor, response: RotationResponse, driven: Drive) -> Array:
+def _ideal(sensor: Sensor, response: Response, driven: Drive) -> Array:
     return driven.speed[:, None] if sensor.kind == "speed" else response.specific_force(sensor.name)
 
 
 def _true_parameters(scenario: Scenario, vehicle: Vehicle, units: Mapping[str, UnitErrors]) -> dict[str, Any]:
     return {
+        "kinematics": "full rotation" if has_full_rotation(vehicle) else "small rotations",
         "bodies": {
             b.name: {"mass_kg": b.mass.value, "cg_m": b.cg.tolist(), "inertia_kg_m2": b.inertia.tolist()}
             for b in vehicle.bodies.values()
@@ -199,7 +210,7 @@ def _true_parameters(scenario: Scenario, vehicle: Vehicle, units: Mapping[str, U
 
 
 def _true_signals(
-    scenario: Scenario, vehicle: Vehicle, response: RotationResponse, driven: Drive
+    scenario: Scenario, vehicle: Vehicle, response: Response, driven: Drive
 ) -> dict[str, NDArray[Any]]:
     """Return the truth at its own rate, times on the exact grid of the simulation."""
     step = max(1, round(scenario.simulation_rate / scenario.truth_rate))
@@ -214,11 +225,13 @@ def _true_signals(
     }
     for number, body in enumerate(vehicle.bodies):
         suffix = "" if number == 0 else f"_{body}"
-        signals[f"cg_accel{suffix}"] = response.cg_motion(body)[pick]
+        exact = response if isinstance(response, RotationResponse) else None
+        signals[f"cg_accel{suffix}"] = (exact.cg_motion(body) if exact else response.body_motion(body))[pick]
         signals[f"reference_accel{suffix}"] = response.body_motion(body)[pick]
         signals[f"inertial_load{suffix}"] = response.inertial_load(body)[pick]
         signals[f"angles{suffix}"] = response.body_motion(body, "coordinates")[pick, 3:]
         signals[f"angular_rate{suffix}"] = response.body_motion(body, "rates")[pick, 3:]
-        signals[f"mass{suffix}"] = response.mass[pick, number]
-        signals[f"cg_offset{suffix}"] = response.offset[pick, number]
+        if exact:
+            signals[f"mass{suffix}"] = exact.mass[pick, number]
+            signals[f"cg_offset{suffix}"] = exact.offset[pick, number]
     return {k: v if k in ("time_s", "mount_names") else v.astype(np.float32) for k, v in signals.items()}

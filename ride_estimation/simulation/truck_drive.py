@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 #: seconds driven before the run is recorded, so that it begins in full motion
 RUN_UP_S = 6.0
+#: base name of mounts that stand on the road
+ROAD = "road"
 #: road beyond the wheels at both ends [m]
 _MARGIN_M = 12.0
 
@@ -51,7 +53,8 @@ def drive(scenario: Scenario, cab: Vehicle) -> Drive:
     Parameters
     ----------
     cab
-        The vehicle whose mount bases are wanted; its mounts with a prescribed base ride on the frame.
+        The vehicle whose mount bases are wanted. A mount on ``road`` follows the road under it (left track for y of 0 or
+        more), every other prescribed base rides on the frame.
     """
     rate = scenario.simulation_rate
     lead = round(RUN_UP_S * rate)
@@ -67,9 +70,10 @@ def drive(scenario: Scenario, cab: Vehicle) -> Drive:
     sideways = sum((lane_change(time, c.begin, c.duration, c.peak) for c in scenario.lane_changes), np.zeros(count))
     load = _inertia_load(truck, forward, sideways) + _slope_load(truck, slopes)
     response = simulate(truck, wheels, load=load)
-    base = _frame_motion(response, scenario.truck, cab, speed, sideways)
+    base = _on_road(_frame_motion(response, scenario.truck, cab, speed, sideways), road, scenario.truck, cab, distance)
     if scenario.engine is not None:
-        base = _with_engine(base, scenario.engine, time, scenario.seed)
+        riding = np.array([m.base != ROAD for m in cab.mounts.values()])
+        base = _with_engine(base, scenario.engine, time, scenario.seed, riding)
     return Drive(base, speed, distance, lead)
 
 
@@ -118,8 +122,7 @@ def _wheel_paths(
     road: Road, data: TruckData, truck: Assembly, distance: Array, rate: float
 ) -> tuple[BaseMotion, Array]:
     """Return the motion under the tyres, faded in over two seconds, and the road slope at the wheels, shape (N, 4)."""
-    fade = np.clip(np.arange(len(distance)) / (2.0 * rate), 0.0, 1.0)
-    fade = fade**2 * (3.0 - 2.0 * fade)
+    fade = _fade(len(distance), rate)
     left, right = (np.asarray(np.gradient(t, road.spacing), dtype=float) for t in (road.left, road.right))
     grade = Road(road.spacing, left, right, road.start)
     at = (distance, distance - data.wheelbase)
@@ -129,6 +132,12 @@ def _wheel_paths(
     for column, wheel in enumerate(WHEELS):
         displacement[:, truck.mount_names.index(f"tyre_{wheel}"), 2] = height[:, column]
     return BaseMotion.from_displacement(displacement, rate), slope
+
+
+def _fade(samples: int, rate: float) -> Array:
+    """Return a smooth rise from 0 to 1 over the first two seconds, shape (N,)."""
+    share = np.clip(np.arange(samples) / (2.0 * rate), 0.0, 1.0)
+    return share**2 * (3.0 - 2.0 * share)
 
 
 def _inertia_load(truck: Assembly, forward: Array, sideways: Array) -> Array:
@@ -176,15 +185,35 @@ def _frame_motion(response: Response, data: TruckData, cab: Vehicle, speed: Arra
     return BaseMotion(rate, *arrays)
 
 
-def _with_engine(base: BaseMotion, engine: Engine, time: Array, seed: int) -> BaseMotion:
-    """Add the engine's order lines to the base displacement, each mount with its own strength and phase."""
+def _on_road(base: BaseMotion, road: Road, data: TruckData, cab: Vehicle, distance: Array) -> BaseMotion:
+    """Replace the vertical motion of mounts on the road by the road itself, faded in like the wheels of the truck."""
+    on_road = [(n, m) for n, m in enumerate(cab.mounts.values()) if m.base == ROAD]
+    if not on_road:
+        return base
+    fade = _fade(len(distance), base.rate_hz)
+    displacement = np.zeros((len(distance), len(on_road), 3))
+    for column, (_, mount) in enumerate(on_road):
+        side = 0 if mount.position[1] >= 0.0 else 1
+        along = distance + float(mount.position[0]) - data.front_axle_x
+        displacement[:, column, 2] = fade * road.heights(np.clip(along, road.distance[0], road.distance[-1]))[:, side]
+    alone = BaseMotion.from_displacement(displacement, base.rate_hz)
+    changed = {}
+    for field in dataclasses.fields(BaseMotion)[1:]:
+        values = getattr(base, field.name).copy()
+        values[:, [n for n, _ in on_road]] = getattr(alone, field.name)
+        changed[field.name] = values
+    return dataclasses.replace(base, **changed)
+
+
+def _with_engine(base: BaseMotion, engine: Engine, time: Array, seed: int, riding: NDArray[np.bool_]) -> BaseMotion:
+    """Add the engine's order lines to the base displacement of the riding mounts, each with its own strength and phase."""
     revolutions = np.interp(time, [p[0] for p in engine.speed], [p[1] for p in engine.speed])
     angle = crank_angle(time, revolutions)
     omega = 2.0 * math.pi * np.maximum(revolutions, 1.0)
     generator = np.random.default_rng([seed, 77])
     mounts = base.displacement.shape[1]
     strength = 1.0 + 0.2 * generator.uniform(-1.0, 1.0, (mounts, 3))
-    strength *= np.array([engine.fore_aft_share, engine.lateral_share, 1.0])
+    strength *= np.array([engine.fore_aft_share, engine.lateral_share, 1.0]) * riding[:, None]
     phase = generator.uniform(0.0, 2.0 * math.pi, (mounts, 3))
     fade = np.clip((time - time[0]) / 2.0, 0.0, 1.0) * (revolutions > 1.0)
     added = np.zeros_like(base.displacement)
