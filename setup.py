@@ -40,7 +40,8 @@ ROS = [
     'ros-rclpy[fastrtps]==7.1.6; platform_machine == "x86_64"',
     'ros-jazzy-common-interfaces; platform_machine == "x86_64"',
 ]
-TEST = ["pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2", "rainflow>=3.2"]
+DURABILITY = ["rainflow>=3.2"]
+TEST = ["pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2", *DURABILITY]
 LINT = ["ruff>=0.6", "mypy>=1.11", "import-linter>=2.0", "types-PyYAML"]
 COLCON = ["colcon-common-extensions", "colcon-ros", "catkin_pkg", "setuptools<80"]
 
@@ -63,6 +64,7 @@ setup(
         "test": TEST,
         "lint": LINT,
         "colcon": COLCON,
+        "durability": DURABILITY,
         "dev": TEST + LINT,
     },
     entry_points={
