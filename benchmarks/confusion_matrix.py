@@ -90,6 +90,7 @@ def run_case(case: Case, folder: pathlib.Path, only_make: bool = False) -> dict[
     record["found"] = [
         {"id": c.id, "location": c.location, "axis": c.axis, "confidence": float(c.confidence)} for c in diagnosis.causes
     ]
+    record["sentence"] = str(getattr(diagnosis, "sentence", ""))
     record["gain"] = _jsonable(getattr(diagnosis, "gain", None))
     record["bias"] = _bias(diagnosis, stored)
     record["warnings"] = [str(w) for w in getattr(diagnosis, "warnings", ())][:5]
@@ -191,8 +192,8 @@ def removed_share(record: dict[str, Any]) -> float | None:
     return float((baseline**2 - extended**2) / (baseline**2 - floor**2))
 
 
-def _biases(records: list[dict[str, Any]]) -> list[float]:
-    return [abs(v) for r in records for v in r.get("bias", {}).values()]
+def _biases(records: list[dict[str, Any]], axes: str) -> list[float]:
+    return [abs(v) for r in records for name, v in r.get("bias", {}).items() if name.split(".")[1] in axes]
 
 
 def summary(records: list[dict[str, Any]]) -> str:
@@ -225,7 +226,8 @@ def summary(records: list[dict[str, Any]]) -> str:
     shares = [s for r in right if (s := removed_share(r)) is not None]
     for name, values, pick, target in (
         ("removable residual removed on the other road, median", shares, 0.5, ">= 80 %"),
-        ("k and c bias after extension, 90th percentile", _biases(right), 0.9, "<= 2 %"),
+        ("k and c bias after extension, vertical, 90th percentile", _biases(right, "z"), 0.9, "<= 2 %"),
+        ("k and c bias after extension, horizontal, 90th percentile", _biases(right, "xy"), 0.9, "<= 2 %"),
     ):
         if values:
             lines.append(f"{name:78s} {100 * np.quantile(values, pick):6.1f} % of {len(values):4d}   target {target}")
