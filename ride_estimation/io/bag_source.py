@@ -92,7 +92,7 @@ def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
         source = _open_ros1(target) if target.suffix == ".bag" else _open_ros2(target)
     except READER_ERRORS as error:
         if files[0].suffix == ".mcap" and len(files) == 1:
-            return _salvaged(path, files[0], salvage, _words(error))
+            return salvaged(path, files[0], salvage, _words(error))
         raise InputDataError(f"{path}: the file cannot be read ({_words(error)}): truncated, corrupt or no bag") from error
     return dataclasses.replace(source, path=path, warnings=tuple(warnings))
 
@@ -190,7 +190,23 @@ def _open_ros1(target: Path) -> BagSource:
     return BagSource(target, types, counts, messages, store.deserialize_ros1, False)
 
 
-def _salvaged(path: Path, file: Path, allowed: bool, reason: str) -> BagSource:
+def salvaged(path: Path, file: Path, allowed: bool, reason: str) -> BagSource:
+    """Return what can be recovered of a broken MCAP file.
+
+    Parameters
+    ----------
+    path, file
+        The run as named by the user, and its file.
+    allowed
+        Whether the user wants it.
+    reason
+        What is wrong with the file.
+
+    Raises
+    ------
+    InputDataError
+        Nothing can be recovered, or it is not wanted (the message says how much there is).
+    """
     found = salvage_mcap(file)
     if not found.messages:
         raise InputDataError(f"{path}: the file cannot be read ({reason}) and no message could be recovered")

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.io.bag_source import READER_ERRORS, BagSource, checksum_of, open_bag
+from ride_estimation.io.bag_source import READER_ERRORS, BagSource, bag_files, checksum_of, open_bag, salvaged
 from ride_estimation.io.cdr import DecodedTopic, decode_topic
 from ride_estimation.io.messages import (
     GYRO_NOT_PROVIDED,
@@ -131,9 +131,15 @@ def _collect(source: BagSource, topics: Collection[str], salvage: bool) -> tuple
             entry.raw.append(raw)
             number += 1
     except READER_ERRORS as error:
-        what = f"the file is damaged after {number} messages ({error or type(error).__name__})"
+        reason = f"{error or type(error).__name__} after {number} messages"
+        files = bag_files(source.path)
+        if len(files) == 1 and files[0].suffix == ".mcap":
+            rest = salvaged(source.path, files[0], salvage, reason)
+            again, _ = _collect(rest, topics, salvage)
+            return again, rest.warnings
+        what = f"the file is damaged ({reason})"
         if not salvage:
-            raise InputDataError(f"{source.path}: {what}; the messages before can be used with --salvage") from error
+            raise InputDataError(f"{source.path}: {what}; the messages before the damage can be used with --salvage") from error
         return collected, (f"{what}; used are the messages before",)
     return collected, ()
 
