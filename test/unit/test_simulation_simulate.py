@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.frames import rotation_from_rpy
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.simulation.base_motion import BaseMotion, derivative
 from ride_estimation.simulation.rotation import Payload, simulate_full_rotation
@@ -262,3 +263,42 @@ def test_an_unstable_step_is_reported_with_time_and_advice(cab):
 def test_locked_coordinates_are_refused_for_full_rotation(quarter):
     with pytest.raises(ConfigurationError, match="full_rotation: body, axle have locked coordinates"):
         simulate(quarter, BaseMotion.from_displacement(np.zeros((10, 2, 3)), 100.0), full_rotation=True)
+
+
+def turned_chassis(vehicle, angles, rate):
+    """Return the base motion of a chassis that turns as one rigid body about the cab's CG; angles (N, 3)."""
+    places = np.array([m.position for m in vehicle.mounts.values()])
+    matrices = np.array([rotation_from_rpy(*a) for a in angles])
+    displacement = np.einsum("nij,mj->nmi", matrices, places) - places
+    return BaseMotion.from_displacement(displacement, rate, np.repeat(angles[:, None, :], len(places), axis=1))
+
+
+def test_a_cab_without_weight_follows_a_chassis_that_turns_far():
+    vehicle = dataclasses.replace(load_vehicle(VEHICLES / "truck_cab.yaml"), gravity=0.0)
+    share = np.clip(np.arange(4000) / 1000.0, 0.0, 1.0)
+    share = share**3 * (10 - 15 * share + 6 * share**2)
+    final = np.array([0.5, -0.4, 1.1])  # rad
+    response = simulate(assemble(vehicle), turned_chassis(vehicle, share[:, None] * final, 200.0), full_rotation=True)
+    assert np.abs(response.mount_array("deflection")).max() > 1e-3  # m on the way
+    np.testing.assert_allclose(response.mount_array("deflection")[-1], 0.0, atol=1e-8)  # m, at rest relative to the chassis
+    np.testing.assert_allclose(response.rotation[-1, 0], rotation_from_rpy(*final), atol=1e-8)
+    np.testing.assert_allclose(response.rate[-1], 0.0, atol=1e-7)
+
+
+def test_rates_of_deflection_are_the_derivative_of_the_deflection_when_brackets_turn(cab):
+    time = np.arange(2000) / 1000.0
+    angles = np.stack([0.3 * np.sin(3 * time), 0.2 * np.sin(4 * time), 0.5 * np.sin(2 * time)], axis=1) * (time**2 / 4)[:, None]
+    response = simulate(cab, turned_chassis(cab.vehicle, angles, 1000.0), full_rotation=True)
+    numeric = np.gradient(response.deflection, 1e-3, axis=0)[5:-5]
+    np.testing.assert_allclose(response.rate[5:-5], numeric, atol=2e-3 * np.abs(numeric).max())  # m/s
+
+
+def test_a_tilted_bracket_tilts_its_accelerometer(cab):
+    angles = np.zeros((50, 3))
+    angles[:, 0] = 0.1  # rad of roll, standing
+    base = turned_chassis(cab.vehicle, angles, 200.0)
+    g = cab.vehicle.gravity
+    for full in (False, True):
+        reading = simulate(cab, base, full_rotation=full).specific_force("chassis_rear_left")[0]
+        exact = [0.0, g * np.sin(0.1), g * np.cos(0.1)]
+        np.testing.assert_allclose(reading, exact, atol=1e-9 if full else 0.06)  # m/s^2; small rotations: g (1 - cos)
