@@ -122,10 +122,9 @@ class ColumnSet:
             full[:, row] = six[:, column]
         return np.asarray(np.einsum("fij,fj->fi", self._scene.response.output_from_wrench, full))
 
-    def finish(self) -> tuple[tuple[Adjustable, ...], Array, Array]:
-        """Return adjustables, whitened rows (B, R, p) and mean rows (K, p)."""
-        rows = self._scene.rows(np.stack(self._spectra, axis=2))
-        return tuple(self.adjustables), rows, np.stack(self._means, axis=1)
+    def finish(self) -> tuple[tuple[Adjustable, ...], ComplexArray, Array]:
+        """Return adjustables, output spectra (F, ny, p) and mean rows (K, p)."""
+        return tuple(self.adjustables), np.stack(self._spectra, axis=2), np.stack(self._means, axis=1)
 
 
 def baseline_columns(
@@ -142,6 +141,14 @@ def baseline_columns(
     prior
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
+    adjustables, spectra, means = baseline_spectra(scene, table, prior)
+    return adjustables, scene.rows(spectra), means
+
+
+def baseline_spectra(
+    scene: Scene, table: MeanTable, prior: tuple[Array, Array]
+) -> tuple[tuple[Adjustable, ...], ComplexArray, Array]:
+    """Return the adjustables of a scene with their output spectra (F, ny, p) and mean rows (K, p)."""
     columns = ColumnSet(scene, table)
     for item, spectrum in port_adjustables(scene, prior):
         columns.add(item, spectrum)

@@ -81,6 +81,10 @@ def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Ef
     return tuple(Effect(where, index, signal) for (where, index), signal in total.items())
 
 
+#: factors a shape parameter is tried with, large before small
+_MOVES = (1.6, 1.0 / 1.6, 1.15, 1.0 / 1.15)
+
+
 def _scale(value: float, shape: Shape, move: float) -> float:
     return float(np.clip(value * move, shape.lower, shape.upper))
 
@@ -148,7 +152,7 @@ class FullFitter:
                 residual = residual + scene.push([effects])[:, :, 0]
             adjustables, regression = self._regression(scene, residual, temper)
             projector = Projector(regression, self._blocks)
-            if iteration:
+            if iteration in (1, 2):
                 self._search_shapes(scene, projector, hypotheses, shapes)
             result = self._solve(scene, regression, adjustables, projector, hypotheses, shapes)
             if best is None or result.misfit < best.misfit:
@@ -223,8 +227,8 @@ class FullFitter:
 
             current = drop(shapes[index])
             for shape in h.shapes:
-                for factor in (1.6, 1.0 / 1.6, 1.2, 1.0 / 1.2):
-                    for _ in range(3):
+                for factor in _MOVES:
+                    for _ in range(2):
                         trial = {**shapes[index], shape.name: _scale(shapes[index][shape.name], shape, factor)}
                         if trial[shape.name] == shapes[index][shape.name]:
                             break

@@ -48,6 +48,11 @@ class Hypothesis:
         Possible sign of every coefficient; fewer entries than columns are repeated.
     complexity
         Parameters beyond columns and shapes, of columns that were themselves drawn from the data.
+    ports
+        Ports of a law whose columns come in equal sets, one per port, in this order; the screening then computes every
+        port's columns once.
+    variant
+        Tells apart hypotheses of one cause and place, such as the side of a stop.
     """
 
     cause: str
@@ -58,6 +63,8 @@ class Hypothesis:
     shapes: tuple[Shape, ...] = ()
     signs: tuple[Sign, ...] = (Sign.ANY,)
     complexity: float = 0.0
+    ports: tuple[int, ...] = ()
+    variant: str = ""
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -110,6 +117,8 @@ class Cause(abc.ABC):
     RIVALS: ClassVar[tuple[str, ...]]
     WOULD_REFUTE: ClassVar[str]
     MEASURE_NEXT: ClassVar[str] = ""
+    #: the cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients
+    RUN_BOUND: ClassVar[bool] = False
 
     @abc.abstractmethod
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:

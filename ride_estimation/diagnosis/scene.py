@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,6 +123,10 @@ class Scene:
     whitener
         Residual covariance and whitening operator to use instead of those of this model state, so that two states are
         compared by the same measure.
+    scales
+        Deflection and rate rms of the ports that shape parameters of laws refer to, where they come from another run.
+    smooth
+        Correct the motion by the residual; False for predictions that may not see the measured outputs.
     """
 
     def __init__(
@@ -132,6 +136,8 @@ class Scene:
         state: ModelState,
         settings: Settings,
         whitener: tuple[ComplexArray, ComplexArray] | None = None,
+        scales: Mapping[int, tuple[float, float]] | None = None,
+        smooth: bool = True,
     ) -> None:
         self.plant, self.data, self.state, self.settings = plant, data, state, settings
         self.grid = make_grid(len(data.outputs), data.rate_hz, settings.band_hz)
@@ -142,7 +148,8 @@ class Scene:
         self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
         self._simulate()
         self._whiten(whitener)
-        self._smooth_motion()
+        self._smooth_motion(smooth)
+        self.scales = dict(scales) if scales is not None else self._port_scales()
 
     # ------------------------------------------------------------------ preparation
     def _prepare(self) -> None:
@@ -236,7 +243,7 @@ class Scene:
         #: degrees of freedom of every block
         self.block_dof = self.blocks.weight.sum(axis=1) * len(self.plant.outputs) * share
 
-    def _smooth_motion(self) -> None:
+    def _smooth_motion(self, correct: bool) -> None:
         """Correct deflections and body motion by what the residual says about forces the model does not have.
 
         Unknown port forces with the spectrum of the known ones, at the level that explains the excess of the residual, are
@@ -259,7 +266,7 @@ class Scene:
         excess = float(np.sum(np.abs(white) ** 2)) / n - degrees
         #: share of the port force power that the model does not have
         self.missing_share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
-        if self.missing_share > 0.0:
+        if correct and self.missing_share > 0.0:
             total = self.missing_share * signal + self.noise_covariance
             weighted = np.linalg.solve(total, self.residual_spectrum[:, :, None])
             force = self.missing_share * np.conj(np.swapaxes(shaped, 1, 2)) @ weighted
@@ -268,6 +275,14 @@ class Scene:
             self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
             self.deflection = grid.signal(self.deflection_spectrum)
             self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
+
+    def _port_scales(self) -> dict[int, tuple[float, float]]:
+        """Return deflection and rate rms of every port without the faded ends."""
+        trim = round(self.settings.trim_s * self.data.rate_hz)
+        inner = slice(trim, -trim) if self.grid.samples > 4 * trim else slice(None)
+        x = np.sqrt(np.mean(self.deflection[inner] ** 2, axis=0))
+        v = np.sqrt(np.mean(self.deflection_rate[inner] ** 2, axis=0))
+        return {p: (float(max(x[p], 1e-15)), float(max(v[p], 1e-15))) for p in range(len(self.plant.ports))}
 
     # ------------------------------------------------------------------ entry points
     def rows(self, output_spectrum: ComplexArray) -> Array:

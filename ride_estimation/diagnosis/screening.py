@@ -21,6 +21,9 @@ IntArray = NDArray[np.int64]
 
 _BATCH = 48
 
+#: hypothesis, shape, and the hypotheses served by its columns with their first and last port
+_Job = tuple[Hypothesis, Shapes, list[tuple[Hypothesis, int, int]]]
+
 
 @dataclasses.dataclass(frozen=True)
 class Score:
@@ -72,7 +75,8 @@ class Projector:
         self._scale = 1.0 / np.sqrt(np.diag(normal))
         self._factor = cho_factor(normal * np.outer(self._scale, self._scale) + 1e-11 * np.eye(p))
         self._solution = self._solve(right)
-        self._full = regression.full[blocks].reshape(-1, p + 1)
+        # single precision halves the traffic; the score of a column survives it, the normal matrix above is double
+        self._full = np.ascontiguousarray(regression.full[blocks].reshape(-1, p + 1), dtype=np.float32)
 
     def _solve(self, right: Array) -> Array:
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
@@ -81,11 +85,13 @@ class Projector:
     def reduce(self, rows: Array, means: Array) -> tuple[Array, Array]:
         """Return the normal matrix (Q, Q) and right side (Q,) of candidate rows after the baseline is removed."""
         means = np.sqrt(self.regression.temper) * means
-        flat = rows[self.blocks].reshape(-1, rows.shape[2])
+        flat = np.ascontiguousarray(rows[self.blocks].reshape(-1, rows.shape[2]))
+        size = np.maximum(np.sqrt(np.einsum("ij,ij->j", flat, flat)), 1e-300)
+        flat = flat / size
         p = self.regression.count
-        cross = self._full.T @ flat
+        cross = (self._full.T @ flat.astype(np.float32)).astype(float) * size
         against = cross[:p] + self.regression.mean_columns.T @ means
-        normal = flat.T @ flat + means.T @ means - against.T @ self._solve(against)
+        normal = (flat.T @ flat) * np.outer(size, size) + means.T @ means - against.T @ self._solve(against)
         right = cross[p] + means.T @ self.regression.mean_residual - against.T @ self._solution
         return normal, right
 
@@ -125,32 +131,65 @@ def screen(
     samples
         Effective number of samples of the fit, for the price of a parameter.
     """
-    jobs = [(h, shape, h.columns(scene, shape)) for h in hypotheses for shape in h.grid]
+    jobs = _jobs(hypotheses)
+    choices = sum(len(members) for _, _, members in jobs)
     best: dict[int, Score] = {}
-    order = {id(h): i for i, h in enumerate(hypotheses)}
-    choices = len(jobs)
-    start = 0
-    while start < len(jobs):
-        batch, total = [], 0
-        while start < len(jobs) and (total == 0 or total + len(jobs[start][2]) <= _BATCH):
-            batch.append(jobs[start])
-            total += len(jobs[start][2])
-            start += 1
-        if total == 0:
+    batch: list[tuple[_Job, list[Column]]] = []
+    total = 0
+    for number, job in enumerate(jobs):
+        columns = job[0].columns(scene, job[1])
+        if columns:
+            batch.append((job, columns))
+            total += len(columns)
+        if batch and (total >= _BATCH or number == len(jobs) - 1):
+            _score_batch(scene, table, projector, batch, samples, choices, best)
+            batch, total = [], 0
+    return sorted(best.values(), key=lambda s: -s.penalised)
+
+
+def _jobs(hypotheses: Sequence[Hypothesis]) -> list[_Job]:
+    """Return what to compute: hypothesis, shape and the hypotheses that its columns serve with their first and last port."""
+    jobs: list[_Job] = []
+    served: set[tuple[int, int]] = set()
+    for h in hypotheses:
+        if len(h.ports) < 2:
             continue
-        flat = [c for _, _, columns in batch for c in columns]
-        normal, right = projector.reduce(scene.push(flat), mean_rows(table, flat))
-        offset = 0
-        for h, shape, columns in batch:
-            q = len(columns)
-            part = slice(offset, offset + q)
-            offset += q
-            if q == 0:
-                continue
+        family = [
+            o for o in hypotheses
+            if len(o.ports) == 1 and (o.cause, o.axis, o.variant) == (h.cause, h.axis, h.variant) and o.ports[0] in h.ports
+        ]
+        for shape in h.grid:
+            members = [(h, 0, len(h.ports))]
+            for o in family:
+                if shape in o.grid:
+                    place = h.ports.index(o.ports[0])
+                    members.append((o, place, place + 1))
+                    served.add((id(o), o.grid.index(shape)))
+            jobs.append((h, shape, members))
+    for h in hypotheses:
+        if len(h.ports) < 2:
+            for i, shape in enumerate(h.grid):
+                if (id(h), i) not in served:
+                    jobs.append((h, shape, [(h, 0, max(len(h.ports), 1))]))
+    return jobs
+
+
+def _score_batch(
+    scene: Scene, table: MeanTable, projector: Projector, batch: list[tuple[_Job, list[Column]]], samples: float, choices: int,
+    best: dict[int, Score],
+) -> None:
+    """Score the jobs of one batch and keep the best score of every hypothesis."""
+    flat = [c for _, columns in batch for c in columns]
+    normal, right = projector.reduce(scene.push(flat), mean_rows(table, flat))
+    offset = 0
+    for (main, shape, members), columns in batch:
+        per_port = len(columns) // max(len(main.ports), 1)
+        for h, first, last in members:
+            part = slice(offset + first * per_port, offset + last * per_port)
+            q = part.stop - part.start
             coefficients, drop = solve_signed(normal[part, part], right[part], h.column_signs(q))
             gain = 0.5 * drop / projector.regression.temper
             score = Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices))
-            index = order[id(h)]
-            if index not in best or score.gain > best[index].gain:
-                best[index] = score
-    return sorted(best.values(), key=lambda s: -s.penalised)
+            if id(h) not in best or score.gain > best[id(h)].gain:
+                best[id(h)] = score
+        offset += len(columns)

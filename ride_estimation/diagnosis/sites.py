@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.hypothesis import Fitted, Shapes
+from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.scene import Scene
 
 Array = NDArray[np.float64]
@@ -58,22 +58,9 @@ def force_columns(scene: Scene, site: Site, law: Callable[[Array, Array, float, 
     out: list[Column] = []
     for p in site.ports:
         x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
-        x_rms, v_rms = interior_rms(scene, x), interior_rms(scene, v)
+        x_rms, v_rms = scene.scales[p]
         out += [(Effect(Where.PORT, p, signal),) for signal in law(x, v, x_rms, v_rms)]
     return out
-
-
-def interior_rms(scene: Scene, signal: Array) -> float:
-    """Return the rms of a signal without its faded ends."""
-    trim = round(scene.settings.trim_s * scene.data.rate_hz)
-    inner = signal[trim:-trim] if len(signal) > 4 * trim else signal
-    return float(max(np.sqrt(np.mean(inner**2)), 1e-15))
-
-
-def reference_rms(scene: Scene, site: Site) -> tuple[float, float]:
-    """Return deflection and rate rms of the first port of a site."""
-    p = site.ports[0]
-    return interior_rms(scene, scene.deflection[:, p]), interior_rms(scene, scene.deflection_rate[:, p])
 
 
 def site_of(scene: Scene, fitted: Fitted) -> Site:
@@ -85,7 +72,3 @@ def site_of(scene: Scene, fitted: Fitted) -> Site:
     ports = tuple(i for i, p in enumerate(scene.plant.ports) if p.axis == h.axis and h.location in (p.mount, ALL))
     return Site(h.location, h.axis, ports)
 
-
-def shape_value(shape: Shapes, name: str) -> float:
-    """Return a shape parameter as float."""
-    return float(shape[name])

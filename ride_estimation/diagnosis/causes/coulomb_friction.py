@@ -14,7 +14,7 @@ from ride_estimation.diagnosis.extension import add_parallel
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import friction_level
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, interior_rms, site_of, sites
+from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class CoulombFriction(Cause):
             def columns(scene: Scene, shape: Shapes) -> list[Column]:
                 return force_columns(scene, site, _law(float(shape["reach"]), float(shape["rounding"])))
 
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,))
+            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports)
 
         return [build(site) for site in sites(scene)]
 
@@ -69,7 +69,7 @@ class CoulombFriction(Cause):
             std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0)))
             label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
             out.append(Reported(f"friction level{label}", level, std, "N"))
-            reach = fitted.shape["reach"] * interior_rms(scene, scene.deflection[:, p])
+            reach = fitted.shape["reach"] * scene.scales[p][0]
             mean = float(reach * (share[0] + 4.0 * share[1]) / max(level, 1e-12))
             out.append(Reported(f"sliding distance{label}", mean, 0.5 * mean, "m"))
         return tuple(out)
@@ -79,8 +79,8 @@ class CoulombFriction(Cause):
         site = site_of(scene, fitted)
         for i, p in enumerate(site.ports):
             port = scene.plant.ports[p]
-            x_rms = interior_rms(scene, scene.deflection[:, p])
-            v_rms = interior_rms(scene, scene.deflection_rate[:, p])
+            x_rms = scene.scales[p][0]
+            v_rms = scene.scales[p][1]
             short, long, rounded = (float(c) for c in fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)])
             for level, factor in ((short, 1.0), (long, 4.0)):
                 if level > 0.0:

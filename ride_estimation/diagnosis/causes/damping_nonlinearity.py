@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.extension import add_damper_curve
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, interior_rms, site_of, sites
+from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class DampingNonlinearity(Cause):
             def columns(scene: Scene, shape: Shapes) -> list[Column]:
                 return force_columns(scene, site, _law(float(shape["form"])))
 
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0)
+            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0, ports=site.ports)
 
         return [build(site) for site in sites(scene)]
 
@@ -69,7 +69,7 @@ class DampingNonlinearity(Cause):
         site = site_of(scene, fitted)
         out: list[Reported] = []
         for i, p in enumerate(site.ports):
-            v_rms = interior_rms(scene, scene.deflection_rate[:, p])
+            v_rms = scene.scales[p][1]
             label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
             pair = fitted.coefficients[2 * i : 2 * i + 2]
             cov = fitted.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
@@ -88,7 +88,7 @@ class DampingNonlinearity(Cause):
         for i, p in enumerate(site.ports):
             port = scene.plant.ports[p]
             v = scene.deflection_rate[:, p]
-            v_rms = interior_rms(scene, v)
+            v_rms = scene.scales[p][1]
             pair = fitted.coefficients[2 * i : 2 * i + 2]
             form = float(fitted.shape["form"])
 

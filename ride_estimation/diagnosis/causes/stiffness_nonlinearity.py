@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, interior_rms, site_of, sites
+from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class StiffnessNonlinearity(Cause):
             def columns(scene: Scene, shape: Shapes) -> list[Column]:
                 return force_columns(scene, site, _law(float(shape["form"])))
 
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0)
+            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0, ports=site.ports)
 
         return [build(site) for site in sites(scene)]
 
@@ -66,7 +66,7 @@ class StiffnessNonlinearity(Cause):
         site = site_of(scene, fitted)
         out: list[Reported] = []
         for i, p in enumerate(site.ports):
-            x_rms = interior_rms(scene, scene.deflection[:, p])
+            x_rms = scene.scales[p][0]
             label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
             slope = float(scene.state.stiffness[p])
             std = 0.0
@@ -93,7 +93,7 @@ class StiffnessNonlinearity(Cause):
         for i, p in enumerate(site.ports):
             port = scene.plant.ports[p]
             x = scene.deflection[:, p]
-            x_rms = interior_rms(scene, x)
+            x_rms = scene.scales[p][0]
             grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
             u = grid / x_rms
             pair = fitted.coefficients[2 * i : 2 * i + 2]

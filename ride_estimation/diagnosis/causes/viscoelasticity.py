@@ -48,7 +48,7 @@ class Viscoelasticity(Cause):
             def columns(scene: Scene, shape: Shapes) -> list[Column]:
                 return _columns(scene, site, float(shape["corner"]))
 
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,))
+            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports)
 
         return [build(site) for site in sites(scene)]
 

@@ -1,0 +1,85 @@
+# Copyright 2026 ride_estimation contributors
+"""Free play in a mount."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.extension import add_force_table
+from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+def _missing(x: Array, half: float, centre: float) -> Array:
+    """Return the stroke that the spring does not see, without its value at rest."""
+    return np.asarray(np.clip(x - centre, -half, half) - np.clip(-centre, -half, half))
+
+
+@final
+class Backlash(Cause):
+    """A clearance in which the mount carries no force."""
+
+    ID = "backlash"
+    QUESTION = "Is there a clearance in which a mount carries no force?"
+    NEEDS = "deflections that cross the clearance"
+    RIVALS = ("stiffness_nonlinearity", "coulomb_friction", "one_soft_mount")
+    WOULD_REFUTE = "a stiffness that does not fall at small strokes"
+    MEASURE_NEXT = "move the mount by hand or with a pry bar through its rest position with a dial gauge"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per site."""
+        out: list[Hypothesis] = []
+        for site in sites(scene):
+
+            def columns(scene: Scene, shape: Shapes, s: Site = site) -> list[Column]:
+                result: list[Column] = []
+                for p in s.ports:
+                    x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
+                    x_rms = scene.scales[p][0]
+                    half, centre = float(shape["half"]) * x_rms, float(shape["centre"]) * x_rms
+                    inside = np.where(np.abs(x - centre) < half, v, 0.0)
+                    result.append((Effect(Where.PORT, p, _missing(x, half, centre)),))
+                    result.append((Effect(Where.PORT, p, inside),))
+                return result
+
+            grid = tuple({"half": h, "centre": c} for h in (0.15, 0.5) for c in (0.0, -0.7, 0.7))
+            bounds = (Shape("half", 0.3, 0.02, 1.5),)
+            signs = (Sign.NEGATIVE, Sign.NEGATIVE)
+            out.append(Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, signs, 1.0, site.ports))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return the total clearance [m] and where its middle lies [m]."""
+        site = site_of(scene, fitted)
+        out: list[Reported] = []
+        for i, p in enumerate(site.ports):
+            x_rms = scene.scales[p][0]
+            share = min(1.0, -float(fitted.coefficients[2 * i]) / max(float(scene.state.stiffness[p]), 1e-9))
+            clearance = 2.0 * fitted.shape["half"] * x_rms * share
+            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            out.append(Reported(f"clearance{label}", float(clearance), 0.2 * float(clearance), "m"))
+            out.append(Reported(f"middle of the clearance{label}", float(fitted.shape["centre"] * x_rms), 0.3 * x_rms, "m"))
+        return tuple(out)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put the missing force as a curve parallel to every mount of the site."""
+        site = site_of(scene, fitted)
+        for i, p in enumerate(site.ports):
+            port = scene.plant.ports[p]
+            x = scene.deflection[:, p]
+            x_rms = scene.scales[p][0]
+            reach = 1.5 * float(np.max(np.abs(x)))
+            grid = np.linspace(-reach, reach, 241)
+            half, centre = fitted.shape["half"] * x_rms, fitted.shape["centre"] * x_rms
+            force = float(fitted.coefficients[2 * i]) * _missing(grid, half, centre)
+            vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
+        return vehicle, ("damping inside the clearance is left as it was",)

@@ -1,0 +1,117 @@
+# Copyright 2026 ride_estimation contributors
+"""Contact with a stop at large deflection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.extension import add_force_table
+from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+_COLUMNS = 3
+
+
+def _depth(x: Array, side: float, gap: float) -> Array:
+    return np.maximum(side * x - gap, 0.0)
+
+
+@final
+class BumpStop(Cause):
+    """A stop on one or both sides that engages beyond a gap."""
+
+    ID = "bump_stop"
+    QUESTION = "Does a mount run into a stop at large deflection?"
+    NEEDS = "deflections beyond the gap, at least a few times"
+    RIVALS = ("stiffness_nonlinearity", "damping_nonlinearity")
+    WOULD_REFUTE = "a misfit that is not confined to the largest deflections"
+    MEASURE_NEXT = "a drive over single bumps, or the witness marks and the free travel of the stop"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per site and side."""
+        out: list[Hypothesis] = []
+        for site in sites(scene):
+            for sides in ((-1.0,), (1.0,), (-1.0, 1.0)):
+
+                def columns(scene: Scene, shape: Shapes, s: Site = site, sd: tuple[float, ...] = sides) -> list[Column]:
+                    return _columns(scene, s, sd, float(shape["gap"]))
+
+                signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
+                grid = tuple({"gap": g} for g in (1.3, 1.8, 2.4) if _reached(scene, site, sides, g))
+                bounds = (Shape("gap", 2.0, 0.8, 6.0),)
+                if grid:
+                    out.append(
+                        Hypothesis(
+                            self.ID, site.location, site.axis, columns, grid, bounds, signs, float(len(sides) - 1), site.ports,
+                            "both sides" if len(sides) > 1 else "extension" if sides[0] > 0.0 else "compression",
+                        )
+                    )
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return gap [m] and force at the largest penetration [N]."""
+        site = site_of(scene, fitted)
+        out: list[Reported] = []
+        for i, p in enumerate(site.ports):
+            x = scene.deflection[:, p]
+            x_rms = scene.scales[p][0]
+            gap = fitted.shape["gap"] * x_rms
+            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            out.append(Reported(f"gap{label}", float(gap), 0.05 * float(gap), "m"))
+            a, b, _ = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
+            deepest = max(float(np.max(x)), float(-np.min(x))) - gap
+            deepest = max(deepest, 0.0)
+            force = float(a * deepest + b * deepest**2 / x_rms)
+            out.append(Reported(f"force at the deepest contact{label}", force, 0.1 * force, "N"))
+        return tuple(out)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put the stop as a force-deflection curve parallel to every mount of the site."""
+        site = site_of(scene, fitted)
+        for i, p in enumerate(site.ports):
+            port = scene.plant.ports[p]
+            x = scene.deflection[:, p]
+            x_rms = scene.scales[p][0]
+            gap = fitted.shape["gap"] * x_rms
+            a, b, _ = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
+            reach = 1.5 * float(np.max(np.abs(x)))
+            grid = np.linspace(-reach, reach, 121)
+            force = np.zeros_like(grid)
+            for side in _sides(fitted):
+                depth = _depth(grid, side, gap)
+                force += side * (a * depth + b * depth**2 / x_rms)
+            vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
+        return vehicle, ("the loss of the stop is not in the extended vehicle file",)
+
+
+def _reached(scene: Scene, site: Site, sides: tuple[float, ...], gap: float) -> bool:
+    """Return whether some mount of the site goes beyond a gap given in units of its rms deflection."""
+    return any(float(np.max(side * scene.deflection[:, p])) > gap * scene.scales[p][0] for p in site.ports for side in sides)
+
+
+def _columns(scene: Scene, site: Site, sides: tuple[float, ...], gap: float) -> list[Column]:
+    out: list[Column] = []
+    for p in site.ports:
+        x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
+        x_rms, v_rms = scene.scales[p]
+        linear, square, loss = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
+        for side in sides:
+            depth = _depth(x, side, gap * x_rms)
+            linear += side * depth
+            square += side * depth**2 / x_rms
+            loss += depth * np.tanh(v / v_rms)
+        out += [(Effect(Where.PORT, p, signal),) for signal in (linear, square, loss)]
+    return out
+
+
+def _sides(fitted: Fitted) -> tuple[float, ...]:
+    return {"both sides": (-1.0, 1.0), "extension": (1.0,), "compression": (-1.0,)}[fitted.hypothesis.variant]

@@ -1,0 +1,62 @@
+# Copyright 2026 ride_estimation contributors
+"""A centre of gravity that is not where the vehicle file says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
+from ride_estimation.diagnosis.extension import move_cg
+from ride_estimation.frames import AXES
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+@final
+class CgOffset(Cause):
+    """The CG lies off its stated place by more than its tolerance."""
+
+    ID = "cg_offset"
+    QUESTION = "Is the centre of gravity not where the vehicle file says?"
+    NEEDS = "angular motion of the body"
+    RIVALS = ("wrong_sensor_position", "one_soft_mount", "mass_change")
+    WOULD_REFUTE = "static mount loads (wheel scales, load cells) that fit the stated CG"
+    MEASURE_NEXT = "weigh the body at its mounts, level and tilted"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per body and axis."""
+        out: list[Hypothesis] = []
+        bodies = dict.fromkeys(b for b, c in scene.plant.coordinates if c in ("roll", "pitch", "yaw"))
+        for body in bodies:
+            for i, axis in enumerate(AXES):
+
+                def columns(scene: Scene, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
+                    return [_column(scene, b, np.eye(3)[i])]
+
+                out.append(Hypothesis(self.ID, body, axis, columns))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return true minus stated CG position [m]."""
+        return (Reported("CG offset", float(fitted.coefficients[0]), fitted.std(0), "m"),)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Write the found CG."""
+        h = fitted.hypothesis
+        shift = float(fitted.coefficients[0]) * np.eye(3)[AXES.index(h.axis)]
+        return move_cg(vehicle, h.location, shift), ()
+
+
+def _column(scene: Scene, body: str, shift: np.ndarray) -> Column:
+    """Return the pseudo-wrench of a unit shift of the CG."""
+    mass, gravity = scene.plant.vehicle.bodies[body].mass.value, scene.plant.vehicle.gravity
+    q, a = six_of(scene, body)
+    up = np.array([0.0, 0.0, 1.0])
+    force = -mass * np.cross(a[:, 3:], shift)
+    moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), up)
+    return wrench_column(scene, body, force, moment)

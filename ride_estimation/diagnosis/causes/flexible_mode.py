@@ -1,0 +1,125 @@
+# Copyright 2026 ride_estimation contributors
+"""A body that bends or twists within the band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.lines import white_spectrum
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_LOWEST_HZ = 4.0
+
+
+@final
+class FlexibleMode(Cause):
+    """An elastic mode of the body, driven by its mounts, seen by the accelerometers as a common pattern."""
+
+    ID = "flexible_mode"
+    QUESTION = "Does the body bend or twist instead of moving as one piece?"
+    NEEDS = "more channels than rigid-body motion needs, excitation around the natural frequency"
+    RIVALS = ("missing_degree_of_freedom", "wrong_sensor_position", "harmonic_disturbance")
+    WOULD_REFUTE = "channels that agree with rigid-body motion around the suspected frequency"
+    MEASURE_NEXT = "a hammer test of the body, or two more accelerometers at its corners"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per body and resonance of the residual."""
+        out: list[Hypothesis] = []
+        for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
+            rows = [
+                i for i, s in enumerate(scene.plant.outputs)
+                if s.kind == "acceleration" and scene.plant.vehicle.sensors[s.sensor].body == body
+            ]
+            if len(rows) <= len(scene.plant.coordinate_rows(body)):
+                continue
+            for frequency in residual_peaks(scene):
+                drive = _drive_weights(scene, rows, frequency)
+
+                def columns(scene: Scene, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
+                    f, z = float(shape["frequency"]), float(shape["damping"])
+                    modal = scene.grid.signal(_modal(scene, f, z) @ w)
+                    modal = modal / max(float(np.std(modal)), 1e-300)
+                    return [(Effect(Where.OUTPUT, i, modal),) for i in r]
+
+                grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (0.015, 0.05))
+                bounds = (Shape("frequency", frequency, 0.7 * frequency, 1.4 * frequency), Shape("damping", 0.03, 0.004, 0.3))
+                out.append(Hypothesis(self.ID, body, "", columns, grid, bounds, complexity=float(len(drive))))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return natural frequency [Hz], damping ratio and the channel that moves most."""
+        f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
+        largest = int(np.argmax(np.abs(fitted.coefficients)))
+        rows = [
+            s.name for s in scene.plant.outputs
+            if s.kind == "acceleration" and scene.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
+        ]
+        return (
+            Reported("natural frequency", f, 0.03 * f, "Hz"),
+            Reported("damping ratio", z, 0.4 * z, "-"),
+            Reported(f"elastic rms at {rows[largest]}", abs(float(fitted.coefficients[largest])), fitted.std(largest), "m/s^2"),
+        )
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Leave the vehicle alone: bodies of a vehicle file are rigid."""
+        f = float(fitted.shape["frequency"])
+        return vehicle, (f"elastic mode of {fitted.hypothesis.location} at {f:.3g} Hz: vehicle files hold rigid bodies only",)
+
+
+def residual_peaks(scene: Scene, count: int = 3) -> list[float]:
+    """Return the frequencies where the whitened residual stands out most, above 4 Hz."""
+    power = np.sum(np.abs(white_spectrum(scene)) ** 2, axis=1)
+    f = scene.grid.frequency
+    step = float(f[1] - f[0])
+    width = max(round(0.6 / step), 1) | 1
+    smooth = np.convolve(power, np.ones(width) / width, mode="same")
+    inside = (f > _LOWEST_HZ) & (scene.grid.band_weight > 0.9)
+    smooth = np.where(inside, smooth, 0.0)
+    out: list[float] = []
+    for _ in range(count):
+        if not np.any(smooth > 0.0):
+            break
+        peak = float(f[int(np.argmax(smooth))])
+        out.append(peak)
+        smooth = np.where(np.abs(f - peak) < 0.2 * peak, 0.0, smooth)
+    return out
+
+
+def _modal(scene: Scene, frequency_hz: float, ratio: float) -> ComplexArray:
+    """Return the acceleration of a unit mode driven by every port force, shape (F, P)."""
+    omega = scene.grid.omega[:, None]
+    w0 = 2.0 * np.pi * frequency_hz
+    force = (scene.state.stiffness + 1j * omega * scene.state.damping) * scene.deflection_spectrum
+    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega) * force)
+
+
+def _drive_weights(scene: Scene, rows: list[int], frequency_hz: float) -> Array:
+    """Return how much every port drives the mode: alternating least squares of pattern and drive around the resonance."""
+    f = scene.grid.frequency
+    near = np.abs(f - frequency_hz) < 0.25 * frequency_hz
+    residual = scene.residual_spectrum[near][:, rows]
+    modal = _modal(scene, frequency_hz, 0.03)[near]
+    scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=0)) + 1e-300
+    stacked = np.vstack([(modal / scale).real, (modal / scale).imag])
+    _, vectors = np.linalg.eigh(np.real(np.conj(residual.T) @ residual))
+    pattern = vectors[:, -1]
+    target = np.vstack([residual.real, residual.imag])
+    normal = stacked.T @ stacked
+    normal += 1e-3 * np.trace(normal) / len(normal) * np.eye(len(normal))
+    weights = np.zeros(stacked.shape[1])
+    for _ in range(6):
+        weights = np.linalg.solve(normal, stacked.T @ (target @ pattern)) / float(pattern @ pattern)
+        drive = stacked @ weights
+        pattern = target.T @ drive / max(float(drive @ drive), 1e-300)
+        pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
+    return np.asarray(weights / scale)

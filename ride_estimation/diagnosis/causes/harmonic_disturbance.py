@@ -1,0 +1,77 @@
+# Copyright 2026 ride_estimation contributors
+"""A periodic force that the road does not explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.lines import residual_lines, tracked_phase
+from ride_estimation.frames import COORDINATES
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+@final
+class HarmonicDisturbance(Cause):
+    """A rotating machine, a pump or an engine order on the body."""
+
+    ID = "harmonic_disturbance"
+    QUESTION = "Does a periodic force act on the body that no base motion explains?"
+    NEEDS = "a run much longer than the period"
+    RIVALS = ("missing_degree_of_freedom", "flexible_mode")
+    WOULD_REFUTE = "a line that vanishes with the road excitation: measure standing with the machine running"
+    MEASURE_NEXT = "a run standing still with engine and auxiliaries running; engine speed in the recording"
+
+    RUN_BOUND = True
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per body and line of the residual."""
+        out: list[Hypothesis] = []
+        for line in residual_lines(scene):
+            for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
+                rows = [row for row, _ in scene.plant.coordinate_rows(body)]
+
+                phase = tracked_phase(scene, line)
+
+                def columns(
+                    scene: Scene, shape: Shapes, rows: list[int] = rows, phase: np.ndarray = phase
+                ) -> list[Column]:
+                    return [(Effect(Where.WRENCH, r, f(phase)),) for r in rows for f in (np.cos, np.sin)]
+
+                # the phase was drawn from the data: two numbers per second of track bandwidth
+                bandwidth = 2.0 * line.half_width_hz * float(scene.time_s[-1])
+                out.append(Hypothesis(self.ID, body, "", columns, ({"frequency": line.frequency_hz},), complexity=bandwidth))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return frequency [Hz] and force or moment amplitude along the strongest coordinate."""
+        strongest, amplitudes = strongest_coordinate(scene, fitted)
+        unit = "N" if strongest < 3 else "N m"
+        resolution = 1.0 / float(scene.time_s[-1])
+        name = COORDINATES[strongest]
+        return (
+            Reported("frequency", float(fitted.shape["frequency"]), resolution, "Hz"),
+            Reported(f"amplitude {name}", float(amplitudes[strongest]), fitted.std(0), unit),
+        )
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Leave the vehicle alone: the force belongs to the scenario."""
+        f, amplitude = self.parameters(scene, fitted)[:2]
+        text = f"periodic force on {fitted.hypothesis.location}: {amplitude.value:.4g} {amplitude.unit} at {f.value:.3f} Hz"
+        return vehicle, (text + "; vehicle files do not hold it",)
+
+
+def strongest_coordinate(scene: Scene, fitted: Fitted) -> tuple[int, dict[int, float]]:
+    """Return the body coordinate with the largest share in the response, and all amplitudes by coordinate."""
+    body = fitted.hypothesis.location
+    columns = [column for _, column in scene.plant.coordinate_rows(body)]
+    amplitudes = {
+        c: float(np.hypot(fitted.coefficients[2 * i], fitted.coefficients[2 * i + 1])) for i, c in enumerate(columns)
+    }
+    forces = [c for c in columns if c < 3]
+    return max(forces or columns, key=lambda c: amplitudes[c]), amplitudes

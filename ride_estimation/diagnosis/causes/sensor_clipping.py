@@ -1,0 +1,107 @@
+# Copyright 2026 ride_estimation contributors
+"""A sensor that cannot follow large readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+
+from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sensor_column import axis_name
+from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+def flat_tops(values: np.ndarray, noise_std: float) -> list[tuple[float, float]]:
+    """Return (side, level) where many samples lie within the noise of an extreme value, as a clipped signal has.
+
+    A Gaussian-tailed signal has few samples within a few noise widths of its extreme; a clipped one has a heap.
+    """
+    out = []
+    spread = float(np.std(values))
+    for side in (1.0, -1.0):
+        level = float(np.max(side * values))
+        width = max(0.02 * spread, 1e-9)
+        near = int(np.count_nonzero(side * values > level - width))
+        below = int(np.count_nonzero((side * values > level - 3.0 * width) & (side * values <= level - width)))
+        if near >= 8 and near > 2 * below:
+            out.append((side, level))
+    return out
+
+
+@final
+class SensorClipping(Cause):
+    """Readings beyond a level are cut."""
+
+    ID = "sensor_clipping"
+    QUESTION = "Are the peaks of a channel cut off?"
+    NEEDS = "a channel that reached its limit"
+    RIVALS = ("sensor_gain", "bump_stop", "stiffness_nonlinearity")
+    WOULD_REFUTE = "single samples beyond the level"
+    MEASURE_NEXT = "repeat with a larger measuring range"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per sensor with a channel that has a heap of samples at an extreme."""
+        out: list[Hypothesis] = []
+        plant = scene.plant
+        for sensor in plant.sensors:
+            hits: list[tuple[bool, int, float, float]] = []
+            for from_input, signals, data in ((False, plant.outputs, scene.data.outputs), (True, plant.inputs, scene.data.inputs)):
+                for i, s in enumerate(signals):
+                    if s.sensor == sensor and s.kind == "acceleration":
+                        hits += [(from_input, i, side, level) for side, level in flat_tops(data[:, i], s.noise_std)]
+            if not hits:
+                continue
+
+            def columns(scene: Scene, shape: Shapes, h: list[tuple[bool, int, float, float]] = hits) -> list[Column]:
+                return [tuple(_cut(scene, *hit) for hit in h)]
+
+            largest = max(hits, key=lambda hit: abs(hit[3]))
+            component = (plant.inputs if largest[0] else plant.outputs)[largest[1]].component
+            axis = axis_name(component) if len({hit[1] for hit in hits}) == 1 else ""
+            out.append(Hypothesis(self.ID, sensor, axis, columns, signs=(Sign.POSITIVE,)))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return the level at which readings are cut [m/s^2] and the share of the predicted excess that is missing."""
+        location = fitted.hypothesis.location
+        levels = []
+        for signals, data in ((scene.plant.outputs, scene.data.outputs), (scene.plant.inputs, scene.data.inputs)):
+            for i, s in enumerate(signals):
+                if s.sensor == location:
+                    levels += [abs(level) for _, level in flat_tops(data[:, i], s.noise_std)]
+        level = float(max(levels, default=float("nan")))
+        out = [Reported("missing share of the peaks", float(fitted.coefficients[0]), fitted.std(0), "-")]
+        return (Reported("clipping level", level, 0.01 * level, "m/s^2"), *out) if levels else tuple(out)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Leave the model alone: samples at the level must be ignored."""
+        level = self.parameters(scene, fitted)[0]
+        return note_correction(vehicle, fitted, "full_scale_m_per_s2", level.value)
+
+
+def _cut(scene: Scene, from_input: bool, index: int, side: float, level: float) -> Effect:
+    """Return what clipping takes from a channel: the predicted excess of an output, a dome over each cut run of an input."""
+    if not from_input:
+        total = scene.ideal_output[:, index] + scene.output_mean[index]
+        excess = np.maximum(side * total - level, 0.0)
+        return Effect(Where.OUTPUT, index, -side * excess)
+    values = side * scene.data.inputs[:, index]
+    flat = values > level - 0.02 * float(np.std(values))
+    dome = np.zeros(len(values))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(int), [0]])))
+    slope = np.abs(np.gradient(values))
+    for first, last in zip(edges[0::2], edges[1::2]):
+        width = last - first
+        if width < 2:
+            continue
+        entry = max(float(slope[max(first - 1, 0)]), float(slope[min(last, len(values) - 1)]))
+        u = (np.arange(width) + 0.5) / width
+        # a parabola that leaves the level with the slope the signal had when it reached it
+        dome[first:last] = entry * width * u * (1.0 - u)
+    return Effect(Where.INPUT, index, side * dome)

@@ -1,0 +1,64 @@
+# Copyright 2026 ride_estimation contributors
+"""A sensor whose stamps are late or early."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+
+from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sensor_column import sensor_column
+from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+@final
+class SensorDelay(Cause):
+    """One sensor, or all sensors of a body, late by a constant time."""
+
+    ID = "sensor_delay"
+    QUESTION = "Is a sensor late or early by a constant time?"
+    NEEDS = "motion above about 2 Hz"
+    RIVALS = ("viscoelasticity", "sensor_gain", "wrong_sensor_position")
+    WOULD_REFUTE = "a phase error that does not grow in proportion to frequency"
+    MEASURE_NEXT = "tap the frame beside both sensors and compare the stamps of the first sample"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per sensor, and one for all accelerometers of the measured bodies together."""
+        outputs = tuple(dict.fromkeys(s.sensor for s in scene.plant.outputs))
+        groups = [(s,) for s in scene.plant.sensors] + ([outputs] if len(outputs) > 1 else [])
+        out: list[Hypothesis] = []
+        for group in groups:
+
+            def columns(scene: Scene, shape: Shapes, g: tuple[str, ...] = group) -> list[Column]:
+                return [tuple(e for s in g for e in _delayed(scene, s, float(shape["delay"])))]
+
+            location = group[0] if len(group) == 1 else "all"
+            grid = tuple({"delay": d} for d in (1e-4, 4e-3))
+            out.append(Hypothesis(self.ID, location, "", columns, grid))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return how late the sensor is [s]."""
+        return (Reported("delay", float(fitted.coefficients[0]), fitted.std(0), "s"),)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Leave the model alone: the stamps must be corrected."""
+        return note_correction(vehicle, fitted, "delay_s", float(fitted.coefficients[0]))
+
+
+def _delayed(scene: Scene, sensor: str, reference: float) -> Column:
+    """Return the change of a reading per second of delay, exact at a reference delay [s]."""
+    iw = 1j * scene.grid.omega
+    factor = (np.exp(-iw * reference) - 1.0) / (-iw * reference)
+    out = []
+    for effect in sensor_column(scene, sensor, "delay", 0):
+        if effect.where is not Where.MEAN:
+            signal = scene.grid.signal(factor * scene.grid.spectrum(effect.signal))
+            out.append(Effect(effect.where, effect.index, signal))
+    return tuple(out)

@@ -1,0 +1,54 @@
+# Copyright 2026 ride_estimation contributors
+"""A sensor axis that reads too much or too little."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+
+from ride_estimation.diagnosis.effect import Column, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sensor_column import axis_name, sensor_axes, sensor_column
+from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+@final
+class SensorGain(Cause):
+    """One axis of one sensor, or all of its axes, multiplied by a factor."""
+
+    ID = "sensor_gain"
+    QUESTION = "Does one sensor axis read the motion multiplied by a factor?"
+    NEEDS = "more channels than rigid-body motion needs, or a base motion seen by the model"
+    RIVALS = ("sensor_misalignment", "wrong_sensor_position", "sensor_clipping")
+    WOULD_REFUTE = "a factor that changes with amplitude (clipping) or with frequency (filter, delay)"
+    MEASURE_NEXT = "turn the sensor over: a factor of one shows 2 g between the two positions"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per sensor axis and one per sensor."""
+        out: list[Hypothesis] = []
+        for sensor in scene.plant.sensors:
+            axes = sensor_axes(scene, sensor)
+            groups = [(a,) for a in axes] + ([axes] if len(axes) > 1 else [])
+            for group in groups:
+
+                def columns(scene: Scene, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
+                    # about the rest value: an offset at rest is trimmed away when a sensor is installed
+                    parts = [sensor_column(scene, s, "gain", a) for a in g]
+                    return [tuple(e for part in parts for e in part if e.where is not Where.MEAN)]
+
+                axis = axis_name(group[0]) if len(group) == 1 else ""
+                out.append(Hypothesis(self.ID, sensor, axis, columns))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return the factor minus one."""
+        return (Reported("gain error", float(fitted.coefficients[0]), fitted.std(0), "-"),)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Leave the model alone: the sensor must be corrected."""
+        return note_correction(vehicle, fitted, "gain", 1.0 + float(fitted.coefficients[0]))

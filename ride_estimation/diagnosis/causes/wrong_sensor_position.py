@@ -1,0 +1,52 @@
+# Copyright 2026 ride_estimation contributors
+"""A sensor that is not where the vehicle file says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+
+from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, is_input, sensor_column
+from ride_estimation.diagnosis.sensor_extension import move_sensor
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+@final
+class WrongSensorPosition(Cause):
+    """A sensor on the sprung body shifted along one axis."""
+
+    ID = "wrong_sensor_position"
+    QUESTION = "Is a sensor not where the vehicle file says?"
+    NEEDS = "angular motion of the body and more channels than its motion needs"
+    RIVALS = ("sensor_gain", "sensor_misalignment", "flexible_mode", "cg_offset")
+    WOULD_REFUTE = "an error that does not follow the angular acceleration"
+    MEASURE_NEXT = "measure the sensor position with a tape"
+
+    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+        """Return one hypothesis per sensor of a sprung body and axis."""
+        out: list[Hypothesis] = []
+        for sensor in scene.plant.sensors:
+            if not is_accelerometer(scene, sensor) or is_input(scene, sensor):
+                continue
+            for component in range(3):
+
+                def columns(scene: Scene, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
+                    column = sensor_column(scene, s, "position", c)
+                    return [column] if column and any(np.any(e.signal) for e in column) else []
+
+                out.append(Hypothesis(self.ID, sensor, axis_name(component), columns))
+        return out
+
+    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+        """Return true minus stated position [m]."""
+        return (Reported("position error", float(fitted.coefficients[0]), fitted.std(0), "m"),)
+
+    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Write the found position of the sensor."""
+        return move_sensor(vehicle, fitted)

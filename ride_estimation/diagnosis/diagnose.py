@@ -1,0 +1,333 @@
+# Copyright 2026 ride_estimation contributors
+"""The chain: calibrate, test the residual, name causes, extend the model, measure the gain, say what remains."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
+from ride_estimation.diagnosis.extension import set_linear
+from ride_estimation.diagnosis.fitting import FullFit
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.outlier import soft_mount
+from ride_estimation.diagnosis.plant import Plant, build_plant
+from ride_estimation.diagnosis.prediction import (
+    Model,
+    Prediction,
+    block_squares,
+    bootstrap_interval,
+    noise_floor,
+    pooled_nrmse,
+    predict,
+)
+from ride_estimation.diagnosis.result import (
+    EXPLAINED,
+    INSUFFICIENT,
+    NO_DISCREPANCY,
+    UNEXPLAINED,
+    Calibration,
+    Diagnosis,
+    Gain,
+    NamedCause,
+    Step,
+    ValidationGain,
+)
+from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, measurement
+from ride_estimation.diagnosis.selection import Selection, Selector, Splits, make_splits
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.verdict import describe, name_causes
+from ride_estimation.errors import InputDataError
+from ride_estimation.signals.recording import UniformRun
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Report = Callable[[float], None]
+
+_METRIC = "pooled NRMSE of the accelerometers on the body within the band (rms error over rms of the measured signal)"
+_LEAST_BLOCKS = 4
+
+
+def diagnose(
+    vehicle: Vehicle,
+    run: UniformRun,
+    validation: Sequence[UniformRun] = (),
+    settings: Settings | None = None,
+    progress: Report | None = None,
+) -> Diagnosis:
+    """Compare a measured run with a vehicle's model and explain the difference.
+
+    Parameters
+    ----------
+    vehicle
+        Model.
+    run
+        Measured run; fits, selects and judges on separate blocks.
+    validation
+        Further runs that only judge.
+    settings
+        Band, thresholds, tolerances.
+    progress
+        Called with the share of the work done, 0 to 1.
+
+    Returns
+    -------
+    Diagnosis
+        Never raises for poor data: the verdict is then ``insufficient_data`` with the reason.
+    """
+    settings = settings or Settings()
+    report = progress or (lambda share: None)
+    try:
+        plant, data, splits = _prepare(vehicle, run, settings)
+        calibrated = calibrate(plant, data, settings, splits.train)
+        _check_excitation(calibrated.scene, settings)
+    except InputDataError as error:
+        return _insufficient(vehicle, str(error))
+    report(0.15)
+
+    def build(scene: Scene) -> list[Hypothesis]:
+        return [h for cause in library().values() for h in cause.hypotheses(scene)]
+
+    selector = Selector(calibrated, splits, build, settings, lambda share: report(0.15 + 0.6 * share))
+    selection = selector.run()
+    report(0.8)
+    answer = _conclude(_Work(vehicle, plant, data, calibrated, splits, selector, selection, settings), validation)
+    report(1.0)
+    return answer
+
+
+@dataclasses.dataclass(frozen=True)
+class _Work:
+    """Everything the conclusion needs."""
+
+    vehicle: Vehicle
+    plant: Plant
+    data: Measurement
+    calibrated: Calibrated
+    splits: Splits
+    selector: Selector
+    selection: Selection
+    settings: Settings
+
+    @property
+    def baseline(self) -> Model:
+        """Return the calibrated model."""
+        scene = self.calibrated.scene
+        state = ModelState(scene.state.stiffness, scene.state.damping)
+        return Model(state, self.calibrated.adjustables, self.calibrated.fit.coefficients)
+
+    @property
+    def extended(self) -> Model:
+        """Return the extended model, the calibrated one where nothing was accepted."""
+        fit = self.selection.accepted
+        if fit is None:
+            return self.baseline
+        state = ModelState(fit.scene.state.stiffness, fit.scene.state.damping)
+        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.scene.scales)
+
+
+def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Plant, Measurement, Splits]:
+    duration = run.samples / run.rate_hz
+    if duration < settings.minimum_duration_s:
+        raise InputDataError(
+            f"the run {run.name} lasts {duration:.1f} s; at least {settings.minimum_duration_s:g} s are needed"
+        )
+    spoke = {
+        s: np.asarray(v).shape[1] if np.asarray(v).ndim > 1 else 1
+        for s, v in run.data.items()
+        if s in vehicle.sensors and np.mean(run.valid[s]) > 0.5
+    }
+    tolerances = settings.tolerances
+    plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)
+    data = measurement(plant, run)
+    probe = Scene(plant, data, ModelState(*file_parameters(plant)), settings)
+    if probe.blocks.count < _LEAST_BLOCKS:
+        raise InputDataError(
+            f"only {probe.blocks.count} blocks of {settings.block_s:g} s without gaps remain; {_LEAST_BLOCKS} are needed"
+        )
+    return plant, data, make_splits(probe.blocks.count)
+
+
+def _check_excitation(scene: Scene, settings: Settings) -> None:
+    signal = scene.grid.signal(scene.measured_spectrum * scene.grid.band_weight[:, None])
+    ratio = max(
+        float(np.std(signal[:, i])) / max(s.noise_std, 1e-12) for i, s in enumerate(scene.plant.outputs)
+    )
+    if ratio < settings.minimum_signal_to_noise:
+        raise InputDataError(
+            f"the response is only {ratio:.1f} times the sensor noise in {settings.band_hz[0]:g}-{scene.grid.upper_hz:g} Hz; "
+            f"{settings.minimum_signal_to_noise:g} times are needed: drive over a rougher road"
+        )
+
+
+def _insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
+    return Diagnosis(
+        INSUFFICIENT, f"The data cannot tell whether the model is right: {reason}.", (), None, {"words": reason}, (reason,), vehicle
+    )
+
+
+def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
+    settings, scene = work.settings, work.calibrated.scene
+    accepted = work.selection.accepted
+    base = predict(scene, work.data, work.baseline, settings)
+    extended = predict(scene, work.data, work.extended, settings) if accepted is not None else base
+    state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
+    log_std = _log_std(work)
+    soft = soft_mount(work.calibrated, state.stiffness, log_std[0])
+    floor = noise_floor(scene)
+    verdict, remaining = _verdict(work, soft, base, floor)
+    causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
+    warnings = [*work.plant.warnings, *_bound_warnings(work, state)]
+    gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
+    vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
+    residual = residual_summary(base, extended, remaining, accepted is not None)
+    sentence = describe(verdict, causes, gain, remaining)
+    return Diagnosis(
+        verdict=verdict,
+        sentence=sentence,
+        causes=causes if verdict in (EXPLAINED, UNEXPLAINED) else (),
+        gain=gain,
+        residual=residual,
+        warnings=(*warnings, *gain_warnings),
+        extended=vehicle,
+        ladder=_ladder(work, base, extended),
+        parameters=_calibrations(work, state, log_std),
+        remarks=remarks,
+        evidence=make_evidence(base, extended),
+    )
+
+
+def _verdict(work: _Work, soft: Fitted | None, base: Prediction, floor: float) -> tuple[str, float]:
+    """Return the verdict and the share of the residual energy above the floor that remains."""
+    dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
+    excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
+    accepted = work.selection.accepted
+    if accepted is None:
+        errors, signal = block_squares(base)
+        nrmse = pooled_nrmse(errors, signal, work.splits.train)
+        missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
+        wrong = excess > 0.1 and missed > 2.5 * work.settings.adequacy
+        if wrong:
+            return UNEXPLAINED, 1.0
+        return (EXPLAINED if soft is not None else NO_DISCREPANCY), 0.0
+    left = max(accepted.misfit / dof - 1.0, 0.0)
+    remaining = left / max(excess, 1e-9) if excess > 0.02 else 0.0
+    if remaining > work.settings.unexplained and left > 0.1:
+        return UNEXPLAINED, remaining
+    return EXPLAINED, remaining
+
+
+def _log_std(work: _Work) -> tuple[Array, Array]:
+    """Return standard deviations of ln k and ln c of every port at the final model, shape (P,) each."""
+    fit = work.selection.accepted
+    adjustables = work.calibrated.adjustables if fit is None else fit.adjustables
+    covariance = work.calibrated.fit.covariance if fit is None else fit.covariance
+    out = []
+    for kind in ("stiffness", "damping"):
+        std = np.full(len(work.plant.ports), np.inf)
+        for i, a in enumerate(adjustables):
+            if a.kind == kind:
+                std[work.calibrated.scene.port_index(a.place, a.axis)] = np.sqrt(max(covariance[i, i], 0.0))
+        out.append(std)
+    return out[0], out[1]
+
+
+def _calibrations(work: _Work, state: ModelState, log_std: tuple[Array, Array]) -> tuple[Calibration, ...]:
+    out = []
+    for p, port in enumerate(work.plant.ports):
+        for name, value, std, unit, prior in (
+            ("stiffness", state.stiffness[p], log_std[0][p], "N/m", port.stiffness),
+            ("damping", state.damping[p], log_std[1][p], "N s/m", port.damping),
+        ):
+            spread = float(value * std) if np.isfinite(std) else float("nan")
+            out.append(Calibration(f"{port.name}.{name}", float(value), spread, unit, float(prior)))
+    return tuple(out)
+
+
+def _bound_warnings(work: _Work, state: ModelState) -> list[str]:
+    """Return words on parameters far from their priors."""
+    out = []
+    for p, port in enumerate(work.plant.ports):
+        for name, value, prior, std in (
+            ("stiffness", state.stiffness[p], port.stiffness, port.stiffness_log_std),
+            ("damping", state.damping[p], port.damping, port.damping_log_std),
+        ):
+            if prior > 0.0 and value > 0.0 and abs(np.log(value / prior)) > 3.0 * std:
+                out.append(f"{port.name}.{name}: calibrated {value:.4g} lies more than 3 standard deviations from its prior {prior:.4g}")
+    return out
+
+
+def _gain(
+    work: _Work, base: Prediction, extended: Prediction, floor: float, validation: Sequence[UniformRun], soft: Fitted | None
+) -> tuple[Gain, list[str]]:
+    settings, scene = work.settings, work.calibrated.scene
+    warnings: list[str] = []
+    base_squares, ext_squares = block_squares(base), block_squares(extended)
+    results = []
+    for other in validation:
+        try:
+            data = measurement(work.plant, other)
+        except KeyError as error:
+            warnings.append(f"validation run {other.name}: sensor {error} is missing; not used")
+            continue
+        probe = predict(scene, data, work.baseline, settings)
+        count = probe.scene.blocks.count
+        if count < _LEAST_BLOCKS:
+            warnings.append(f"validation run {other.name}: too short; not used")
+            continue
+        bound = any(library()[f.hypothesis.cause].RUN_BOUND for f in work.extended.fitted)
+        refit = np.arange(0, count, 2) if bound else None
+        judged = np.arange(1, count, 2) if bound else np.arange(count)
+        better = predict(scene, data, work.extended, settings, refit) if work.extended.fitted else probe
+        (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
+        results.append(ValidationGain(
+            other.name, pooled_nrmse(e0, s0, judged), pooled_nrmse(e1, s0, judged),
+            bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed), noise_floor(probe.scene),
+        ))
+    judge = work.splits.judge
+    baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
+    if not results:
+        results.append(ValidationGain(
+            f"{work.data.name} (judge blocks)", baseline, after,
+            bootstrap_interval(
+                base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
+            ), floor,
+        ))
+    if after > baseline * 1.02 and work.extended.fitted:
+        warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
+    return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
+
+
+def _extended_vehicle(
+    work: _Work, state: ModelState, accepted: FullFit | None, soft: Fitted | None
+) -> tuple[Vehicle, tuple[str, ...]]:
+    ports = [(p.mount, p.axis) for p in work.plant.ports]
+    vehicle = set_linear(work.vehicle, ports, state.stiffness, state.damping)
+    remarks: list[str] = []
+    for fitted in accepted.fitted if accepted is not None else ():
+        cause = library()[fitted.hypothesis.cause]
+        scene = accepted.scene if accepted is not None else work.calibrated.scene
+        vehicle, notes = cause.extend(vehicle, scene, fitted)
+        remarks += notes
+    return vehicle, tuple(remarks)
+
+
+def _ladder(work: _Work, base: Prediction, extended: Prediction) -> tuple[Step, ...]:
+    dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
+    errors, signal = block_squares(base)
+    steps = [Step("calibrated linear model", pooled_nrmse(errors, signal, work.splits.judge), work.selector.base_excess, 0.0)]
+    for current in work.selection.rounds:
+        for candidate in current.candidates:
+            label = " + ".join(_label(f.hypothesis) for f in candidate.fit.fitted)
+            gain = candidate.log_likelihood - current.reference
+            steps.append(Step(label, float("nan"), candidate.fit.misfit / dof, gain))
+    return tuple(steps)
+
+
+def _label(h: Hypothesis) -> str:
+    return " ".join(part for part in (h.cause, h.location, h.axis) if part)

@@ -1,0 +1,119 @@
+# Copyright 2026 ride_estimation contributors
+"""Numbers about the residual: bands, lines, amplitude, time; and the arrays that the report draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Where
+from ride_estimation.diagnosis.lines import residual_lines
+from ride_estimation.diagnosis.prediction import Prediction
+from ride_estimation.diagnosis.result import Evidence
+from ride_estimation.diagnosis.scene import Scene
+
+Array = NDArray[np.float64]
+
+_EDGES_HZ = (0.4, 0.8, 1.5, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0)
+
+
+def _white_power(prediction: Prediction) -> Array:
+    """Return the whitened residual power per frequency and channel, one for a right model, shape (F, ny)."""
+    scene = prediction.scene
+    white = np.einsum("fij,fj->fi", scene.whitener, scene.measured_spectrum - prediction.spectrum)
+    weight = np.maximum(scene.grid.band_weight[:, None] ** 2, 1e-6)
+    return np.asarray(np.abs(white) ** 2 / scene.grid.samples / weight)
+
+
+def band_table(base: Prediction, extended: Prediction) -> tuple[tuple[str, float, float], ...]:
+    """Return misfit per degree of freedom by band for both models."""
+    f = base.scene.grid.frequency
+    p0, p1 = _white_power(base), _white_power(extended)
+    inside = base.scene.grid.band_weight > 0.5
+    out = []
+    for low, high in zip(_EDGES_HZ[:-1], _EDGES_HZ[1:]):
+        pick = (f >= low) & (f < high) & inside
+        if np.any(pick):
+            out.append((f"{low:g}-{high:g} Hz", float(p0[pick].mean()), float(p1[pick].mean())))
+    return tuple(out)
+
+
+def residual_summary(base: Prediction, extended: Prediction, remaining: float, is_extended: bool) -> dict[str, Any]:
+    """Return what remains, in numbers and in words."""
+    scene = extended.scene
+    bands = band_table(base, extended)
+    lines = [{"frequency_hz": line.frequency_hz, "peak_over_median": line.ratio} for line in residual_lines(scene)]
+    error = extended.residual()
+    trim = round(scene.settings.trim_s * scene.data.rate_hz)
+    inner = error[trim:-trim]
+    kurtosis = float(np.mean(np.mean(inner**4, axis=0) / np.maximum(np.mean(inner**2, axis=0) ** 2, 1e-300)))
+    ordered = np.sort(np.sum(inner**2, axis=1))[::-1]
+    top = float(ordered[: max(len(ordered) // 100, 1)].sum() / max(float(ordered.sum()), 1e-300))
+    loudest = max(bands, key=lambda b: b[2]) if bands else ("", 1.0, 1.0)
+    words = (
+        f"{100 * remaining:.0f} % of the residual energy above the noise floor remains; "
+        if is_extended else ""
+    ) + f"largest in {loudest[0]} at {loudest[2]:.2f} times the noise; kurtosis {kurtosis:.1f}; " + (
+        f"the loudest 1 % of the samples hold {100 * top:.0f} % of the error energy; "
+    ) + (f"{len(lines)} spectral lines" if lines else "no spectral line")
+    return {
+        "words": words,
+        "remaining_share": float(remaining),
+        "bands": [{"band": b, "baseline": p0, "extended": p1} for b, p0, p1 in bands],
+        "lines": lines,
+        "kurtosis": kurtosis,
+        "top_one_percent_share": top,
+    }
+
+
+def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
+    """Return the arrays behind the pictures of the report."""
+    scene = base.scene
+    grid, n = scene.grid, scene.grid.samples
+    residual = [np.abs(scene.measured_spectrum - p.spectrum) ** 2 for p in (base, extended)]
+    noise = np.real(np.diagonal(scene.noise_covariance, axis1=1, axis2=2))
+    e0, e1, y = base.residual(), extended.residual(), base.measured()
+    trim = round(scene.settings.trim_s * scene.data.rate_hz)
+    inner = slice(trim, -trim)
+    rms = np.maximum(np.std(y[inner], axis=0), 1e-300)
+    weight = grid.band_weight[:, None] ** 2
+    floor = np.sqrt(np.sum(noise * weight, axis=0) * n) / np.maximum(
+        np.sqrt(np.sum(np.abs(scene.measured_spectrum) ** 2 * weight, axis=0)), 1e-300
+    )
+    table = np.stack([np.std(e0[inner], axis=0) / rms, np.std(e1[inner], axis=0) / rms, floor], axis=1)
+    first = trim
+    last = min(first + round(6.0 * scene.data.rate_hz), len(y))
+    part = slice(first, last)
+    stretch = {
+        s.name: (scene.time_s[part], y[part, i], (y - e0)[part, i], (y - e1)[part, i]) for i, s in enumerate(scene.plant.outputs)
+    }
+    blocks = np.stack([_block_misfit(p) for p in (base, extended)], axis=1)
+    return Evidence(
+        grid.frequency, residual[0].sum(axis=1) / n, residual[1].sum(axis=1) / n, noise.sum(axis=1),
+        tuple(s.name for s in scene.plant.outputs), table, band_table(base, extended), scene.blocks.time_s, blocks,
+        _loops(base.scene, extended.scene), stretch,
+    )
+
+
+def _block_misfit(prediction: Prediction) -> Array:
+    scene = prediction.scene
+    rows = scene.rows((scene.measured_spectrum - prediction.spectrum)[:, :, None])[:, :, 0]
+    return np.asarray((rows**2).sum(axis=1) / np.maximum(scene.block_dof, 1e-9))
+
+
+def _loops(base: Scene, extended: Scene) -> dict[str, tuple[Array, Array, Array]]:
+    """Return deflection, linear force and force with found causes of every port over ten seconds."""
+    trim = round(base.settings.trim_s * base.data.rate_hz)
+    part = slice(trim, min(trim + round(10.0 * base.data.rate_hz), base.grid.samples))
+    extra = np.zeros_like(extended.deflection)
+    for effect in extended.state.effects:
+        if effect.where is Where.PORT:
+            extra[:, effect.index] += effect.signal
+    out = {}
+    for p, port in enumerate(base.plant.ports):
+        x, v = extended.deflection[part, p], extended.deflection_rate[part, p]
+        linear = extended.state.stiffness[p] * x + extended.state.damping[p] * v
+        out[port.name] = (x, linear, linear + extra[part, p])
+    return out

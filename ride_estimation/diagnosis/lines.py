@@ -1,0 +1,81 @@
+# Copyright 2026 ride_estimation contributors
+"""Spectral lines of a residual and the phase of a line that wanders."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import medfilt
+
+from ride_estimation.diagnosis.scene import Scene
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_PEAK_OVER_MEDIAN = 12.0  # chi-square of 24 degrees of freedom exceeds 12 x its median with probability below 1e-40
+
+
+@dataclasses.dataclass(frozen=True)
+class Line:
+    """A narrow peak of the whitened residual.
+
+    Attributes
+    ----------
+    half_width_hz
+        Half of the band that holds the line with its wander.
+    ratio
+        Peak over the local median.
+    """
+
+    frequency_hz: float
+    half_width_hz: float
+    ratio: float
+
+
+def white_spectrum(scene: Scene) -> ComplexArray:
+    """Return the whitened residual spectrum, shape (F, ny)."""
+    return np.asarray(np.einsum("fij,fj->fi", scene.whitener, scene.residual_spectrum))
+
+
+def residual_lines(scene: Scene, count: int = 2, least_ratio: float = _PEAK_OVER_MEDIAN) -> list[Line]:
+    """Return the strongest lines of a scene's residual, strongest first."""
+    power = np.sum(np.abs(white_spectrum(scene)) ** 2, axis=1) / scene.grid.samples
+    step = scene.grid.rate_hz / scene.grid.padded
+    inside = scene.grid.band_weight > 0.5
+    width = round(2.0 / step) | 1
+    floor = np.maximum(medfilt(power, width), 0.3 * float(np.median(power[inside])) + 1e-12)
+    ratio = np.where(inside, power / floor, 0.0)
+    out: list[Line] = []
+    for _ in range(count):
+        peak = int(np.argmax(ratio))
+        if ratio[peak] < least_ratio:
+            break
+        high = ratio > max(0.02 * ratio[peak], 6.0)
+        low = up = peak
+        reach = round(0.8 / step)
+        near = [i for i in range(max(peak - reach, 0), min(peak + reach, len(high) - 1)) if high[i]]
+        low, up = min(near), max(near)
+        half = max(0.5 * (up - low) * step, 2.0 * step)
+        out.append(Line(float(scene.grid.frequency[peak]), float(min(half, 0.8)), float(ratio[peak])))
+        ratio[max(low - reach // 2, 0) : up + reach // 2] = 0.0
+    return out
+
+
+def tracked_phase(scene: Scene, line: Line) -> Array:
+    """Return the phase of a line through the run [rad], shape (N,).
+
+    The residual around the line is projected on its strongest pattern over the channels, demodulated and unwrapped.
+    """
+    white = white_spectrum(scene)
+    f = scene.grid.frequency
+    reach = 1.5 * line.half_width_hz + 2.0 * scene.grid.rate_hz / scene.grid.padded
+    gate = np.where(np.abs(f - line.frequency_hz) < reach, 1.0, 0.0)
+    part = white * gate[:, None]
+    _, vectors = np.linalg.eigh(np.conj(part.T) @ part)
+    pattern = part @ vectors[:, -1]
+    full = np.zeros(scene.grid.padded, dtype=complex)
+    full[scene.grid.first : scene.grid.last] = pattern
+    analytic = np.fft.ifft(full)[: scene.grid.samples]
+    return np.asarray(np.unwrap(np.angle(analytic)))

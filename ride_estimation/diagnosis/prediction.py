@@ -1,0 +1,173 @@
+# Copyright 2026 ride_estimation contributors
+"""Predicts a run with the calibrated or the extended model without looking at its outputs, and scores the prediction."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mean_table
+from ride_estimation.diagnosis.calibration import build_regression, file_parameters
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.fitting import combined_effects
+from ride_estimation.diagnosis.hypothesis import Fitted
+from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
+from ride_estimation.diagnosis.screening import Projector, screen
+from ride_estimation.diagnosis.settings import Settings
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_PASSES = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """A model to predict with: port parameters, tolerances and found causes.
+
+    Attributes
+    ----------
+    adjustables, coefficients
+        Of the regression at ``state``; port entries are steps of logarithms.
+    scales
+        Of the fitted run.
+    """
+
+    state: ModelState
+    adjustables: tuple[Adjustable, ...]
+    coefficients: Array
+    fitted: tuple[Fitted, ...] = ()
+    scales: dict[int, tuple[float, float]] | None = None
+
+    def stepped_state(self, ports: dict[tuple[str, str], int]) -> ModelState:
+        """Return stiffness and damping with the last step applied."""
+        k, c = self.state.stiffness.copy(), self.state.damping.copy()
+        for a, value in zip(self.adjustables, self.coefficients):
+            if a.kind == "stiffness":
+                k[ports[(a.place, a.axis)]] *= np.exp(np.clip(value, -0.3, 0.3))
+            elif a.kind == "damping":
+                c[ports[(a.place, a.axis)]] *= np.exp(np.clip(value, -0.3, 0.3))
+        return ModelState(k, c)
+
+
+@dataclasses.dataclass(frozen=True)
+class Prediction:
+    """A predicted run: scene without accepted effects' tolerance part and the full predicted output spectrum (F, ny)."""
+
+    scene: Scene
+    spectrum: ComplexArray
+
+    def residual(self) -> Array:
+        """Return the in-band residual in measured units, shape (N, ny)."""
+        scene = self.scene
+        return scene.grid.signal((scene.measured_spectrum - self.spectrum) * scene.grid.band_weight[:, None])
+
+    def measured(self) -> Array:
+        """Return the in-band measured outputs, shape (N, ny)."""
+        return self.scene.grid.signal(self.scene.measured_spectrum * self.scene.grid.band_weight[:, None])
+
+
+def predict(base: Scene, data: Measurement, model: Model, settings: Settings, blocks: Array | None = None) -> Prediction:
+    """Predict a run.
+
+    Parameters
+    ----------
+    base
+        A scene of the same plant.
+    data
+        Run to predict.
+    model
+        What to predict with.
+    blocks
+        Blocks on which causes that belong to one run only (a disturbance, a change during the run) may be fitted again;
+        None keeps their coefficients.
+    """
+    plant = base.plant
+    ports = {(p.mount, p.axis): i for i, p in enumerate(plant.ports)}
+    state = model.stepped_state(ports)
+    scene = Scene(plant, data, state, settings, scales=model.scales, smooth=bool(model.fitted))
+    fitted = list(model.fitted)
+    if blocks is not None:
+        fitted = [_refitted(scene, f, np.asarray(blocks, dtype=int)) for f in fitted]
+    for _ in range(_PASSES if fitted else 0):
+        columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
+        coefficients = np.concatenate([f.coefficients for f in fitted])
+        effects = combined_effects(columns, coefficients)
+        scene = Scene(
+            plant, data, dataclasses.replace(state, effects=effects), settings, scales=model.scales, smooth=False
+        )
+    adjustables, spectra, _ = baseline_spectra(scene, mean_table(scene), file_parameters(plant))
+    values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
+    weights = np.array([values.get(a.name, 0.0) for a in adjustables])
+    return Prediction(scene, scene.predicted_spectrum + spectra @ weights)
+
+
+def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:
+    """Return a run-bound cause fitted again on some blocks of another run; other causes as they are."""
+    cause = library()[fitted.hypothesis.cause]
+    if not cause.RUN_BOUND:
+        return fitted
+    same = [
+        h for h in cause.hypotheses(scene)
+        if (h.location, h.axis) == (fitted.hypothesis.location, fitted.hypothesis.axis)
+    ]
+    if not same:
+        return dataclasses.replace(fitted, coefficients=np.zeros_like(fitted.coefficients))
+    table, _, regression = build_regression(scene, file_parameters(scene.plant))
+    best = screen(scene, table, Projector(regression, blocks), same, float(scene.block_dof[blocks].sum()))[0]
+    return Fitted(best.hypothesis, best.coefficients, fitted.covariance, dict(best.shape))
+
+
+def block_squares(prediction: Prediction) -> tuple[Array, Array]:
+    """Return residual and measured sums of squares of every block pooled over the acceleration channels, shape (B,) each."""
+    scene = prediction.scene
+    used = [i for i, s in enumerate(scene.plant.outputs) if s.kind == "acceleration"] or list(range(len(scene.plant.outputs)))
+    ratio = scene.grid.rate_hz / scene.grid.decimated_rate_hz
+    first = np.round(scene.blocks.index[:, 0] * ratio).astype(int)
+    length = round(scene.blocks.index.shape[1] * ratio)
+    error, signal = prediction.residual()[:, used] ** 2, prediction.measured()[:, used] ** 2
+    keep = scene.data.valid[:, None]
+    return (
+        np.array([float((error * keep)[i : i + length].sum()) for i in first]),
+        np.array([float((signal * keep)[i : i + length].sum()) for i in first]),
+    )
+
+
+def noise_floor(scene: Scene) -> float:
+    """Return the NRMSE that sensor noise alone leaves: body sensors directly, base sensors through the model."""
+    plant = scene.plant
+    used = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"] or list(range(len(plant.outputs)))
+    noise_y = np.array([s.noise_std for s in plant.outputs])[used]
+    noise_u = np.array([s.noise_std for s in plant.inputs])
+    through = np.sum(np.abs(scene.response.output_from_input[:, used] * noise_u) ** 2, axis=2)
+    weight = scene.grid.band_weight[:, None] ** 2
+    expected = float(np.sum((through + noise_y**2) * weight)) * scene.grid.samples
+    measured = float(np.sum(np.abs(scene.measured_spectrum[:, used]) ** 2 * weight))
+    return float(np.sqrt(expected / max(measured, 1e-300)))
+
+
+def bootstrap_interval(
+    baseline: Array, extended: Array, signal: Array, resamples: int, seed: int
+) -> tuple[float, float]:
+    """Return the 95 % block-bootstrap interval of the NRMSE difference.
+
+    Parameters
+    ----------
+    baseline, extended, signal
+        Sums of squares of the judged blocks, shape (B,).
+    """
+    rng = np.random.default_rng(seed)
+    pick = rng.integers(0, len(signal), (resamples, len(signal)))
+    total = np.maximum(signal[pick].sum(axis=1), 1e-300)
+    difference = np.sqrt(baseline[pick].sum(axis=1) / total) - np.sqrt(extended[pick].sum(axis=1) / total)
+    low, high = np.quantile(difference, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def pooled_nrmse(errors: Array, signal: Array, blocks: Sequence[int] | Array) -> float:
+    """Return the pooled NRMSE of some blocks."""
+    index = np.asarray(blocks, dtype=int)
+    return float(np.sqrt(errors[index].sum() / max(float(signal[index].sum()), 1e-300)))

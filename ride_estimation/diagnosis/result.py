@@ -1,0 +1,199 @@
+# Copyright 2026 ride_estimation contributors
+"""What a diagnosis says, as frozen objects with the JSON form of interface.md section 3."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.hypothesis import Reported
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+NO_DISCREPANCY, EXPLAINED, UNEXPLAINED, INSUFFICIENT = "no_discrepancy", "explained", "unexplained", "insufficient_data"
+
+
+@dataclasses.dataclass(frozen=True)
+class Rival:
+    """A cause that was considered instead."""
+
+    id: str
+    location: str
+    axis: str
+    why_less_likely: str
+    log_likelihood_deficit: float
+    separable_by: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class NamedCause:
+    """A cause the diagnosis names."""
+
+    id: str
+    location: str
+    axis: str
+    parameters: tuple[Reported, ...]
+    confidence: float
+    rivals: tuple[Rival, ...]
+    would_refute: str
+    measure_next: str
+    question: str
+
+
+@dataclasses.dataclass(frozen=True)
+class ValidationGain:
+    """Error of baseline and extended model on data that neither fitted nor selected.
+
+    Attributes
+    ----------
+    baseline, extended, noise_floor
+        Pooled NRMSE of the compared channels [-].
+    ci95
+        Block-bootstrap interval of ``baseline - extended``.
+    """
+
+    run: str
+    baseline: float
+    extended: float
+    ci95: tuple[float, float]
+    noise_floor: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Gain:
+    """Gain of the extension; ``baseline`` and ``extended`` on the judge blocks of the run itself."""
+
+    metric: str
+    baseline: float
+    extended: float
+    noise_floor: float
+    validation: tuple[ValidationGain, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One rung of the ladder of models."""
+
+    model: str
+    nrmse: float
+    misfit_per_degree: float
+    log_likelihood: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """One calibrated parameter."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+    prior: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Evidence:
+    """Numbers behind the verdict, for pictures.
+
+    Attributes
+    ----------
+    frequency_hz
+        Shape (F,).
+    residual_power, extended_power, noise_power
+        Pooled over the channels [unit^2 per bin], shape (F,).
+    channel_names, channel_nrmse
+        Per output channel: baseline, extended, noise floor, shape (ny, 3).
+    band_table
+        (band, misfit per degree of freedom of baseline and extended model).
+    block_time_s, block_misfit
+        Baseline and extended model, shape (B,) and (B, 2).
+    loops
+        By port name: deflection, model force, force with the found cause, (N,) each.
+    measured, modelled
+        A stretch of every channel: time, measured, baseline, extended.
+    """
+
+    frequency_hz: Array
+    residual_power: Array
+    extended_power: Array
+    noise_power: Array
+    channel_names: tuple[str, ...]
+    channel_nrmse: Array
+    band_table: tuple[tuple[str, float, float], ...]
+    block_time_s: Array
+    block_misfit: Array
+    loops: dict[str, tuple[Array, Array, Array]]
+    stretch: dict[str, tuple[Array, Array, Array, Array]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer.
+
+    Attributes
+    ----------
+    sentence
+        The verdict in words.
+    extended
+        The vehicle with the calibrated parameters and the found causes.
+    """
+
+    verdict: str
+    sentence: str
+    causes: tuple[NamedCause, ...]
+    gain: Gain | None
+    residual: dict[str, Any]
+    warnings: tuple[str, ...]
+    extended: Vehicle
+    ladder: tuple[Step, ...] = ()
+    parameters: tuple[Calibration, ...] = ()
+    remarks: tuple[str, ...] = ()
+    evidence: Evidence | None = None
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            "schema": "ride_estimation/diagnosis/1",
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "causes": [_cause_mapping(c) for c in self.causes],
+            "gain": _gain_mapping(self.gain),
+            "residual": self.residual,
+            "ladder": [_finite(dataclasses.asdict(step)) for step in self.ladder],
+            "parameters": [_finite(dataclasses.asdict(p)) for p in self.parameters],
+            "remarks": list(self.remarks),
+            "warnings": list(self.warnings),
+        }
+
+
+def _finite(mapping: dict[str, Any]) -> dict[str, Any]:
+    return {k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in mapping.items()}
+
+
+def _cause_mapping(cause: NamedCause) -> dict[str, Any]:
+    return {
+        "id": cause.id,
+        "location": cause.location,
+        "axis": cause.axis,
+        "parameters": [_finite(dataclasses.asdict(p)) for p in cause.parameters],
+        "confidence": cause.confidence,
+        "rivals": [_finite(dataclasses.asdict(r)) for r in cause.rivals],
+        "would_refute": cause.would_refute,
+        "measure_next": cause.measure_next,
+    }
+
+
+def _gain_mapping(gain: Gain | None) -> dict[str, Any]:
+    if gain is None:
+        return {"metric": "", "baseline": None, "extended": None, "noise_floor": None, "validation": []}
+    return {
+        "metric": gain.metric,
+        "baseline": gain.baseline,
+        "extended": gain.extended,
+        "noise_floor": gain.noise_floor,
+        "validation": [{**dataclasses.asdict(v), "ci95": list(v.ci95)} for v in gain.validation],
+    }

@@ -1,0 +1,52 @@
+# Copyright 2026 ride_estimation contributors
+"""Columns of sensor errors: what one unit of a gain, rotation, shift or delay does to readings, inputs and mean readings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra
+from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.frames import AXES
+
+
+def sensor_axes(scene: Scene, sensor: str) -> tuple[int, ...]:
+    """Return the measured components of a sensor."""
+    signals = (*scene.plant.outputs, *scene.plant.inputs)
+    return tuple(s.component for s in signals if s.sensor == sensor)
+
+
+def is_accelerometer(scene: Scene, sensor: str) -> bool:
+    """Return whether a sensor measures acceleration."""
+    return scene.plant.vehicle.sensors[sensor].kind != "displacement"
+
+
+def is_input(scene: Scene, sensor: str) -> bool:
+    """Return whether a sensor measures base motion, the input of the model."""
+    return any(s.sensor == sensor for s in scene.plant.inputs)
+
+
+def sensor_column(scene: Scene, sensor: str, kind: str, component: int) -> Column:
+    """Return the column of one unit of a sensor error; empty where the error has no effect.
+
+    Parameters
+    ----------
+    kind
+        As in :func:`baseline.sensor_error_spectra`.
+    component
+        Axis of the error.
+    """
+    errors, from_input = sensor_error_spectra(scene, sensor, kind, component)
+    where, sign = (Where.INPUT, -1.0) if from_input else (Where.OUTPUT, 1.0)
+    effects = [Effect(where, i, sign * scene.grid.signal(spectrum)) for i, spectrum in errors.items()]
+    if is_accelerometer(scene, sensor) and effects:
+        table = mean_table(scene)
+        means = sensor_error_means(table, sensor, kind, component)
+        effects += [Effect(Where.MEAN, row, np.array([value])) for row, value in means.items()]
+    return tuple(effects)
+
+
+def axis_name(component: int, rotation: bool = False) -> str:
+    """Return x y z, or roll pitch yaw."""
+    return ("roll", "pitch", "yaw")[component] if rotation else AXES[component]

@@ -1,0 +1,156 @@
+# Copyright 2026 ride_estimation contributors
+"""From fits to names: confidence, rivals, what would separate them, the sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ride_estimation.diagnosis.calibration import Calibrated
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.fitting import FullFit
+from ride_estimation.diagnosis.hypothesis import Fitted, Reported
+from ride_estimation.diagnosis.isolability import separation
+from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.selection import Round, Selection
+from ride_estimation.diagnosis.settings import Settings
+
+_STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
+
+
+def name_causes(
+    calibrated: Calibrated, selection: Selection, soft: Fitted | None, scene: Scene, settings: Settings
+) -> tuple[NamedCause, ...]:
+    """Return the named causes, strongest first.
+
+    Parameters
+    ----------
+    selection
+        Rounds of forward selection.
+    soft
+        A mount out of line, from :mod:`outlier`.
+    scene
+        The run seen through the extended model.
+    """
+    out: list[tuple[float, NamedCause]] = []
+    accepted = selection.accepted
+    for fitted in accepted.fitted if accepted is not None else ():
+        cause = library()[fitted.hypothesis.cause]
+        confidence, rivals = _weigh(fitted, accepted, selection.rounds, settings)
+        axis = fitted.hypothesis.axis or _axis_of(scene, fitted)
+        named = NamedCause(
+            fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(scene, fitted), confidence, rivals,
+            cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
+        )
+        out.append((_strength(accepted, fitted), named))
+    if soft is not None:
+        cause = library()["one_soft_mount"]
+        z = abs(float(soft.coefficients[0])) / max(soft.std(0), 1e-9)
+        named = NamedCause(
+            "one_soft_mount", soft.hypothesis.location, soft.hypothesis.axis, cause.parameters(scene, soft),
+            float((1.0 - settings.unknown_probability) * (1.0 - np.exp(-0.5 * min(z, 20.0)))), (),
+            cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
+        )
+        out.append((0.0, named))
+    return tuple(named for _, named in sorted(out, key=lambda item: -item[0]))
+
+
+def _axis_of(scene: Scene, fitted: Fitted) -> str:
+    """Return the axis of the strongest reported coordinate of causes without an axis of their own."""
+    if fitted.hypothesis.cause != "harmonic_disturbance":
+        return ""
+    names = [p.name.split()[-1] for p in library()[fitted.hypothesis.cause].parameters(scene, fitted) if "amplitude" in p.name]
+    return names[0] if names else ""
+
+
+def _strength(accepted: FullFit | None, fitted: Fitted) -> float:
+    """Return the energy of the response to one fitted cause."""
+    if accepted is None:
+        return 0.0
+    start = 0
+    for other in accepted.fitted:
+        count = len(other.coefficients)
+        if other is fitted:
+            base = accepted.regression.count
+            rows = accepted.rows[:, :, start : start + count]
+            return float(np.sum((rows @ accepted.coefficients[base + start : base + start + count]) ** 2))
+        start += count
+    return 0.0
+
+
+def _weigh(
+    fitted: Fitted, accepted: FullFit | None, rounds: Sequence[Round], settings: Settings
+) -> tuple[float, tuple[Rival, ...]]:
+    """Return confidence and rivals of one accepted cause from the round that offered it."""
+    for current in rounds:
+        offered = [(c.fit.fitted[-1].hypothesis, c) for c in current.candidates]
+        mine = [c.log_likelihood for h, c in offered if h.key == fitted.hypothesis.key]
+        if not mine:
+            continue
+        best = max(mine)
+        values = np.array([c.log_likelihood for _, c in offered] + [current.reference])
+        weights = np.exp(np.clip(values - values.max(), -700.0, 0.0))
+        same = sum(w for w, (h, _) in zip(weights, offered) if h.cause == fitted.hypothesis.cause)
+        confidence = (1.0 - settings.unknown_probability) * float(same / weights.sum())
+        rivals: dict[str, Rival] = {}
+        for h, c in offered:
+            deficit = best - c.log_likelihood
+            if h.cause == fitted.hypothesis.cause or h.cause in rivals:
+                continue
+            words = (
+                f"explains less: log-likelihood {deficit:.0f} nat lower, residual {np.sqrt(c.fit.misfit / max(_misfit(mine, offered, best), 1e-9)):.2f} "
+                "times that of the named cause"
+            )
+            hint = separation(fitted.hypothesis.cause, h.cause) if deficit < _STRONG else ""
+            rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
+        return confidence, tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
+    return 1.0 - settings.unknown_probability, ()
+
+
+def _misfit(mine: list[float], offered: Sequence[tuple[object, object]], best: float) -> float:
+    for _, c in offered:
+        if getattr(c, "log_likelihood") == best:
+            return float(getattr(c, "fit").misfit)
+    return 1.0
+
+
+def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float) -> str:
+    """Return the verdict in words, numbers first."""
+    if verdict == INSUFFICIENT or gain is None:
+        return "The data cannot tell whether the model is right."
+    judged = gain.validation[0]
+    floor = 100.0 * judged.noise_floor
+    if verdict == NO_DISCREPANCY:
+        return (
+            f"The calibrated model explains the run down to the measurement noise: error {100 * judged.baseline:.1f} % "
+            f"against a noise floor of {floor:.1f} %."
+        )
+    named = "; ".join(_phrase(c) for c in causes)
+    effect = (
+        f"extending the model reduces the error on {judged.run} from {100 * judged.baseline:.1f} % to "
+        f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
+    )
+    if verdict == EXPLAINED:
+        return f"{named[0].upper()}{named[1:]}; {effect}."
+    if causes:
+        return (
+            f"The model misses something that the library does not name: the best candidate ({named}) leaves "
+            f"{100 * remaining:.0f} % of the residual energy above the noise floor; {effect}."
+        )
+    return (
+        f"The model misses something that the library does not name: error {100 * judged.baseline:.1f} % against a noise "
+        f"floor of {floor:.1f} %."
+    )
+
+
+def _phrase(cause: NamedCause) -> str:
+    place = " ".join(part for part in (cause.location, cause.axis) if part)
+    numbers = ", ".join(_number(p) for p in cause.parameters[:2])
+    return f"{cause.id.replace('_', ' ')} at {place} ({numbers}; confidence {100 * cause.confidence:.0f} %)"
+
+
+def _number(p: Reported) -> str:
+    unit = "" if p.unit == "-" else f" {p.unit}"
+    return f"{p.name} {p.value:.3g} +- {p.std:.2g}{unit}"
