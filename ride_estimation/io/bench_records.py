@@ -204,10 +204,11 @@ def _npz_columns(path: Path) -> dict[str, Array]:
 
 def _mat_columns(path: Path) -> dict[str, Array]:
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     try:
         content = loadmat(path)
-    except (OSError, ValueError, NotImplementedError, TypeError) as error:
+    except (OSError, ValueError, NotImplementedError, TypeError, MatReadError) as error:
         raise InputDataError(f"{path}: not a readable MATLAB 5 file ({error})") from error
     return {
         k: v.astype(float).ravel()

@@ -208,7 +208,7 @@ def test_each_published_set_survives_a_round_trip_through_its_own_force(name, me
     full = {
         "kelvin_voigt": None,
         "berg": lambda v: (v[0], 0.0, v[1], v[2], 0.0, 1.0, v[3], v[4]),
-        "modified_berg": lambda v: tuple(v),
+        "modified_berg": tuple,
     }[name]
     force = values[0] * x + values[1] * np.gradient(x, t) if full is None else overlay_force(full(values), x, 2e-3)
     fit = fit_time_domain(model, [record(t, x, force)], starts=3)

@@ -1,6 +1,8 @@
 # Copyright 2026 ride_estimation contributors
 """Identification of jounce bumpers on a synthetic programme whose bumper is written independently (J5, J12-J15)."""
 
+import itertools
+
 import jounce_programme as programme
 import numpy as np
 import pytest
@@ -123,7 +125,7 @@ def test_white_box_reaches_three_per_cent(three_models):
     # J12, J13: each stage improves; noise floor about 1.5 % (12 N load-cell noise)
     white = three_models["jounce_bumper"]
     stages = [mean(s) for s in white.stages.values()]
-    assert all(b < a for a, b in zip(stages, stages[1:], strict=False)), stages
+    assert all(b < a for a, b in itertools.pairwise(stages)), stages
     assert mean(white.fitted) < 0.03
     assert mean(white.noise_floor) < mean(white.fitted)
     # roads of another seed, not fitted

@@ -4,9 +4,9 @@ import pytest
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.analysis import identify_records, ladder_for
+from ride_estimation.identification.bench.models import LADDER, model_by_name
 from ride_estimation.identification.bench.oscillator import OscillatorRecord, identify_oscillator
 from ride_estimation.identification.bench.record import BenchRecord, check_record
-from ride_estimation.identification.bench.models import LADDER, model_by_name
 from ride_estimation.identification.bench.time_domain import fit_time_domain, held_out_stretches, prepare
 from ride_estimation.identification.bench.uncertainty import effective_samples, uncertainty
 
@@ -22,7 +22,9 @@ def random_motion(seed, low=0.3, high=8.0, rms=2e-3, n=5000):
 
 def record(seed, law, noise=3.0, **motion):
     t, x = random_motion(seed, **motion)
-    return check_record(BenchRecord(f"run {seed}", t, x, law(t, x) + noise * np.random.default_rng(seed + 99).standard_normal(t.size)))
+    return check_record(
+        BenchRecord(f"run {seed}", t, x, law(t, x) + noise * np.random.default_rng(seed + 99).standard_normal(t.size))
+    )
 
 
 def kelvin_voigt(t, x):
@@ -98,7 +100,9 @@ def test_effective_samples_of_white_and_correlated_noise():
 def test_a_single_slow_frequency_names_what_it_cannot_tell():
     t = np.arange(10000) * H
     x = 2e-3 * np.sin(2 * np.pi * 1.0 * t)
-    item = prepare(check_record(BenchRecord("sine", t, x, kelvin_voigt(t, x) + 2 * np.random.default_rng(0).standard_normal(t.size))))
+    item = prepare(
+        check_record(BenchRecord("sine", t, x, kelvin_voigt(t, x) + 2 * np.random.default_rng(0).standard_normal(t.size)))
+    )
     fit = fit_time_domain(model_by_name("modified_berg"), [item])
     spread = uncertainty(fit, [item])
     assert {p.status for p in spread.parameters} & {"not_identifiable", "at_bound"}

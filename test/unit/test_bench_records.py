@@ -23,20 +23,23 @@ def changed(values, at, value):
     return out
 
 
-@pytest.mark.parametrize(("record", "says"), [
-    (make(T[:50], X[:50], F[:50]), "too short: 50 samples"),
-    (make(T, X[:-1], F), "differ in length"),
-    (make(T, changed(X, 7, np.nan), F), "displacement has 1 values that are not finite, the first at sample 7"),
-    (make(T, X, changed(F, slice(3, 5), np.inf)), "force has 2 values"),
-    (make(changed(T, 10, T[9]), X, F), "time does not increase"),
-    (make(T[::-1], X, F), "time does not increase"),
-    (make(np.concatenate([T[:1000], T[1000:] + 0.5]), X, F), "irregular time"),
-    (make(T, np.full(N, 1e-3), F), "displacement is constant"),
-    (make(T, X, np.full(N, 5.0)), "force is constant"),
-    (make(T, 1e3 * X, F), "millimetres given as metres"),
-    (make(T, X, 1e-3 * F / 10), "kN given as N"),
-    (make(T, 1e-6 * X, F), "1000 times stiffer"),
-])
+@pytest.mark.parametrize(
+    ("record", "says"),
+    [
+        (make(T[:50], X[:50], F[:50]), "too short: 50 samples"),
+        (make(T, X[:-1], F), "differ in length"),
+        (make(T, changed(X, 7, np.nan), F), "displacement has 1 values that are not finite, the first at sample 7"),
+        (make(T, X, changed(F, slice(3, 5), np.inf)), "force has 2 values"),
+        (make(changed(T, 10, T[9]), X, F), "time does not increase"),
+        (make(T[::-1], X, F), "time does not increase"),
+        (make(np.concatenate([T[:1000], T[1000:] + 0.5]), X, F), "irregular time"),
+        (make(T, np.full(N, 1e-3), F), "displacement is constant"),
+        (make(T, X, np.full(N, 5.0)), "force is constant"),
+        (make(T, 1e3 * X, F), "millimetres given as metres"),
+        (make(T, X, 1e-3 * F / 10), "kN given as N"),
+        (make(T, 1e-6 * X, F), "1000 times stiffer"),
+    ],
+)
 def test_bad_records_are_refused_with_the_reason(record, says):
     with pytest.raises(InputDataError, match=says):
         check_record(record)
@@ -110,14 +113,17 @@ def test_npz_and_named_columns(tmp_path):
     assert read_bench_record(tmp_path / "a.npz", options).force == pytest.approx(F)
 
 
-@pytest.mark.parametrize(("header", "options", "says"), [
-    ("time_s,displacement,force_n", {}, "unit of column 'displacement' is not stated"),
-    ("time_s,displacement_mm,weight", {}, "force: no column looks like it"),
-    ("time_s,displacement_mm,force_n", {"force": "F2"}, "force: no column 'F2'"),
-    ("time_s,displacement_mm,force_n", {"force_unit": "furlong"}, "unit 'furlong'"),
-    ("x,displacement_mm,force_n", {}, "displacement: several columns could be it"),
-    ("stamp,displacement_mm,force_n", {}, "state --rate HZ"),
-])
+@pytest.mark.parametrize(
+    ("header", "options", "says"),
+    [
+        ("time_s,displacement,force_n", {}, "unit of column 'displacement' is not stated"),
+        ("time_s,displacement_mm,weight", {}, "force: no column looks like it"),
+        ("time_s,displacement_mm,force_n", {"force": "F2"}, "force: no column 'F2'"),
+        ("time_s,displacement_mm,force_n", {"force_unit": "furlong"}, "unit 'furlong'"),
+        ("x,displacement_mm,force_n", {}, "displacement: several columns could be it"),
+        ("stamp,displacement_mm,force_n", {}, "state --rate HZ"),
+    ],
+)
 def test_columns_that_cannot_be_told_are_refused(tmp_path, header, options, says):
     path = write_csv(tmp_path / "a.csv", header, T, 1e3 * X, F)
     with pytest.raises(InputDataError, match=says):
@@ -144,12 +150,18 @@ def test_a_displacement_that_never_passes_zero_is_centred_and_said(tmp_path):
 
 def test_table_of_harmonic_tests(tmp_path):
     path = write_csv(
-        tmp_path / "k.csv", "frequency_hz,amplitude_mm,stiffness_n_per_mm,loss_energy_n_mm", [1.0, 10.0], [1.0, 0.1], [100.0, 120.0],
+        tmp_path / "k.csv",
+        "frequency_hz,amplitude_mm,stiffness_n_per_mm,loss_energy_n_mm",
+        [1.0, 10.0],
+        [1.0, 0.1],
+        [100.0, 120.0],
         [30.0, 0.4],
     )
     points = read_operating_points(path)
     assert np.abs(points.stiffness) == pytest.approx([1e5, 1.2e5])
     assert points.loss_energy == pytest.approx([30e-3, 0.4e-3])
-    bad = write_csv(tmp_path / "b.csv", "frequency_hz,amplitude_mm,stiffness_n_per_mm,loss_energy_n_mm", [1.0], [1.0], [10.0], [99.0])
+    bad = write_csv(
+        tmp_path / "b.csv", "frequency_hz,amplitude_mm,stiffness_n_per_mm,loss_energy_n_mm", [1.0], [1.0], [10.0], [99.0]
+    )
     with pytest.raises(InputDataError, match="row 1 of the table"):
         read_operating_points(bad)

@@ -5,7 +5,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from ride_estimation.identification.bench import columns
-from ride_estimation.identification.bench.columns import FRICTION_BERG, FRICTION_DAHL, Layout, fused_gram, numpy_columns, numpy_gram
+from ride_estimation.identification.bench.columns import (
+    FRICTION_BERG,
+    FRICTION_DAHL,
+    Layout,
+    fused_gram,
+    numpy_columns,
+    numpy_gram,
+)
 from ride_estimation.identification.bench.reversals import find_motion
 from ride_estimation.identification.bench.variable_projection import eliminate_offset, minimise, solve_linear
 
@@ -54,7 +61,9 @@ def test_sensitivities_are_the_derivatives_of_the_columns(layout):
         up[q] += step
         down[q] -= step
         central = (numpy_columns(layout, motion, up) - numpy_columns(layout, motion, down))[layout.static + q] / (2 * step)
-        assert np.max(np.abs(found[layout.linear + q] - central)) < 1e-7 * np.max(np.abs(central)) + 1e-9 * np.max(np.abs(found[q]))
+        assert np.max(np.abs(found[layout.linear + q] - central)) < 1e-7 * np.max(np.abs(central)) + 1e-9 * np.max(
+            np.abs(found[q])
+        )
 
 
 def test_maxwell_column_equals_a_differential_equation_solver():
@@ -70,9 +79,13 @@ def test_maxwell_column_equals_a_differential_equation_solver():
     assert np.max(np.abs(column - m)) < 1e-10 * np.max(np.abs(m))
 
 
-@pytest.mark.parametrize(("kind", "law"), [
-    (FRICTION_BERG, None), (FRICTION_DAHL, lambda w, s, length: (1.0 - s * w) / length),
-])
+@pytest.mark.parametrize(
+    ("kind", "law"),
+    [
+        (FRICTION_BERG, None),
+        (FRICTION_DAHL, lambda w, s, length: (1.0 - s * w) / length),
+    ],
+)
 def test_friction_column_equals_its_differential_form(kind, law):
     # Berg: dF/dx = (1/x2) ((1 - s F)/(1 - s F_s))^2, F_s at the last reversal; Dahl: dF/dx = (1 - s F)/length
     x, length = signal(1500), 0.5e-3
@@ -105,8 +118,13 @@ def test_search_reaches_what_a_general_solver_reaches():
     force = clean + 5.0 * np.random.default_rng(2).standard_normal(clean.size)
     lower, upper = truth - 3.0, truth + 3.0
     result = minimise(
-        lambda th: eliminate_offset(columns.best_gram(layout, motion, th, force, force.size)), truth + [0.8, -0.7, 0.5],
-        lower, upper, 5, np.array([2, 3, 4]), np.zeros(5, dtype=bool),
+        lambda th: eliminate_offset(columns.best_gram(layout, motion, th, force, force.size)),
+        truth + np.array([0.8, -0.7, 0.5]),
+        lower,
+        upper,
+        5,
+        np.array([2, 3, 4]),
+        np.zeros(5, dtype=bool),
     )
     assert result.converged
 

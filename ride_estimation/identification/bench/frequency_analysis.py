@@ -22,7 +22,7 @@ from ride_estimation.identification.bench.frequency_domain import (
     relative_sigma,
 )
 from ride_estimation.identification.bench.harmonic_stiffness import complex_stiffness
-from ride_estimation.identification.bench.ladder import HeldOut, residual_offset
+from ride_estimation.identification.bench.ladder import RESOLUTION, HeldOut, residual_offset
 from ride_estimation.identification.bench.models import LADDER, BenchModel
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints
 from ride_estimation.identification.bench.time_domain import PreparedRecord
@@ -138,7 +138,7 @@ def _rung(model: BenchModel, points: OperatingPoints, validation: Sequence[Prepa
     weight = (sigma.min() / sigma) ** 2
     errors = [float(np.sqrt(np.average(np.abs(v / points.stiffness - 1.0) ** 2, weights=weight))) for v in (own, left)]
     n = 2 * points.omega.size
-    criterion = n * float(np.log(max(errors[1], 1e-12) ** 2)) + model.parameter_count * float(np.log(n))
+    criterion = n * float(np.log(max(errors[1], RESOLUTION) ** 2)) + model.parameter_count * float(np.log(n))
     held = []
     for item in validation:
         force = simulate(model.layout, item.motion, fit.theta, fit.coefficients)

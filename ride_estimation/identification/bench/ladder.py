@@ -22,6 +22,8 @@ from ride_estimation.metrics import nrmse
 Array = NDArray[np.float64]
 
 CRITERION = "N_eff ln(held-out mean squared error) + P ln(N_eff), N_eff from the residual's autocorrelation; smallest wins"
+#: share of the force's standard deviation below which errors do not count: no bench resolves less
+RESOLUTION = 1.0e-4
 NORMS = ("std", "max", "range")
 #: blocks of the paired resampling of the held-out data
 _BLOCKS = 40
@@ -122,7 +124,7 @@ def climb(
     independent = sum(effective_samples(h.measured - h.modelled) for h in rungs[best].held_out)
     scored = []
     for i, rung in enumerate(rungs):
-        criterion = independent * np.log(rung.mse) + rung.fit.model.parameter_count * np.log(independent)
+        criterion = independent * np.log(max(rung.mse, RESOLUTION**2)) + rung.fit.model.parameter_count * np.log(independent)
         gain, interval = (np.nan, (np.nan, np.nan)) if i == 0 else paired_gain(rungs[i - 1], rung)
         scored.append(dataclasses.replace(rung, criterion=float(criterion), gain=gain, gain_ci95=interval))
     return tuple(scored), int(np.argmin([r.criterion for r in scored]))

@@ -15,14 +15,13 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from ride_estimation.errors import InputDataError
 
 Array = NDArray[np.float64]
 
 #: relative fall of the cost, promised or made, below which the search has arrived
-COST_TOLERANCE = 1.0e-10
+COST_TOLERANCE = 1.0e-9
 #: change of log parameters below which the search has arrived
 STEP_TOLERANCE = 1.0e-6
 #: coefficients whose eigen-direction is weaker than this share of the strongest are not resolved
@@ -73,10 +72,11 @@ class VariableProjectionResult:
 
 def eliminate_offset(gram: Array) -> Array:
     """Return the Gram matrix with the constant column (the last but one) projected out."""
-    keep = np.r_[0 : gram.shape[0] - 2, gram.shape[0] - 1]
-    one = gram.shape[0] - 2
-    column = gram[keep, one]
-    reduced: Array = gram[np.ix_(keep, keep)] - np.outer(column, column) / gram[one, one]
+    size = gram.shape[0]
+    keep = np.arange(size - 1)
+    keep[-1] = size - 1
+    column = gram[keep, size - 2]
+    reduced: Array = gram[keep][:, keep] - column[:, None] * (column / gram[size - 2, size - 2])
     return reduced
 
 
@@ -107,17 +107,8 @@ def solve_linear(basis: Array, target: Array, positive: NDArray[np.bool_]) -> tu
 
 
 def _solve_symmetric(a: Array, b: Array) -> Array:
-    try:
-        factor = cho_factor(a, check_finite=False)
-        if np.min(np.abs(np.diag(factor[0]))) > 1e-6:
-            solved: Array = cho_solve(factor, b, check_finite=False)
-            return solved
-    except np.linalg.LinAlgError:
-        pass
-    values, vectors = np.linalg.eigh(a)
-    inverse = np.where(values > RANK_TOLERANCE * values[-1], 1.0 / np.maximum(values, 1e-300), 0.0)
-    pseudo: Array = vectors @ (inverse * (vectors.T @ b))
-    return pseudo
+    solved: Array = _pseudo_inverse(a) @ b
+    return solved
 
 
 def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive: NDArray[np.bool_]) -> Projection:
@@ -135,22 +126,32 @@ def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive
         Coefficients that may not fall below zero, shape (P,).
     """
     basis, target = gram[:linear, :linear], gram[:linear, -1]
-    coefficients, at_zero = solve_linear(basis, target, positive)
+    scale = np.sqrt(np.maximum(basis.diagonal(), np.finfo(float).tiny))
+    inverse = _pseudo_inverse(basis / (scale[:, None] * scale)) / (scale[:, None] * scale)
+    coefficients = inverse @ target
+    at_zero: tuple[int, ...] = ()
+    if np.any(coefficients[positive] < 0.0):
+        coefficients, at_zero = solve_linear(basis, target, positive)
+        free = np.setdiff1d(np.arange(linear), np.asarray(at_zero, dtype=int))
+        part = scale[free]
+        inverse = np.zeros_like(basis)
+        inverse[np.ix_(free, free)] = _pseudo_inverse(basis[np.ix_(free, free)] / (part[:, None] * part)) / (part[:, None] * part)
     power = float(gram[-1, -1])
     cost = power - 2.0 * float(coefficients @ target) + float(coefficients @ basis @ coefficients)
     cost = max(cost, 1e-15 * power)
     q = sensitivities.size
-    inner = gram[linear : linear + q, linear : linear + q]
     cross = gram[linear : linear + q, :linear]
     a = coefficients[sensitivities]
-    free = np.setdiff1d(np.arange(linear), np.asarray(at_zero, dtype=int))
-    scale = np.sqrt(np.maximum(np.diag(basis)[free], np.finfo(float).tiny))
-    scaled = basis[np.ix_(free, free)] / np.outer(scale, scale)
-    cross_free = cross[:, free] / scale
-    projected = inner - cross_free @ np.linalg.pinv(scaled, rcond=RANK_TOLERANCE, hermitian=True) @ cross_free.T
-    hessian = projected * np.outer(a, a)
+    hessian = (gram[linear : linear + q, linear : linear + q] - cross @ inverse @ cross.T) * (a[:, None] * a)
     gradient = -a * (gram[linear : linear + q, -1] - cross @ coefficients)
     return Projection(coefficients, cost, gradient, hessian, at_zero)
+
+
+def _pseudo_inverse(symmetric: Array) -> Array:
+    values, vectors = np.linalg.eigh(symmetric)
+    inverse = np.where(values > RANK_TOLERANCE * values[-1], 1.0 / np.maximum(values, 1e-300), 0.0)
+    result: Array = (vectors * inverse) @ vectors.T
+    return result
 
 
 def minimise(
@@ -193,7 +194,7 @@ def minimise(
         diagonal = np.maximum(np.diag(h), 1e-12 * float(np.max(np.abs(np.diag(point.hessian)), initial=1e-300)))
         diagonal = np.maximum(diagonal, 1e-300)
         step = np.zeros(theta.size)
-        step[move] = -np.linalg.lstsq(h + damping * np.diag(diagonal), point.gradient[move], rcond=None)[0]
+        step[move] = -np.linalg.solve(h + damping * np.diag(diagonal), point.gradient[move])
         # the gain a Gauss-Newton step still promises, in shares of the cost: far below what noise can tell
         if float(-step[move] @ point.gradient[move]) < COST_TOLERANCE * point.cost:
             converged = True
