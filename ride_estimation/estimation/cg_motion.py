@@ -38,6 +38,8 @@ _GYRO_BIAS = 0.02
 _YAW_STD = 0.1
 _YAW_TIME = 3.0
 _MASKS = 64
+#: time over which horizontal acceleration counts as slow, and memory of its size [s]
+_SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 
 
 def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
@@ -134,6 +136,9 @@ class CgMotionEstimator:
         self._p_yaw = self._p_tilt.copy()
         self._last_gyro: Array | None = None
         self._last_good = np.zeros(6)
+        s = self._settings
+        self._slow = np.zeros(2)
+        self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def set_variance(self, sensor: int, variance: Array) -> None:
         """Use the variance that the messages of a sensor state [(m/s^2)^2], shape (3,)."""
@@ -240,6 +245,7 @@ class CgMotionEstimator:
             self._gravity, dt, self._state, self._p_tilt, self._p_yaw, noise, out.motion[where], out.rate[where], out.tilt[where],
         )  # fmt: skip
         self._last_good = out.motion[where][-1].copy()
+        self._follow_slow_acceleration(out.motion[where], out.tilt[where], dt)
         out.valid[where] = weights.rank == needed
         residual = (y - self.predict(out.motion[where], out.rate[where])) * np.repeat(mask, 3)
         out.residual[where] = residual
@@ -248,9 +254,17 @@ class CgMotionEstimator:
             self.residual_count += len(y)
         return weights.covariance
 
+    def _follow_slow_acceleration(self, motion: Array, tilt: Array, dt: float) -> None:
+        """Follow how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)."""
+        f = motion.mean(axis=0)
+        seen = np.array([f[1], -f[0]]) / self._gravity
+        self._slow += (1.0 - np.exp(-len(motion) * dt / _SLOW_TIME)) * (seen - tilt.mean(axis=0)[:2] - self._slow)
+        self._slow_square += (1.0 - np.exp(-len(motion) * dt / _SLOW_MEMORY)) * (float(np.mean(self._slow**2)) - self._slow_square)
+
     def _filter_noise(self, weights: Weights, dt: float) -> Array:
         s = self._settings
-        tilt = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / dt
+        start = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time
+        tilt = float(np.clip(2.0 * _SLOW_TIME * self._slow_square, 1e-3 * start, 30.0 * start)) / dt
         gyro = float(np.mean(self._gyro_variance)) / max(len(self.gyros), 1) if self.gyros else 0.0
         alpha = 0.5 * float(weights.covariance[3, 3] + weights.covariance[4, 4])
         bias = _GYRO_BIAS_DENSITY if self.gyros else _BIAS_DENSITY
@@ -290,7 +304,7 @@ class CgMotionEstimator:
         return {
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
             "variance": self.variance.tolist(), "residual_products": self.residual_products.tolist(),
-            "residual_count": self.residual_count,
+            "residual_count": self.residual_count, "slow": self._slow.tolist(), "slow_square": self._slow_square,
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
 
@@ -302,6 +316,7 @@ class CgMotionEstimator:
         self.variance = np.array(saved["variance"], dtype=float)
         self.residual_products = np.array(saved["residual_products"], dtype=float)
         self.residual_count = float(saved["residual_count"])
+        self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
         self._last_good = np.array(saved["last_good"], dtype=float)
         self._cache.clear()

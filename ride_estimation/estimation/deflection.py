@@ -31,7 +31,7 @@ _UNKNOWN_RELATIVE = 5.0
 _MEMORY = 5.0
 _ATTACK = 0.1
 #: slow share of the mean squared deflection that equilibrium does not tell (twist of the frame), as a factor per axis
-_MARGIN = np.array([1.0, 1.0, 0.2])
+_MARGIN = np.array([0.2, 0.2, 0.05])
 #: smallest deflection assumed [m]
 _LEAST = np.array([1e-4, 1e-4, 5e-4])
 

@@ -29,6 +29,11 @@ STATIC_SHARE = 0.01
 _MEMORY = 5.0
 #: time between two recomputations of the gains [s]
 _INTERVAL = 0.2
+#: memory of the residual of equilibrium against its covariance [s], smallest ratio it may reach
+_CONSISTENCY_MEMORY = 5.0
+_LEAST_RATIO = 0.01
+#: rows of the wrench that judge horizontal and vertical deflections
+_ROWS = ((0, 1, 5), (2, 3, 4))
 #: corner below which the residual wrench is shared by stiffness [rad/s]
 _SLOW_CORNER = 0.8
 
@@ -129,11 +134,11 @@ class MountForceEstimator:
         self._dynamic_square = np.zeros((count, 3))
         self._slow = np.zeros(6)
         self._until = 0.0
-        self._nis = 1.0
+        self._ratio = np.ones(2)
         self._time = 0.0
         self._gain = np.zeros((3 * count, 6))
         self._gain_slow = np.zeros((3 * count, 6))
-        self._innovation_inverse = np.zeros((6, 6))
+        self._innovation = np.zeros(6)
         self._std = np.zeros((3, count, 3))
         self._update_static()
 
@@ -180,7 +185,7 @@ class MountForceEstimator:
         error = support - flat @ self.arrangement.wrench.T
         slow = self._low_pass(error, dt)
         fast = error - slow
-        self._judge(fast, ticks * dt)
+        self._judge(error, ticks * dt)
         flat = flat + fast @ self._gain.T + slow @ self._gain_slow.T
         force = flat.reshape(ticks, count, 3)
         x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
@@ -211,17 +216,25 @@ class MountForceEstimator:
             slow[k] = self._slow
         return slow
 
-    def _judge(self, fast: Array, duration: float) -> None:
-        """Follow the normalised residual of equilibrium: above 1 the mount model is worse than its covariance says."""
-        if not np.any(self._innovation_inverse):
+    def _judge(self, error: Array, duration: float) -> None:
+        """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.
+
+        The directions equilibrium sees tell how good the integrated deflections are in those it does not see.
+        """
+        if not np.any(self._innovation):
             return
-        nis = float(np.mean(np.sum((fast @ self._innovation_inverse) * fast, axis=1))) / max(int(np.sum(self._free)), 1)
-        self._nis += (1.0 - np.exp(-duration / _MEMORY)) * (nis - self._nis)
+        square = np.mean(error**2, axis=0)
+        share = 1.0 - np.exp(-duration / _CONSISTENCY_MEMORY)
+        for group, rows in enumerate(_ROWS):
+            used = [r for r in rows if self._innovation[r] > 0.0]
+            if used:
+                ratio = float(np.mean(square[used] / self._innovation[used]))
+                self._ratio[group] += share * (ratio - self._ratio[group])
 
     @property
     def consistency(self) -> float:
-        """Return the mean normalised squared residual of equilibrium per component; 1 where the model is as good as stated."""
-        return self._nis
+        """Return the mean squared residual of equilibrium over what the mount model and the noise let expect."""
+        return float(np.mean(self._ratio))
 
     def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
         self._until = self._time + _INTERVAL
@@ -230,7 +243,9 @@ class MountForceEstimator:
         variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2
         variance += self.parameter_std[0] ** 2 * self._elastic_square + self.parameter_std[1] ** 2 * self._viscous_square
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
-        variance = np.where(self.known, variance * max(self._nis, 1.0), hidden)
+        scale = np.array([self._ratio[0], self._ratio[0], self._ratio[1]])
+        stated = variance
+        variance = np.where(self.known, variance * np.maximum(scale, _LEAST_RATIO), hidden)
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
         prior = variance.ravel() + 1e-6 * self._stiffness
         if not self.known.all():
@@ -241,8 +256,9 @@ class MountForceEstimator:
         gain = prior[:, None] * (g.T @ inverse)
         self._gain = np.zeros((3 * count, 6))
         self._gain[:, self._free] = gain
-        self._innovation_inverse = np.zeros((6, 6))
-        self._innovation_inverse[np.ix_(self._free, self._free)] = inverse
+        seen = np.where(self.known, stated, hidden).ravel()
+        self._innovation = np.zeros(6)
+        self._innovation[self._free] = np.einsum("ij,j,ij->i", g, seen, g) + np.diag(load_covariance)[self._free]
         rest = np.eye(3 * count) - gain @ g
         model = np.einsum("ij,j,ij->i", rest, variance.ravel(), rest)
         static = STATIC_SHARE * np.abs(self.static_force).ravel()
@@ -252,20 +268,20 @@ class MountForceEstimator:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        names = ("_elastic_square", "_viscous_square", "_dynamic_square", "_slow", "_gain", "_gain_slow", "_innovation_inverse", "_std")
+        names = ("_elastic_square", "_viscous_square", "_dynamic_square", "_slow", "_gain", "_gain_slow", "_innovation", "_ratio", "_std")
         saved = {name[1:]: getattr(self, name).tolist() for name in names}
         return {
-            **saved, "until": self._until, "nis": self._nis, "time": self._time, "static_force": self.static_force.tolist(),
+            **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
             "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
             "parameter_std": self.parameter_std.tolist(),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        for name in ("elastic_square", "viscous_square", "dynamic_square", "slow", "gain", "gain_slow", "innovation_inverse", "std"):
+        for name in ("elastic_square", "viscous_square", "dynamic_square", "slow", "gain", "gain_slow", "innovation", "ratio", "std"):
             own = getattr(self, "_" + name)
             setattr(self, "_" + name, np.array(saved[name], dtype=float).reshape(own.shape))
-        self._until, self._nis, self._time = float(saved["until"]), float(saved["nis"]), float(saved["time"])
+        self._until, self._time = float(saved["until"]), float(saved["time"])
         self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
         self._stiffness = np.array(saved["stiffness"], dtype=float)
         self.mass = float(saved["mass"])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,7 @@ class Pipeline:
         self._since_variance = 0.0
         self._run_time = 0.0
         self._next_anchor = 0.0
+        self._due: Callable[[], None] | None = None
         self._apply()
 
     def _new_aligner(self) -> StampAligner:
@@ -134,6 +135,8 @@ class Pipeline:
         if index is None:
             self._unknown[sensor_name] += 1
             return ()
+        if self._due is not None:
+            self._settle()
         blocks = self._aligner.push(index, stamp_ns, values, variance)
         return tuple(self._process(b) for b in blocks) if blocks else ()
 
@@ -143,6 +146,7 @@ class Pipeline:
 
     def reset(self, reason: str) -> None:
         """Forget motion and learned parameters and begin again from the vehicle file."""
+        self._due = None
         self._parameters = ParameterEstimator(self.arrangement, self.settings)
         self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
         self._apply()
@@ -160,6 +164,7 @@ class Pipeline:
     # -- one block --------------------------------------------------------------------------------------------------------
 
     def _process(self, block: Block) -> OutputBlock:
+        self._settle()
         if block.restart and self._ticks:
             self._restart(block.restart)
         dt = block.step_ns * 1e-9
@@ -178,7 +183,8 @@ class Pipeline:
             if block.valid[:, stream].all():
                 cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
                 self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
-        self._learn(motion, deflection, support, bool(block.valid[:, self._needed].all()), dt)
+        complete, before = bool(block.valid[:, self._needed].all()), self._stamp
+        self._due = lambda: self._learn(motion, deflection, support, complete, before, dt)
         self._ticks += ticks
         self._invalid_ticks += int(np.sum(~motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
@@ -227,14 +233,22 @@ class Pipeline:
     def _observe_forces(self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float) -> ForceBlock:
         return self._forces.observe(deflection, support, covariance, self._deflection.turn_rate(deflection), dt)
 
-    def _learn(self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, complete: bool, dt: float) -> None:
+    def _settle(self) -> None:
+        """Learn from the last block; put off until the next call so that the block's forces are handed out first."""
+        if self._due is not None:
+            due, self._due = self._due, None
+            due()
+
+    def _learn(
+        self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, complete: bool, stamp_ns: int, dt: float
+    ) -> None:
         data = BalanceInput(
             support / self._factor, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
             self._deflection.turn_rate(deflection), self._forces.shared(support) / self._factor,
         )  # fmt: skip
         self._run_time += len(support) * dt
         p = self._parameters
-        moved = p.observe(data, motion, complete, self._stamp, dt)
+        moved = p.observe(data, motion, complete, stamp_ns, dt)
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0
             self._anchor.update(p.theta[:-1], p.std[:-1], self._forces.static_force / self._factor, self._run_time, p.excited_time)
@@ -257,6 +271,7 @@ class Pipeline:
 
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
+        self._settle()
         return (self._mass_estimate(), *(self._absolute(e) for e in self._parameters.estimates()))
 
     def _absolute(self, estimate: Estimate) -> Estimate:
@@ -278,12 +293,14 @@ class Pipeline:
 
     def identifiability(self) -> dict[str, Any]:
         """Return what the data can and cannot tell, in words."""
+        self._settle()
         return describe(
             self.arrangement, self.parameters(), self._anchor.anchored, self._parameters.null_directions(), self._parameters.notes()
         )
 
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""
+        self._settle()
         test = self._motion.residual_test(self._dt or 0.002)
         ratio = {s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)}
         streams = self._aligner.health()
@@ -306,6 +323,7 @@ class Pipeline:
 
     def save_state(self) -> dict[str, Any]:
         """Return the state as a mapping that JSON can hold."""
+        self._settle()
         return {
             "schema": STATE_SCHEMA, "vehicle": self.vehicle.checksum, "sensors": [s.name for s in self._sensors],
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
@@ -325,6 +343,7 @@ class Pipeline:
         for key, value in wanted.items():
             if state.get(key) != value:
                 raise InputDataError(f"saved state: {key} is {state.get(key)!r}; this vehicle needs {value!r}")
+        self._due = None
         self._motion.load(state["motion"])
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
