@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import ConfigurationError
@@ -14,8 +15,10 @@ from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.results import output_folder, result_document, write_json, write_signals
+from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 from ride_estimation.reporting.replay_report import write_replay_report
+from ride_estimation.resources import shared_path
 from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.signals.quality import ChannelQuality
@@ -28,9 +31,10 @@ HELP = "estimate motion, loads, mount parameters and attachment forces from a re
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
-    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file")
+    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for result.json, signals.npz, report.html")
     parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
+    parser.add_argument("--settings", metavar="P.yaml", help="parameter file of the node, to replay with what ran live")
     parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")
     parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
@@ -38,8 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay one run; see :data:`HELP`."""
-    vehicle = without_sensors(load_vehicle(options.vehicle), options.without)
-    pipeline = Pipeline(vehicle, PipelineSettings(rate_hz=options.rate))
+    vehicle = without_sensors(load_vehicle(vehicle_file(options.vehicle)), options.without)
+    settings = load_settings(options.settings) if options.settings else PipelineSettings()
+    if options.rate is not None:
+        settings = dataclasses.replace(settings, rate_hz=options.rate)
+    pipeline = Pipeline(vehicle, settings)
     require_layout(vehicle, pipeline)
     folder = output_folder(options.out)
     recording = read_recording(options.recording, vehicle, salvage=options.salvage)
@@ -58,6 +65,14 @@ def run(options: argparse.Namespace) -> int:
     print(summary(recording, result, (*warnings,), layout))
     print(f"written to {folder}: result.json, signals.npz{'' if options.no_report else ', report.html'}")
     return 0
+
+
+def vehicle_file(given: str) -> Path:
+    """Return the path of a vehicle file named by path or, without ``/`` and ``.yaml``, by the name of a bundled one."""
+    path = Path(given)
+    if path.exists() or path.suffix or len(path.parts) != 1:
+        return path
+    return shared_path("config", "vehicles", f"{given}.yaml")
 
 
 def without_sensors(vehicle: Vehicle, names: Sequence[str]) -> Vehicle:

@@ -86,7 +86,9 @@ def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False)
         warnings=(*source.warnings, *damage),
     )
     if all(np.ptp(c.stamp_ns) == 0 for c in recording.channels.values()):
-        raise InputDataError(f"{path}: the recording lasts 0 s (every sensor has one stamp only)")
+        zero = all(np.all(c.stamp_ns == 0) for c in recording.channels.values())
+        why = "every header stamp is zero: the drivers set none" if zero else "every sensor has one stamp only"
+        raise InputDataError(f"{path}: the recording lasts 0 s ({why})")
     return recording
 
 

@@ -13,6 +13,9 @@ from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.quality import ChannelQuality, gravity_findings, judge_channel
 from ride_estimation.signals.recording import Channel, Recording
 
+#: rate of an accelerometer below which part of the ride motion cannot be in the signal [Hz]
+LOW_RATE_HZ = 60.0
+
 
 def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: float) -> dict[str, ChannelQuality]:
     """Judge every channel of a recording.
@@ -33,6 +36,9 @@ def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: 
         sensor = sensors[name]
         quality = judge_channel(channel, sensor.full_scale)
         extra = [*spans[name], *twins.get(name, ())]
+        if sensor.kind in ("accelerometer", "imu") and 0.0 < quality.rate_hz < LOW_RATE_HZ:
+            seen = 0.4 * quality.rate_hz
+            extra.append(f"{quality.rate_hz:.3g} Hz shows motion below {seen:.2g} Hz only; wheel hop is at 10 to 15 Hz")
         if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and quality.samples:
             extra += gravity_findings(sensor.rotation @ quality.mean[:3], gravity)
         judged[name] = dataclasses.replace(quality, findings=(*quality.findings, *extra))

@@ -108,6 +108,33 @@ def test_twice_the_same_bytes(case: Case, tmp_path: Path, capsys: pytest.Capture
     assert f"digest {digest}" in printed
 
 
+def test_settings_are_those_of_the_node(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plain = Path(__file__).parents[2] / "config" / "nodes" / "estimator.yaml"
+    assert replayed(case, tmp_path / "plain", None, "--settings", str(plain)) == 0
+    digests = [json.loads((p / "result.json").read_text())["digest"] for p in (case.out, tmp_path / "plain")]
+    assert digests[0] == digests[1]  # the bundled parameter file states the defaults
+    other = tmp_path / "other.yaml"
+    other.write_text("/**:\n  ros__parameters:\n    rate_hz: 100.0\n    estimate_parameters: false\n    autostart: true\n")
+    assert replayed(case, tmp_path / "other", None, "--settings", str(other)) == 0
+    with np.load(tmp_path / "other" / "signals.npz") as s:
+        assert np.allclose(np.diff(s["time_s"]), 0.01)
+    for text, words in (
+        ("a: 1\n", "ros__parameters"),
+        ("/**:\n  ros__parameters:\n    block_ticks: 2.5\n    rate_hz: fast\n", "2 mistakes"),
+        ("/**:\n  ros__parameters:\n    largest_ratio: 0.5\n", "largest_ratio"),
+    ):
+        other.write_text(text)
+        assert words in refused(["replay", str(case.bag), "--vehicle", str(case.vehicle), "--out", str(tmp_path / "o"),
+                                 "--settings", str(other)], capsys)  # fmt: skip
+
+
+def test_bundled_vehicles_are_found_by_name(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # found and read: what is refused is the bag, which has other topics
+    text = refused(["replay", str(case.bag), "--vehicle", "single_imu", "--out", str(tmp_path / "o")], capsys)
+    assert "the run has no topic /imu/data" in text
+    assert "no_such" in refused(["replay", str(case.bag), "--vehicle", "no_such", "--out", str(tmp_path / "o")], capsys)
+
+
 def test_containers_do_not_matter(case: Case, tmp_path: Path) -> None:
     write_bag(tmp_path / "sql", case.recording, load_vehicle(case.vehicle).sensors, storage="sqlite3")
     assert replayed(case, tmp_path / "out", tmp_path / "sql") == 0

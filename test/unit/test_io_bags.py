@@ -308,8 +308,11 @@ def test_empty_and_wrong_paths(tmp_path: Path) -> None:
 
 def test_a_run_without_duration_is_refused(tmp_path: Path) -> None:
     path = write_messages(tmp_path / "b", [imu(START, ZERO, ABSENT)] * 3)
-    with pytest.raises(InputDataError, match="lasts 0 s"):
+    with pytest.raises(InputDataError, match=r"lasts 0 s .*one stamp only"):
         read_recording(path, Vehicle("v", {}, {}, {"accel": SENSORS["accel"]}))
+    unset = write_messages(tmp_path / "unset", [imu(0, ZERO, ABSENT)] * 3)
+    with pytest.raises(InputDataError, match="every header stamp is zero"):
+        read_recording(unset, Vehicle("v", {}, {}, {"accel": SENSORS["accel"]}))
 
 
 def test_writing_refuses_to_overwrite_and_to_guess(bag: Path, tmp_path: Path) -> None:
