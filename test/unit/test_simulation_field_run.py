@@ -62,6 +62,8 @@ def test_the_front_meets_a_bump_before_the_rear_and_one_side_rolls_the_frame():
     first = np.argmax(np.abs(roll) > 0.05 * np.abs(roll).max()) / 1000.0
     assert 2.0 - 0.1 < first < 2.3  # s
     assert roll[2000:2300].max() > 0.0  # left side up is positive roll about x forward
+    right = recorded(drive(scenario(obstacles=(Obstacle("cosine", 28.0, 1.5, 0.05, "right"),)), CAB))
+    np.testing.assert_allclose(right["angle"][:, :, 0], -motion["angle"][:, :, 0], atol=1e-9)  # mirror image
     both = recorded(drive(scenario(obstacles=(Obstacle("cosine", 28.0, 1.5, 0.05),)), CAB))
     assert np.abs(both["angle"][:, :, 0]).max() < 1e-9  # a symmetric truck on a symmetric bump does not roll
 

@@ -302,3 +302,16 @@ def test_a_tilted_bracket_tilts_its_accelerometer(cab):
         reading = simulate(cab, base, full_rotation=full).specific_force("chassis_rear_left")[0]
         exact = [0.0, g * np.sin(0.1), g * np.cos(0.1)]
         np.testing.assert_allclose(reading, exact, atol=1e-9 if full else 0.06)  # m/s^2; small rotations: g (1 - cos)
+
+
+def test_accelerometers_read_the_second_derivative_of_their_place_and_gravity(cab):
+    base = BaseMotion.from_displacement(sines(4, 1000.0, 3.0, scale=0.05), 1000.0)
+    response = simulate(cab, base, full_rotation=True)
+    for name in ("cab_front_left", "cab_rear_right"):
+        arm = cab.vehicle.sensors[name].position
+        place = response.coordinates[:, :3] + response.rotation[:, 0] @ arm
+        acceleration = derivative(derivative(place, 1000.0), 1000.0) + np.array([0.0, 0.0, cab.vehicle.gravity])
+        expected = np.einsum("nji,nj->ni", response.rotation[:, 0], acceleration)[10:-10]
+        omega = np.abs(response.rates[:, 3:]).max()
+        assert omega**2 * np.linalg.norm(arm) > 0.1  # m/s^2: centripetal terms matter in this run
+        np.testing.assert_allclose(response.specific_force(name)[10:-10], expected, atol=2e-3)  # m/s^2
