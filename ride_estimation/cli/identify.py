@@ -224,7 +224,7 @@ def print_summary(found: BenchIdentification) -> None:
     print(f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'held out %':>12}{'gain %':>9}{'criterion':>12}")
     for i, rung in enumerate(found.rungs):
         mark = " <" if i == found.chosen else ""
-        gain = f"{100 * rung.gain:>9.1f}" if i else f"{'':>9}"
+        gain = f"{100 * rung.gain:>9.1f}" if rung.gain_over else f"{'':>9}"
         print(
             f"{rung.fit.model.name:<18}{rung.fit.model.parameter_count:>11}{100 * rung.fitted['std']:>10.3g}"
             f"{100 * rung.mse**0.5:>12.3g}{gain}{rung.criterion:>12.0f}{mark}"

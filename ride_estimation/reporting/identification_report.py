@@ -43,14 +43,19 @@ def write_identification_report(found: BenchIdentification, path: Path) -> None:
 
 def _ladder(page: Page, found: BenchIdentification) -> None:
     page.heading("Ladder of models")
-    page.text(f"Criterion: {CRITERION}. Gain: fall of the held-out error against the rung above, with its 95 % interval.")
+    page.text(
+        f"Criterion: {CRITERION}. "
+        "Gain: fall of the held-out error against the best model with fewer parameters, with its 95 % interval."
+    )
     rows = [
         [
             ("> " if i == found.chosen else "") + r.fit.model.name,
             r.fit.model.parameter_count,
             100 * r.fitted["std"],
             100 * float(np.sqrt(r.mse)),
-            "" if i == 0 else f"{100 * r.gain:.1f} % ({100 * r.gain_ci95[0]:.1f} to {100 * r.gain_ci95[1]:.1f})",
+            f"{100 * r.gain:.1f} % ({100 * r.gain_ci95[0]:.1f} to {100 * r.gain_ci95[1]:.1f}) over {r.gain_over}"
+            if r.gain_over
+            else "",
             r.criterion,
             r.fit.result.passes,
         ]
@@ -180,6 +185,7 @@ def identification_document(found: BenchIdentification, software: str) -> dict[s
                 "nrmse_held_out": float(np.sqrt(r.mse)),
                 "criterion": r.criterion,
                 "gain": _number(r.gain),
+                "gain_over": r.gain_over or None,
                 "gain_ci95": [_number(v) for v in r.gain_ci95],
                 "passes": r.fit.result.passes,
                 "values": {q.name: float(v) for q, v in zip(r.fit.model.quantities, r.fit.values, strict=True)},

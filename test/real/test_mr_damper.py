@@ -33,8 +33,8 @@ PUBLISHED = {
 }
 #: rungs that are compared; those with more cells or a cubic spring bring nothing here and take most of the time
 MODELS = ("linear_spring", "kelvin_voigt", "dahl", "berg_viscous", "berg")
-#: NRMSE (std) on unseen runs, measured 15.3, 12.6, 15.9, 18.3 %; limits a tenth above
-LIMIT = {0.0: 0.17, 0.8712: 0.14, 1.98: 0.175, 3.212: 0.205}
+#: NRMSE (std) on unseen runs without their initial rest, measured 10.2, 9.6, 15.7, 18.3 %; limits a tenth above
+LIMIT = {0.0: 0.113, 0.8712: 0.108, 1.98: 0.175, 3.212: 0.203}
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +80,8 @@ def test_ladder_on_unseen_runs(damper, voltage):
     theta, coefficients = dahl.searched(np.array([0.0, 1e3 * viscous, friction, 1e-3 / rho]))
     errors = []
     for item in unseen:
-        force = simulate(dahl.layout, item.motion, theta, coefficients)
-        errors.append(nrmse(item.force, force + residual_offset(item.force, force)))
+        force, keep = simulate(dahl.layout, item.motion, theta, coefficients)[item.fitted], item.fitted
+        errors.append(nrmse(item.force[keep], force + residual_offset(item.force[keep], force)))
     assert by_name["dahl"].mse**0.5 < 0.85 * np.sqrt(np.mean(np.square(errors)))
 
 

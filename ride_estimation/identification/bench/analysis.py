@@ -14,9 +14,9 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.element_mapping import element_mapping
 from ride_estimation.identification.bench.ladder import Rung, climb
 from ride_estimation.identification.bench.models import LADDER, BenchModel, model_by_name
-from ride_estimation.identification.bench.record import BenchRecord
+from ride_estimation.identification.bench.record import BenchRecord, clipped_samples
 from ride_estimation.identification.bench.reversals import noise_level
-from ride_estimation.identification.bench.time_domain import PreparedRecord, TimeDomainFit, fit_time_domain, prepare
+from ride_estimation.identification.bench.time_domain import PreparedRecord, TimeDomainFit, fit_time_domain, initial_rest, prepare
 from ride_estimation.identification.bench.uncertainty import Uncertainty, uncertainty
 
 Array = NDArray[np.float64]
@@ -139,6 +139,8 @@ def _noise(item: PreparedRecord) -> dict[str, float | str]:
         "dead_band_m": item.motion.dead_band,
         "low_pass_hz": item.motion.corner_hz,
         "reversals": float(item.motion.directions.size),
+        "rest_left_out_s": initial_rest(item.motion) * item.motion.step_s,
+        "clipped_left_out": float(clipped_samples(item.record).sum()),
     }
 
 

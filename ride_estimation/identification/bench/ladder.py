@@ -60,8 +60,9 @@ class Rung:
         Mean squared error over all held-out samples, each record scaled by its variance.
     criterion
         See the module.
-    gain
-        Fall of the held-out root mean squared error against the rung before, 1 - ratio; NaN for the first.
+    gain, gain_over
+        Fall of the held-out root mean squared error, 1 - ratio, against the best rung with fewer parameters; NaN for the
+        simplest.
     gain_ci95
         95 % interval of the gain by paired resampling of blocks.
     """
@@ -73,6 +74,7 @@ class Rung:
     criterion: float = np.nan
     gain: float = np.nan
     gain_ci95: tuple[float, float] = (np.nan, np.nan)
+    gain_over: str = ""
 
 
 def residual_offset(measured: Array, modelled: Array) -> float:
@@ -125,9 +127,17 @@ def climb(
     scored = []
     for i, rung in enumerate(rungs):
         criterion = independent * np.log(max(rung.mse, RESOLUTION**2)) + rung.fit.model.parameter_count * np.log(independent)
-        gain, interval = (np.nan, (np.nan, np.nan)) if i == 0 else paired_gain(rungs[i - 1], rung)
-        scored.append(dataclasses.replace(rung, criterion=float(criterion), gain=gain, gain_ci95=interval))
+        base = simpler(rungs, i)
+        gain, interval = (np.nan, (np.nan, np.nan)) if base is None else paired_gain(base, rung)
+        over = "" if base is None else base.fit.model.name
+        scored.append(dataclasses.replace(rung, criterion=float(criterion), gain=gain, gain_ci95=interval, gain_over=over))
     return tuple(scored), int(np.argmin([r.criterion for r in scored]))
+
+
+def simpler(rungs: Sequence[Rung], index: int) -> Rung | None:
+    """Return the rung with fewer parameters that does best on held-out data, or None for the simplest."""
+    fewer = [r for r in rungs if r.fit.model.parameter_count < rungs[index].fit.model.parameter_count]
+    return min(fewer, key=lambda r: r.mse, default=None)
 
 
 def paired_gain(before: Rung, after: Rung, seed: int = 0, draws: int = 400) -> tuple[float, tuple[float, float]]:

@@ -27,6 +27,8 @@ GramFunction = Callable[..., Array]
 LENGTH_BOUNDS = (1.0e-4, 5.0)
 #: fewest samples of the decimated search
 _DECIMATED_SAMPLES = 4000
+#: motion below this share of the whole stroke at the start of a record is rest
+REST_SHARE = 2.0e-3
 #: number of stretches a single record gives to validation
 HELD_OUT_STRETCHES = 8
 #: how often a start that ended at a negative stiffness is moved
@@ -105,6 +107,17 @@ class TimeDomainFit:
         return simulate(self.model.layout, motion, self.theta, self.coefficients)
 
 
+def initial_rest(motion: Motion) -> int:
+    """Return how many samples the record rests before it first moves; 0 where that is no more than 1 % of it.
+
+    Friction stores a force from before the record that nothing tells, so rest is neither fitted nor scored.
+    """
+    threshold = max(motion.dead_band, REST_SHARE * float(np.ptp(motion.x)))
+    moved = np.abs(motion.x - motion.x[0]) > threshold
+    first = int(np.argmax(moved)) if moved.any() else 0
+    return first if first > 0.01 * motion.x.size else 0
+
+
 def held_out_stretches(samples: int, share: float) -> NDArray[np.bool_]:
     """Return which samples are held out: ``HELD_OUT_STRETCHES`` stretches spread evenly over the record, shape (N,)."""
     phase = np.arange(samples) * HELD_OUT_STRETCHES / samples % 1.0
@@ -126,7 +139,11 @@ def prepare(record: BenchRecord, *, held_out_share: float = 0.0, raw_reversals: 
     motion = find_motion(record.displacement, record.step_s, raw=raw_reversals)
     clipped = clipped_samples(record)
     held = held_out_stretches(record.samples, held_out_share) & ~clipped if held_out_share > 0.0 else None
-    excluded = clipped if held is None else clipped | held
+    rest = initial_rest(motion)
+    excluded = clipped.copy() if held is None else clipped | held
+    excluded[:rest] = True
+    if held is not None:
+        held[:rest] = False
     weight = np.where(excluded, 0.0, 1.0) if excluded.any() else None
     return PreparedRecord(record, motion, np.ascontiguousarray(record.force, dtype=float), weight, held)
 

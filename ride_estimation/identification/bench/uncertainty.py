@@ -175,7 +175,7 @@ def _part_of(fit: TimeDomainFit, index: int) -> int:
 
 def _in_words(fit: TimeDomainFit, direction: Array, worst: float) -> str:
     names = [q.name for q in fit.model.quantities]
-    if worst <= 0.05:
+    if worst <= 0.1:
         return f"every parameter is told by the record; the worst has a relative standard deviation of {100 * worst:.2g} %"
     top = int(np.argmax(np.abs(direction)))
     sign = np.sign(direction[top])
