@@ -82,14 +82,15 @@ class Weights:
 
 @dataclasses.dataclass(frozen=True)
 class MotionBlock:
-    """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), residuals (K, C)."""
+    """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the
+    accelerometers read for it (K, C)."""
 
     motion: Array
     covariance: Array
     rate: Array
     tilt: Array
     tilt_variance: float
-    residual: Array
+    predicted: Array
     valid: BoolArray
 
 
@@ -122,6 +123,7 @@ class CgMotionEstimator:
         self.points = np.vstack([points, np.zeros((extra, 3))])
         self.rows = np.vstack([rows, *([np.hstack([np.zeros((3, 3)), np.eye(3)])] * len(self.gyros))])
         self.variance = np.concatenate([np.full(3, s.noise_std**2) for s in self.sensors])
+        self._along = np.sum(directions * points, axis=1)
         self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
         self._cache: dict[tuple[bytes, float], Weights] = {}
         self._observed_tilt = bool(self._free[3] or self._free[4])
@@ -247,9 +249,9 @@ class CgMotionEstimator:
         self._last_good = out.motion[where][-1].copy()
         self._follow_slow_acceleration(out.motion[where], out.tilt[where], dt)
         out.valid[where] = weights.rank == needed
-        residual = (y - self.predict(out.motion[where], out.rate[where])) * np.repeat(mask, 3)
-        out.residual[where] = residual
-        if mask.all() and weights.rank == needed:
+        out.predicted[where] = self.predict(out.motion[where], out.rate[where])
+        if weights.rank == needed and mask.all():
+            residual = y - out.predicted[where]
             self.residual_products += residual.T @ residual
             self.residual_count += len(y)
         return weights.covariance
@@ -274,8 +276,7 @@ class CgMotionEstimator:
         """Return what the accelerometers read for a motion, sensor axes, shape (K, 3 S)."""
         n = 3 * len(self.sensors)
         e, r = self.directions[:n], self.points[:n]
-        wr = rate @ r.T
-        centripetal = (rate @ e.T) * wr - np.sum(rate**2, axis=1)[:, None] * np.sum(e * r, axis=1)
+        centripetal = (rate @ e.T) * (rate @ r.T) - np.sum(rate**2, axis=1)[:, None] * self._along
         return np.asarray(motion @ self.rows[:n].T + centripetal)
 
     def accelerate(self, block: MotionBlock) -> tuple[Array, Array]:

@@ -30,6 +30,8 @@ _UNKNOWN_RELATIVE = 5.0
 #: memory of the amplitude [s]
 _MEMORY = 5.0
 _ATTACK = 0.1
+#: time between two looks at the noise [s]
+_RENEWAL = 0.05
 #: slow share of the mean squared deflection that equilibrium does not tell (twist of the frame), as a factor per axis
 _MARGIN = np.array([0.2, 0.2, 0.05])
 #: smallest deflection assumed [m]
@@ -92,6 +94,7 @@ class DeflectionEstimator:
             self._p[:, a, 2, 2] = _BIAS_STD[a] ** 2
         self._mean_square = np.tile(_DEFLECTION_STD**2, (m, 1))
         self._started = False
+        self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 4))
 
     def observe(
         self, motion: MotionBlock, base: Array, base_ok: BoolArray, displaced: Array, displaced_ok: BoolArray, expected_square: Array,
@@ -121,7 +124,7 @@ class DeflectionEstimator:
         deflection_block(
             motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self.tilt_maps,
             self.arrangement.vehicle.gravity, dt, self._state,
-            self._p, self._noise(motion.covariance, dt), displaced, displaced_ok, self._transducer_variance, deflection, rate,
+            self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance, deflection, rate,
             relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
@@ -144,6 +147,13 @@ class DeflectionEstimator:
         self._state[2, :, :2] = np.clip(first[:, :2], -0.5, 0.5) * self.has_base[:, None]
         self._state[3] = self._state[2]
         self._started = True
+
+    def _noise_now(self, covariance: Array, ticks: int, dt: float) -> Array:
+        """Return the noise, renewed every tenth of a second."""
+        self._noise_age += ticks * dt
+        if self._noise_age >= _RENEWAL:
+            self._noise_age, self._held_noise = 0.0, self._noise(covariance, dt)
+        return self._held_noise
 
     def _noise(self, covariance: Array, dt: float) -> Array:
         """Return acceleration variance, bias density, pseudo variance and variance without base sensor, shape (M, 3, 4)."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.arrangement import Arrangement, relative_tilt_maps
 from ride_estimation.estimation.balance_kernel import high_pass_block, integrate_block, low_pass_block
-from ride_estimation.estimation.mount_forces import cross
+from ride_estimation.estimation.block_math import cross
 from ride_estimation.estimation.mount_law import MountLaw
 from ride_estimation.estimation.slots import Slot
 from ride_estimation.frames import AXES, skew

@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.block_math import cross
 from ride_estimation.frames import skew
 from ride_estimation.vehicles.vehicle import Body
 
@@ -53,7 +54,7 @@ class InertialLoads:
         """
         load = np.empty_like(accel)
         load[:, :3] = self.mass * accel[:, :3]
-        load[:, 3:] = accel[:, 3:] @ self.inertia.T + np.cross(rate, rate @ self.inertia.T)
+        load[:, 3:] = accel[:, 3:] @ self.inertia.T + cross(rate, rate @ self.inertia.T)
         return load
 
     def covariance(self, accel_covariance: Array, accel: Array, rate: Array, rate_variance: float = 0.0) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.block_math import cross, low_pass
 from ride_estimation.estimation.deflection import DeflectionBlock
 from ride_estimation.estimation.mount_law import MountLaw
 
@@ -88,15 +89,6 @@ def static_share(wrench: Array, stiffness: Array, weight: Array) -> Array:
     return np.asarray(force)
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Return the cross product along the last axis (``numpy.cross`` costs ten times as much for short blocks)."""
-    result = np.empty(np.broadcast(a, b).shape)
-    result[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    result[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    result[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return result
-
-
 class MountForceEstimator:
     """Attachment forces block by block.
 
@@ -135,6 +127,7 @@ class MountForceEstimator:
         self._slow = np.zeros(6)
         self._until = 0.0
         self._ratio = np.ones(2)
+        self._square, self._count_square = np.zeros(6), 0
         self._time = 0.0
         self._gain = np.zeros((3 * count, 6))
         self._gain_slow = np.zeros((3 * count, 6))
@@ -183,9 +176,10 @@ class MountForceEstimator:
             self._update_gains(deflection, load_covariance)
         flat = force.reshape(ticks, 3 * count)
         error = support - flat @ self.arrangement.wrench.T
-        slow = self._low_pass(error, dt)
+        slow = low_pass(error, 1.0 - np.exp(-_SLOW_CORNER * dt), self._slow)
         fast = error - slow
-        self._judge(error, ticks * dt)
+        self._square += np.sum(error**2, axis=0)
+        self._count_square += ticks
         flat = flat + fast @ self._gain.T + slow @ self._gain_slow.T
         force = flat.reshape(ticks, count, 3)
         x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
@@ -207,29 +201,20 @@ class MountForceEstimator:
         dynamic[:, 2] -= self.mass * self.arrangement.vehicle.gravity
         return np.asarray((dynamic @ self._gain_slow.T).reshape(len(support), self._count, 3))
 
-    def _low_pass(self, error: Array, dt: float) -> Array:
-        """Return the slow part of the residual wrench (one pole), shape (K, 6)."""
-        slow = np.empty_like(error)
-        share = 1.0 - np.exp(-_SLOW_CORNER * dt)
-        for k in range(len(error)):
-            self._slow = self._slow + share * (error[k] - self._slow)
-            slow[k] = self._slow
-        return slow
-
-    def _judge(self, error: Array, duration: float) -> None:
+    def _judge(self) -> None:
         """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.
 
         The directions equilibrium sees tell how good the integrated deflections are in those it does not see.
         """
-        if not np.any(self._innovation):
-            return
-        square = np.mean(error**2, axis=0)
-        share = 1.0 - np.exp(-duration / _CONSISTENCY_MEMORY)
-        for group, rows in enumerate(_ROWS):
-            used = [r for r in rows if self._innovation[r] > 0.0]
-            if used:
-                ratio = float(np.mean(square[used] / self._innovation[used]))
-                self._ratio[group] += share * (ratio - self._ratio[group])
+        if self._count_square and np.any(self._innovation):
+            square = self._square / self._count_square
+            share = 1.0 - np.exp(-_INTERVAL / _CONSISTENCY_MEMORY)
+            for group, rows in enumerate(_ROWS):
+                used = [r for r in rows if self._innovation[r] > 0.0]
+                if used:
+                    ratio = float(np.mean(square[used] / self._innovation[used]))
+                    self._ratio[group] += share * (ratio - self._ratio[group])
+        self._square, self._count_square = np.zeros(6), 0
 
     @property
     def consistency(self) -> float:
@@ -238,6 +223,7 @@ class MountForceEstimator:
 
     def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
         self._until = self._time + _INTERVAL
+        self._judge()
         self._update_static()
         count, k, c = self._count, self.law.stiffness, self.law.damping
         variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2

@@ -188,7 +188,7 @@ class Pipeline:
         self._ticks += ticks
         self._invalid_ticks += int(np.sum(~motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        predicted = self._motion.predict(motion.motion, motion.rate)
+        predicted = motion.predicted
         names = [s.name for s in self.arrangement.body_sensors]
         measured = block.values[:, self._body_columns]
         return OutputBlock(
