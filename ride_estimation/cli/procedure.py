@@ -7,12 +7,12 @@ import argparse
 from pathlib import Path
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification import free_decay, hysteresis_loop, modal_stiffness, static_tests
+from ride_estimation.identification import free_decay, hysteresis_loop, modal_stiffness, static_tests, voigt_limits
 from ride_estimation.io.tables import column, read_table
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.spectra import welch_spectrum
 
-HELP = "identify from a loop, a lift, a weighing, a drop test, a spectrum or measured modes"
+HELP = "identify from a loop, a lift, a weighing, a drop test, a spectrum or measured modes; limits of a Voigt mount"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     modes.add_argument("--vehicle", type=Path, required=True)
     modes.add_argument("--measured", nargs="+", required=True, metavar="MODE=HZ", help="for example bounce=2.6 roll=2.4")
     modes.set_defaults(procedure_run=_modes)
+
+    limits = kinds.add_parser("voigt-limits", help="error of a spring and damper tuned at one frequency at the other resonances")
+    limits.add_argument("--vehicle", type=Path, required=True)
+    limits.add_argument("--tuned-hz", type=float, required=True, help="frequency at which spring and damper are taken")
+    limits.add_argument("--amplitude-mm", type=float, default=1.0, help="deflection amplitude (default 1)")
+    limits.set_defaults(procedure_run=_limits)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -149,3 +155,11 @@ def _modes(options: argparse.Namespace) -> None:
     for row in fit.modes:
         if abs(row.error_percent) > 1.0:
             print(static_tests.stiffness_ratio(row.model_hz, row.measured_hz))
+
+
+def _limits(options: argparse.Namespace) -> None:
+    rows = voigt_limits.voigt_limits(load_vehicle(options.vehicle), options.tuned_hz, options.amplitude_mm * 1e-3)
+    print(f"mounts replaced by the spring and damper that equal them at {options.tuned_hz:g} Hz, {options.amplitude_mm:g} mm")
+    print(f"{'resonance':<16}{'Hz':>10}{'mounts m/m':>14}{'Voigt m/m':>12}{'error %':>10}")
+    for row in rows:
+        print(f"{row.label:<16}{row.frequency_hz:>10.4g}{row.height:>14.4g}{row.voigt_height:>12.4g}{row.error_percent:>+10.1f}")

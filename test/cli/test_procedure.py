@@ -72,6 +72,18 @@ def test_modes_that_cannot_be_reached_are_named(capsys):
     assert "times the model's" in text
 
 
+def test_voigt_limits_prints_the_error_at_the_other_resonances(tmp_path, capsys):
+    text = (Path(VEHICLE).parent / "planar_cab_seat_set_b.yaml").read_text(encoding="utf-8")
+    rubber = "{kind: sum, elements: [{kind: kelvin_voigt, stiffness_n_per_m: 7.81e6, damping_n_s_per_m: 0.0}, "
+    rubber += "{kind: maxwell, stiffness_n_per_m: 2.0e6, damping_n_s_per_m: 6.0e4}]}"
+    old = next(line for line in text.splitlines() if "7.81e6" in line and "z:" in line)
+    path = tmp_path / "rubber.yaml"
+    path.write_text(text.replace(old, f"      z: {rubber}"), encoding="utf-8")
+    assert main(["procedure", "voigt-limits", "--vehicle", str(path), "--tuned-hz", "4.5"]) == 0
+    errors = [float(line.split()[-1]) for line in capsys.readouterr().out.splitlines()[2:]]
+    assert abs(errors[1]) < 1.0 < abs(errors[2])  # percent: right at the tuned resonance, wrong at the next
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
