@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -10,10 +11,13 @@ import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
+from ride_estimation.cli.simulate import find_vehicle
 from ride_estimation.frames import point_motion_matrix
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.scenario_file import load_scenario
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.sensors.measurement import SensorErrors
+from ride_estimation.simulation.scenario import Scenario
 
 ROOT = Path(__file__).parents[2]
 TRUCK_CAB = ROOT / "config" / "vehicles" / "truck_cab.yaml"
@@ -153,3 +157,18 @@ def test_bundled_recipes_load_and_their_bags_are_small(recipe):
     span = [c.stamp_ns[-1] - c.stamp_ns[0] for c in recording.channels.values()]
     assert max(span) * 1e-9 == pytest.approx(scenario.duration, abs=0.1)
     assert json.loads((folder / "truth.json").read_text(encoding="utf-8"))["seed"] == scenario.seed
+
+
+def test_the_example_shows_every_key_and_loads():
+    example = ROOT / "config" / "scenarios" / "every_key.yaml"
+    scenario = load_scenario(example)
+    default = Scenario("x", 0, "x", 20.0)
+    same = {"simulation_rate", "truth_rate", "start_ns"}
+    for field in dataclasses.fields(Scenario):
+        if field.name not in same:
+            shown, unset = getattr(scenario, field.name), getattr(default, field.name)
+            assert shown and (shown != unset or field.name in ("duration", "truck")), field.name
+    text = example.read_text(encoding="utf-8")
+    for field in dataclasses.fields(SensorErrors):
+        assert f"  {field.name}" in text, field.name
+    assert find_vehicle(example, scenario.vehicle_file) == TRUCK_CAB

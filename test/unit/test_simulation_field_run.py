@@ -58,6 +58,7 @@ def test_the_front_meets_a_bump_before_the_rear_and_one_side_rolls_the_frame():
     d = drive(scenario(obstacles=(bump,)), CAB)
     motion = recorded(d)
     roll = motion["angle"][:, 0, 0]
+    assert np.abs(roll).max() > 2e-3  # rad
     assert np.abs(roll[:1500]).max() < 1e-3 * np.abs(roll).max()  # nothing before 28 m at 14 m/s = 2 s
     first = np.argmax(np.abs(roll) > 0.05 * np.abs(roll).max()) / 1000.0
     assert 2.0 - 0.1 < first < 2.3  # s
