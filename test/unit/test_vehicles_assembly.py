@@ -230,3 +230,27 @@ def test_a_mount_on_an_unknown_body_is_refused_with_the_allowed_names():
 def test_a_truck_with_its_axles_exchanged_is_refused():
     with pytest.raises(ConfigurationError, match="rear_axle_x"):
         TruckData(front_axle_x=-4.0, rear_axle_x=0.0)
+
+
+def test_a_rear_joint_locked_fore_and_aft_adds_the_mass_at_its_height_to_the_pitch_inertia():
+    # the multibody model of document 001 has no fore-aft freedom at the rear joint, 0.676 m below the CG:
+    # pitch inertia 557 becomes 839 kg m^2 and its modes 3.86 / 20.6 Hz, not those of the analytic model (4.5 / 21.7 Hz)
+    vehicle = load("planar_cab_seat_set_b")
+    cab = dataclasses.replace(vehicle.bodies["cab"], coordinates=("x", "z", "pitch"))
+    mounts = dict(vehicle.mounts)
+    for name in ("front_mount", "rear_mount"):
+        low = np.array([mounts[name].position[0], 0.0, -0.676])
+        mounts[name] = dataclasses.replace(mounts[name], position=low)
+    rear = mounts["rear_mount"]
+    mounts["rear_mount"] = dataclasses.replace(rear, elements={**rear.elements, "x": KelvinVoigt(1e10, 0.0)})
+    locked = dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": cab}, mounts=mounts, gravity=0.0)
+    found = [m.frequency_hz for m in undamped_modes(linearise(assemble(locked)))]
+    np.testing.assert_allclose(found[1:3], [3.86, 20.6], rtol=0.01)  # Hz
+
+    inertia = vehicle.bodies["cab"].inertia.copy()
+    inertia[1, 1] += vehicle.bodies["cab"].mass.value * 0.676**2
+    assert inertia[1, 1] == pytest.approx(839.0, abs=1.0)  # kg m^2
+    heavier = dataclasses.replace(vehicle.bodies["cab"], inertia=inertia)
+    rotating = dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": heavier})
+    same = [m.frequency_hz for m in undamped_modes(linearise(assemble(rotating)))]
+    np.testing.assert_allclose(found[1:3], same[1:3], rtol=1e-3)
