@@ -5,20 +5,21 @@ import json
 
 import numpy as np
 import pytest
-from worlds.fire_truck import MS, MU, RADIUS, SPEED, TIME, hub_path, truth
+from worlds.quarter_car import FireTruck
 
 from ride_estimation.cli.main import main
 
-MASSES = ["--sprung-mass-kg", str(MS), "--unsprung-mass-kg", str(MU)]
-DRIVE = ["--speed-m-per-s", str(SPEED), "--wheel-radius-m", str(RADIUS)]
+TRUCK = FireTruck(duration=3.0, start=0.8)
+MASSES = ["--sprung-mass-kg", str(TRUCK.car.sprung), "--unsprung-mass-kg", str(TRUCK.car.unsprung)]
+DRIVE = ["--speed-m-per-s", str(TRUCK.speed), "--wheel-radius-m", "0.5"]
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
-    y = truth(hub_path)
+    time, hub, y = TRUCK.record()
     path = tmp_path_factory.mktemp("run") / "truck.csv"
     header = "time_s,road_mm,body_acceleration_m_per_s2,axle_acceleration_m_per_s2"
-    np.savetxt(path, np.column_stack([TIME, 1000 * hub_path(TIME), y]), delimiter=",", header=header, comments="")
+    np.savetxt(path, np.column_stack([time, 1000 * hub, y]), delimiter=",", header=header, comments="")
     return str(path)
 
 

@@ -1,15 +1,21 @@
 # Copyright 2026 ride_estimation contributors
 """The fire truck of document 002 (rows 2-1 to 2-11): truth from an independent ODE, the six models, the wrong input."""
 
+import dataclasses
+
 import numpy as np
 import pytest
-from worlds.fire_truck import CS, CT, KS, KT, MS, MU, RADIUS, RATE, SPEED, TIME, hub_path, truth
+from worlds.quarter_car import FireTruck
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.quarter_car import checks, plausibility
 from ride_estimation.identification.quarter_car.fit import fit_models, line_coherence
 from ride_estimation.identification.quarter_car.models import MODELS, REFERENCE_STROKE
 
+TRUCK = FireTruck(duration=3.0, start=0.8)
+CAR, SPEED, RADIUS, RATE = TRUCK.car, TRUCK.speed, 0.5, 400.0
+MS, MU, KS, KT, CS, CT = CAR.sprung, CAR.unsprung, CAR.stiffness, CAR.tyre_stiffness, CAR.damping, CAR.tyre_damping
+TIME, HUB, _ = TRUCK.record(RATE)
 TABLE_2 = {
     1: dict(k_s=10000, k_t=44767, c_s=19882),
     2: dict(k_s=10000, k_t=56741, c_s=62045, c_t=5000),
@@ -23,7 +29,7 @@ TABLE_2_SUM = {1: 45.4653, 2: 35.9316, 3: 43.9029, 4: 33.7879, 5: 32.2651, 6: 31
 
 @pytest.fixture(scope="module")
 def measured():
-    return truth(hub_path)
+    return TRUCK.record(RATE)[2]
 
 
 def fit(road, y, **options):
@@ -31,12 +37,12 @@ def fit(road, y, **options):
 
 
 def test_the_wheel_takes_half_a_second_over_the_block():
-    raised = TIME[hub_path(TIME) > 0]
+    raised = TIME[HUB > 0]
     assert raised[-1] - raised[0] == pytest.approx(0.504, abs=0.01)
 
 
 def test_the_right_input_brings_the_parameters_back(measured):
-    linear = fit(hub_path(TIME), measured, models=(2,), starts=1)[0]
+    linear = fit(HUB, measured, models=(2,), starts=1)[0]
     assert linear.values["spring_rate"] == pytest.approx(KS, rel=1e-3)  # 0.1 %
     assert linear.values["tyre_rate"] == pytest.approx(KT, rel=2e-3)
     assert linear.values["damping"] == pytest.approx(CS, rel=1e-3)
@@ -51,18 +57,18 @@ def test_the_step_of_the_document_is_named_as_the_problem(measured):
     check = checks.check_road(step, RATE, SPEED, RADIUS)
     assert "the input is the problem" in check.objection
     wrong = fit(step, measured, models=(2,), starts=2)[0]
-    right = fit(hub_path(TIME), measured, models=(2,), starts=1)[0]
+    right = fit(HUB, measured, models=(2,), starts=1)[0]
     assert wrong.sum_of_squares > 50 * right.sum_of_squares
     assert abs(wrong.values["tyre_rate"] / KT - 1) > 0.5 or wrong.plausible.objections
 
 
 def test_a_rolled_envelope_is_not_objected_to():
-    assert checks.check_road(hub_path(TIME), RATE, SPEED, RADIUS).objection == ""
+    assert checks.check_road(HUB, RATE, SPEED, RADIUS).objection == ""
 
 
 def test_larger_models_never_fit_worse_and_the_vehicle_sinusoid_is_found_with_all_its_numbers():
-    y = truth(hub_path, body_force=lambda t: 1500.0 * np.sin(2 * np.pi * 6.3 * t + 0.7))
-    results = {r.model.number: r for r in fit(hub_path(TIME), y, starts=1)}
+    y = dataclasses.replace(TRUCK, disturbance=(1500.0, 6.3)).record(RATE)[2]
+    results = {r.model.number: r for r in fit(HUB, y, starts=1)}
     for model in MODELS:
         for inner in model.contains:
             assert results[model.number].sum_of_squares <= results[inner].sum_of_squares * (1 + 1e-9)
@@ -106,8 +112,8 @@ def test_coefficients_convert_to_force_at_a_stroke():
 
 
 def test_a_fixed_spring_rate_can_only_raise_the_sum_of_squares(measured):
-    free = fit(hub_path(TIME), measured, models=(2,), starts=0)[0]
-    held = fit(hub_path(TIME), measured, models=(2,), starts=0, fixed={"spring_rate": 328_353.0})[0]
+    free = fit(HUB, measured, models=(2,), starts=0)[0]
+    held = fit(HUB, measured, models=(2,), starts=0, fixed={"spring_rate": 328_353.0})[0]
     assert held.sum_of_squares >= free.sum_of_squares
     assert held.values["spring_rate"] == 328_353.0
 
@@ -134,8 +140,8 @@ def test_line_coherence_tells_a_sinusoid_from_a_burst():
 
 def test_bad_input_is_refused(measured):
     with pytest.raises(InputDataError, match="shape"):
-        fit(hub_path(TIME)[:-1], measured)
+        fit(HUB[:-1], measured)
     with pytest.raises(InputDataError, match="not finite"):
-        fit(hub_path(TIME) * np.nan, measured)
+        fit(HUB * np.nan, measured)
     with pytest.raises(InputDataError, match="unknown parameter"):
-        fit(hub_path(TIME), measured, fixed={"colour": 1.0})
+        fit(HUB, measured, fixed={"colour": 1.0})

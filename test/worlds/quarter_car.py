@@ -151,12 +151,22 @@ class FireTruck:
     rear: bool = False
     duration: float = 10.0
     step: float = 2.5e-4
+    start: float = 1.5  # m to the block
+
+    def record(self, rate_hz: float = 400.0, noise_std: float = 0.02, seed: int = 0) -> tuple[np.ndarray, ...]:
+        """Return times [s], height of the wheel centre path [m] and accelerations of body and front axle (N, 2) [m/s^2]."""
+        run, path = self.run()
+        every = slice(None, round(self.duration / self.step), round(1.0 / (rate_hz * self.step)))
+        measured = run.qdd[every, :2]
+        if self.rear:  # body above the front axle, which is 2 m before the CG
+            measured = np.column_stack([run.qdd[every, 0] - 2.0 * run.qdd[every, 1], run.qdd[every, 2]])
+        return run.time[every], path[every], measured + noise_std * np.random.default_rng(seed).standard_normal(measured.shape)
 
     def run(self) -> tuple[ChainRun, np.ndarray]:
         """Return the run and the height of the wheel centre path at full steps."""
         n = 2 * round(self.duration / self.step) + 1
         t = np.arange(n) * 0.5 * self.step
-        front = wheel_envelope(t * self.speed, start=1.5)
+        front = wheel_envelope(t * self.speed, start=self.start)
         rate = np.gradient(front, 0.5 * self.step)
         push = np.zeros((n, 4 if self.rear else 2))
         amplitude, frequency = self.disturbance
@@ -165,7 +175,7 @@ class FireTruck:
             return simulate_chain(self.car.chain(), self.step, front[:, None], rate[:, None], push), front[::2]
         c = self.car
         a, b = 2.0, 1.8  # m from the CG to the axles
-        behind = wheel_envelope(t * self.speed - (a + b), start=1.5)
+        behind = wheel_envelope(t * self.speed - (a + b), start=self.start)
         chain = Chain(
             np.diag([2.0 * c.sprung, 2.0 * c.sprung * a * b * 0.9, c.unsprung, c.unsprung]),
             np.array([[1.0, -a, -1.0, 0.0], [1.0, b, 0.0, -1.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]),
