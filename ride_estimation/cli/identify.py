@@ -174,7 +174,7 @@ def _run_frequency(options: argparse.Namespace) -> int:
 
 
 def _run_jounce(options: argparse.Namespace) -> int:
-    from ride_estimation.reporting.identification_special_reports import jounce_document, write_jounce_report
+    from ride_estimation.reporting.identification_special_reports import jounce_document, jounce_status, write_jounce_report
 
     reading = reading_options(options)
     records = [read_bench_record(p, reading) for p in options.records]
@@ -186,6 +186,8 @@ def _run_jounce(options: argparse.Namespace) -> int:
         fitted = f"{100 * found.fitted[name]:.3g} %" if name in found.fitted else "-"
         held = f"{100 * found.held_out[name]:.3g} %" if name in found.held_out else "-"
         print(f"  {name:<28} fitted {fitted:>8}  held out {held:>8}")
+    for name, value, unit, std in found.quantities:
+        print(f"  {name:<32}{value:>12.5g} {'' if std is None else f'+- {std:<10.2g}'}{unit:<7}{jounce_status(name, value, std)}")
     _write(options, jounce_document(found, _software()), found.element)
     write_jounce_report(found, options.out / "report.html")
     return 0

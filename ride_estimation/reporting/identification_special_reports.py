@@ -151,7 +151,16 @@ def jounce_document(found: JounceIdentification, software: str) -> dict[str, Any
         "software": software,
         "method": "staged, linear parameters eliminated",
         "model": found.model,
-        "parameters": [{"name": n, "value": v, "std": None, "unit": u, "status": "valid"} for n, v, u in found.quantities],
+        "parameters": [
+            {
+                "name": n,
+                "value": v,
+                "std": d if d is None or np.isfinite(d) else None,
+                "unit": u,
+                "status": jounce_status(n, v, d),
+            }
+            for n, v, u, d in found.quantities
+        ],
         "stages": found.stages,
         "nrmse_fitted": found.fitted,
         "nrmse_held_out": found.held_out,
@@ -160,6 +169,15 @@ def jounce_document(found: JounceIdentification, software: str) -> dict[str, Any
         "element": found.element,
         "warnings": list(found.warnings),
     }
+
+
+def jounce_status(name: str, value: float, std: float | None) -> str:
+    """Return the status of a parameter of a jounce bumper; ``fitted`` where no standard deviation is estimated."""
+    if std is None:
+        return "fitted"
+    # a contact point may be zero: it is told where it is told to 5 mm
+    limit = 5e-3 if name.endswith("contact_point") else 0.5 * abs(value)
+    return "valid" if std <= limit else "not_identifiable"
 
 
 def write_jounce_report(found: JounceIdentification, path: Path) -> None:
@@ -191,7 +209,10 @@ def write_jounce_report(found: JounceIdentification, path: Path) -> None:
     names = list(next(iter(found.stages.values())))
     page.table(["stage", *names], [[stage, *(100 * values[n] for n in names)] for stage, values in found.stages.items()])
     page.heading("Parameters")
-    page.table(["parameter", "value", "unit"], [list(q) for q in found.quantities])
+    page.table(
+        ["parameter", "value", "std", "unit", "status"],
+        [[n, v, "" if d is None else d, u, jounce_status(n, v, d)] for n, v, u, d in found.quantities],
+    )
     page.figure(loops(found.curves), "Force over travel, compression positive: measured and identified")
     page.figure(traces(found.curves[0]), f"Force over time, {found.curves[0].name}")
     page.write(path)

@@ -144,7 +144,7 @@ def test_grey_box_needs_the_friction_for_static_ramps(three_models):
     assert dahl.fitted["static_ramps"] < 0.4 * grey.fitted["static_ramps"]
     for found in (grey, dahl):
         assert mean(found.exported) < 1.15 * mean(found.fitted)
-        poles = [value for name, value, _ in found.quantities if name.startswith("pole")]
+        poles = [value for name, value, _, _ in found.quantities if name.startswith("pole")]
         assert len(poles) == 10 and max(poles) < 0 and min(poles) > -2000.0
 
 

@@ -23,6 +23,7 @@ from ride_estimation.identification.bench.jounce_model import (
     split_static,
 )
 from ride_estimation.identification.bench.jounce_static import fit_static
+from ride_estimation.identification.bench.jounce_uncertainty import active_cells, white_box_std
 from ride_estimation.identification.bench.ladder import HeldOut
 from ride_estimation.identification.bench.lolimot import Network, NetworkInputs, train_network
 from ride_estimation.identification.bench.record import BenchRecord
@@ -53,7 +54,7 @@ class JounceIdentification:
     noise_floor
         Record -> NRMSE that white noise of the load cell alone gives.
     quantities
-        Named parameters with units, for the report.
+        Named parameters: name, value, unit, standard deviation (None where it is not estimated).
     element
         YAML form.
     curves
@@ -68,7 +69,7 @@ class JounceIdentification:
     held_out: dict[str, float]
     exported: dict[str, float]
     noise_floor: dict[str, float]
-    quantities: tuple[tuple[str, float, str], ...]
+    quantities: tuple[tuple[str, float, str, float | None], ...]
     element: dict[str, Any]
     curves: tuple[HeldOut, ...]
     warnings: tuple[str, ...]
@@ -167,10 +168,12 @@ def _points(box: WhiteBox) -> tuple[list[float], list[float], list[float]]:
 
 def _white(
     loads: Sequence[Load], progress: Callable[[float], None] | None
-) -> tuple[Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str], ...]]:
+) -> tuple[
+    Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str, float | None], ...]
+]:
     box, stages = identify_white_box(loads, progress=progress)
     travels, forces, heights = _points(box)
-    active = [i for i in np.argsort(box.contacts) if box.stiffness[i] > 0.0]
+    active = active_cells(box)
     element = {
         "kind": "jounce_bumper",
         "travels_m": travels,
@@ -200,12 +203,16 @@ def _white(
             (f"cell_{n}_stiffness", float(box.stiffness[i]), "N/m"),
             (f"cell_{n}_corner", float(box.rates[i]), "rad/s"),
         ]
-    return box.force, stages, element, tuple(quantities)
+    std = white_box_std(box, loads)
+    listed = tuple((name, value, unit, std.get(name)) for name, value, unit in quantities)
+    return box.force, stages, element, listed
 
 
 def _grey(
     loads: Sequence[Load], dahl: bool, models: int, progress: Callable[[float], None] | None
-) -> tuple[Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str], ...]]:
+) -> tuple[
+    Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str, float | None], ...]
+]:
     static, _ = split_static(loads)
     box = fit_static(static, max(float(load.travel.max()) for load in loads))
 
@@ -239,7 +246,7 @@ def _grey(
             "exponent": float(box.slopes[2]),
         }
         mapping = {"kind": "sum", "elements": [mapping, weighted]}
-    quantities = [(f"pole_{j + 1}", -float(a), "1/s") for j, a in enumerate(network.alpha)]
+    quantities = [(f"pole_{j + 1}", -float(a), "1/s", None) for j, a in enumerate(network.alpha)]
     return predict, stages, mapping, tuple(quantities)
 
 
