@@ -47,7 +47,7 @@ def sines(mounts, rate, seconds, scale=0.01, seed=1):
 
 
 def test_linear_response_equals_an_independent_integration(cab):
-    base = BaseMotion.from_displacement(sines(4, 200.0, 4.0), 200.0)
+    base = BaseMotion.from_displacement(sines(4, 200.0, 2.5), 200.0)
     response = simulate(cab, base)
     model = linearise(cab)
     a, b = model.state_space()
