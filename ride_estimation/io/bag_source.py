@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
@@ -18,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.io.mcap_salvage import salvage_mcap
+from ride_estimation.io.mcap_records import read_mcap, salvage_mcap
 
 #: On broken files the readers and what they call raise nearly anything (seen: ReaderError, FileNotFoundError, KeyError,
 #: OverflowError, ZstdError, sqlite3.Error, struct.error); every use turns it into an InputDataError that quotes it.
@@ -140,8 +141,12 @@ def _open_ros2(target: Path) -> BagSource:
         counts: Counter[str] = Counter()
         for connection in reader.connections:
             counts[connection.topic] += connection.msgcount
+    files = bag_files(target)
 
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
+        if len(files) == 1 and _plain_mcap(files[0]):
+            yield from read_mcap(files[0], topics)
+            return
         with Ros2Reader(target) as opened:
             chosen = [c for c in opened.connections if c.topic in topics]
             if chosen:
@@ -170,6 +175,13 @@ def _cdr_reader(deserialize: Callable[[bytes, str], Any]) -> Callable[[bytes, st
             raise
 
     return read
+
+
+def _plain_mcap(file: Path) -> bool:
+    """Return whether messages of an MCAP file are not compressed one by one (metadata beside it would say so)."""
+    metadata = file.parent / "metadata.yaml"
+    said = metadata.read_text(encoding="utf-8", errors="replace").lower() if metadata.exists() else ""
+    return file.suffix == ".mcap" and not re.search(r"compression_mode:\s*['\"]?(message|file)", said)
 
 
 def _open_ros1(target: Path) -> BagSource:

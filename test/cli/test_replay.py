@@ -21,7 +21,9 @@ from worlds.roads import Road
 from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.cli.main import main
+from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.bag_writer import write_bag
+from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import Channel, Recording
 
@@ -109,10 +111,13 @@ def test_twice_the_same_bytes(case: Case, tmp_path: Path, capsys: pytest.Capture
 
 
 def test_settings_are_those_of_the_node(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    plain = Path(__file__).parents[2] / "config" / "nodes" / "estimator.yaml"
+    plain = tmp_path / "plain.yaml"
+    defaults = {k: 0.0 if v is None else v for k, v in dataclasses.asdict(PipelineSettings()).items()}
+    plain.write_text(yaml.safe_dump({"/**": {"ros__parameters": {**defaults, "executor": "events"}}}))
+    assert load_settings(plain) == PipelineSettings()
     assert replayed(case, tmp_path / "plain", None, "--settings", str(plain)) == 0
     digests = [json.loads((p / "result.json").read_text())["digest"] for p in (case.out, tmp_path / "plain")]
-    assert digests[0] == digests[1]  # the bundled parameter file states the defaults
+    assert digests[0] == digests[1]
     other = tmp_path / "other.yaml"
     other.write_text("/**:\n  ros__parameters:\n    rate_hz: 100.0\n    estimate_parameters: false\n    autostart: true\n")
     assert replayed(case, tmp_path / "other", None, "--settings", str(other)) == 0
