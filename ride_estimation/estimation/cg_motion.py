@@ -38,6 +38,8 @@ _GYRO_BIAS = 0.02
 _YAW_STD = 0.1
 _YAW_TIME = 3.0
 _MASKS = 64
+#: standard deviation of the angular rate from which on residuals count: before, centripetal terms are a guess [rad/s]
+_RATE_KNOWN = 0.03
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 
@@ -250,7 +252,8 @@ class CgMotionEstimator:
         self._follow_slow_acceleration(out.motion[where], out.tilt[where], dt)
         out.valid[where] = weights.rank == needed
         out.predicted[where] = self.predict(out.motion[where], out.rate[where])
-        if weights.rank == needed and mask.all():
+        rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
+        if weights.rank == needed and mask.all() and rate_known:
             residual = y - out.predicted[where]
             self.residual_products += residual.T @ residual
             self.residual_count += len(y)

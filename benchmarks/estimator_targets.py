@@ -1,0 +1,208 @@
+# Copyright 2026 ride_estimation contributors
+"""Measure the online estimator against the targets of the project, truth from test/worlds (own equations and integrator).
+
+Run ``python benchmarks/estimator_targets.py --seeds 20``; prints one table. A run is a random cab (air or rubber mounts) over a
+random road, 500 Hz, noise 1 % of the signal; parameters are judged 10 s after excitation starts, forces from then on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import pathlib
+import sys
+import time
+
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+from ride_estimation.estimation.output import OutputBlock  # noqa: E402
+from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
+from worlds.adapters import START_NS, arrivals, believed_vehicle  # noqa: E402
+from worlds.cab import CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle, simulate  # noqa: E402
+from worlds.roads import Road, base_motion  # noqa: E402
+from worlds.vehicle_text import Belief  # noqa: E402
+
+RATE = 500.0
+START = 1.0  # seconds at rest before the ramp
+
+
+def through(pipeline: Pipeline, data: Measurement, until: float = np.inf) -> tuple[list[OutputBlock], list]:
+    """Feed a measurement and return the blocks and the parameters at ``until`` seconds."""
+    blocks, at = [], None
+    for stamp, name, values in [(s, n, v.tolist()) for s, n, v in arrivals(data)]:
+        if at is None and stamp - START_NS > until * 1e9:
+            at = pipeline.parameters()
+        blocks += pipeline.observe(name, stamp, values)
+    blocks += pipeline.finish()
+    return blocks, list(at if at is not None else pipeline.parameters())
+
+
+def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
+    return np.concatenate([getattr(b, name) for b in blocks])
+
+
+def ticks_of(blocks: list[OutputBlock], data: Measurement) -> tuple[np.ndarray, np.ndarray]:
+    """Return which rows of the blocks have a truth sample and which sample."""
+    row = np.round((joined(blocks, "stamp_ns") - START_NS) * 1e-9 * data.rate_hz).astype(int)
+    good = (row >= 0) & (row < len(data.time))
+    return good, row[good]
+
+
+def world(seed: int, duration: float, noise: float, anti_alias: float) -> tuple[CabVehicle, Measurement]:
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "air" if seed % 2 == 0 else "rubber")
+    sensors = random_sensors(cab, rng)
+    run = drive(cab, Road.random(rng), duration, seed)
+    return cab, measure(run, sensors, RATE, seed, noise_share=noise, anti_alias=anti_alias)
+
+
+def parameter_errors(cab: CabVehicle, estimates: list) -> list[tuple[str, float, float]]:
+    """Return (class, relative error, error over std) of every stiffness and damping."""
+    found = []
+    for e in estimates:
+        parts = e.name.split(".")
+        if len(parts) != 3:
+            continue
+        mount, axis, parameter = parts
+        table = cab.stiffness if parameter == "stiffness" else cab.damping
+        true = table[cab.mount_names.index(mount), "xyz".index(axis)]
+        group = f"{'k' if parameter == 'stiffness' else 'c'} {'vertical' if axis == 'z' else 'horizontal'}"
+        found.append((group, abs(e.value / true - 1.0), abs(e.value - true) / e.std))
+    return found
+
+
+def nominal(seeds: range, noise: float, anti_alias: float) -> dict[str, list]:
+    rows: dict[str, list] = {}
+    for seed in seeds:
+        cab, data = world(seed, 15.0, noise, anti_alias)
+        vehicle = believed_vehicle(data, seed=seed)
+        blocks, estimates = through(Pipeline(vehicle), data, START + 10.0)
+        for group, error, ratio in parameter_errors(cab, estimates):
+            rows.setdefault(group, []).append(error)
+            rows.setdefault(f"{group} ratio", []).append(ratio)
+        good, row = ticks_of(blocks, data)
+        late = data.time[row] > 8.0
+        force, std = joined(blocks, "mount_force")[good][late], joined(blocks, "mount_force_std")[good][late]
+        true = data.truth["mount_force"][row][late]
+        score = np.sqrt(np.mean((force - true) ** 2, axis=0)) / np.std(true, axis=0)
+        inside = np.mean(np.abs(force - true) < 2.0 * std, axis=0)
+        rows.setdefault("force horizontal", []).extend(score[:, :2].ravel())
+        rows.setdefault("force vertical", []).extend(score[:, 2])
+        rows.setdefault("inside horizontal", []).extend(inside[:, :2].ravel())
+        rows.setdefault("inside vertical", []).extend(inside[:, 2])
+        covariance = np.concatenate([np.tile(b.cg_accel_covariance, (len(b.stamp_ns), 1, 1)) for b in blocks])[good][late]
+        error = joined(blocks, "cg_accel")[good][late] - data.truth["cg_accel"][row][late]
+        nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)
+        rows.setdefault("nees", []).append(float(np.mean(nees)))
+        part = np.einsum("ki,kij,kj->k", error[:, 2:], np.linalg.inv(covariance[:, 2:, 2:]), error[:, 2:])
+        rows.setdefault("nees z and rotation", []).append(float(np.mean(part)))
+        print(f"  seed {seed}: kz {100 * max(rows['k vertical'][-4:]):.2f} %, force z {100 * score[:, 2].max():.1f} %", file=sys.stderr)
+    return rows
+
+
+def masses(seeds: range, noise: float) -> dict[str, list]:
+    rows: dict[str, list] = {}
+    for seed in seeds:
+        cab, data = world(seed, 13.0, noise, 0.0)
+        k = cab.stiffness[0, 2]
+        belief = Belief(mass_off=0.15, force_references=("{kind: known_stiffness, mount: front_left, axis: z, relative_std: 0.01}",))
+        vehicle = believed_vehicle(data, belief, seed=seed)
+        old = vehicle.mounts["front_left"].elements["z"]
+        # the reference is the element as the file states it: make the file right for this one stiffness
+        vehicle = vehicle.replace_elements({("front_left", "z"): old.replace(stiffness=float(k))})
+        pipeline = Pipeline(vehicle)
+        through(pipeline, data)
+        rows.setdefault("anchored", []).append(abs(pipeline.parameters()[0].value / cab.mass - 1.0))
+        bare = Pipeline(dataclasses.replace(vehicle, force_references=()))
+        through(bare, data)
+        rows.setdefault("not identifiable", []).append(bare.parameters()[0].status.value == "not_identifiable")
+    return rows
+
+
+def changes(seeds: range, noise: float) -> list[float]:
+    """Return the relative error of every vertical stiffness 15 s after one mount became 20 % softer within a second."""
+    found = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        cab = random_vehicle(rng, "air")
+        sensors = random_sensors(cab, rng)
+        drift = np.zeros((4, 3, 4))
+        drift[:, :, 1:3] = [12.0, 13.0]
+        drift[0, 2, 0] = -0.2
+        changed = dataclasses.replace(cab, hidden=dataclasses.replace(cab.hidden, drift=drift))
+        run = simulate(changed, base_motion(Road.random(rng), cab.mounts, 29.0, 5e-4, seed))
+        data = measure(run, sensors, 250.0, seed, noise_share=noise, anti_alias=0.0)
+        pipeline = Pipeline(believed_vehicle(data, seed=seed))
+        _, estimates = through(pipeline, data, 28.0)
+        true = {m: cab.stiffness[i, 2] * (0.8 if i == 0 else 1.0) for i, m in enumerate(cab.mount_names)}
+        found += [abs(e.value / true[e.name.split(".")[0]] - 1.0) for e in estimates if e.name.endswith("z.stiffness")]
+    return found
+
+
+def idle(minutes: float) -> float:
+    """Return the largest relative move of a parameter while the learned vehicle stands with a shaking engine."""
+    rng = np.random.default_rng(1)
+    cab = random_vehicle(rng, "air")
+    sensors = random_sensors(cab, rng)
+    data = measure(drive(cab, Road.random(rng), 15.0, 1), sensors, 100.0, 1, noise_share=0.01)
+    pipeline = Pipeline(believed_vehicle(data, seed=1))
+    through(pipeline, data)
+    before = {e.name: e.value for e in pipeline.parameters()}
+    still = measure(drive(cab, Road.standing(12.5, 0.15), 60.0, 2), data.sensors, 100.0, 2)
+    shift = int(20e9)
+    for minute in range(round(minutes)):
+        for stamp, name, values in arrivals(still):
+            pipeline.observe(name, stamp + shift + minute * int(60.01e9), values.tolist())
+    return max(abs(e.value / before[e.name] - 1.0) for e in pipeline.parameters())
+
+
+def table(rows: dict[str, list], mass: dict[str, list], change: list[float], moved: float, minutes: float) -> None:
+    def line(what: str, target: str, value: str) -> None:
+        print(f"| {what} | {target} | {value} |")
+
+    print("| quantity | target | measured |\n|---|---|---|")
+    n = len(rows["nees"])
+    line("CG acceleration, mean normalised error squared / 6", f"band {np.round(band(6 * n) , 2)}", f"{np.mean(rows['nees']) / 6:.2f}")
+    line("the same, vertical and rotations only / 4", f"band {np.round(band(4 * n), 2)}", f"{np.mean(rows['nees z and rotation']) / 4:.2f}")
+    for group, target in (("k vertical", 1), ("c vertical", 2), ("k horizontal", 3), ("c horizontal", 6)):
+        p95, median = (100 * np.percentile(rows[group], q) for q in (95, 50))
+        line(f"{group}, 95th percentile (median)", f"{target} %", f"{p95:.2f} % ({median:.2f} %)")
+        line(f"{group}, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(np.array(rows[group + ' ratio']) < 2.0):.1f} %")
+    for axis, target in (("vertical", 4), ("horizontal", 8)):
+        scores = 100 * np.array(rows[f"force {axis}"])
+        line(f"force NRMSE {axis}, median (95th percentile)", f"{target} %", f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)")
+        line(f"force {axis}, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'inside {axis}']):.1f} %")
+    line("mass with known stiffness (file 15 % off), worst", "3 %", f"{100 * max(mass['anchored']):.2f} %")
+    line("mass without anchor: not_identifiable", "every run", f"{sum(mass['not identifiable'])} of {len(mass['not identifiable'])}")
+    line("20 % softer mount, error of kz 15 s later, 95th percentile", "3 %", f"{100 * np.percentile(change, 95):.2f} %")
+    line(f"{minutes:g} idle minutes, largest move", "0.5 %", f"{100 * moved:.3f} %")
+
+
+def band(freedom: int) -> np.ndarray:
+    """Return the 95 % band of a mean normalised error squared with so many degrees of freedom."""
+    from scipy import stats
+
+    return np.array([stats.chi2.ppf(q, freedom) / freedom for q in (0.025, 0.975)])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20, help="number of worlds (default 20)")
+    parser.add_argument("--first", type=int, default=100, help="first seed (default 100)")
+    parser.add_argument("--noise", type=float, default=0.01, help="noise over signal rms (default 0.01)")
+    parser.add_argument("--anti-alias", type=float, default=0.0, help="corner of the sensors' filters over their rate, 0 none (default 0)")
+    parser.add_argument("--idle-minutes", type=float, default=5.0, help="minutes of standing (default 5)")
+    given = parser.parse_args()
+    start = time.perf_counter()
+    seeds = range(given.first, given.first + given.seeds)
+    few = range(given.first, given.first + max(given.seeds // 4, 1))
+    rows = nominal(seeds, given.noise, given.anti_alias)
+    table(rows, masses(few, given.noise), changes(few, given.noise), idle(given.idle_minutes), given.idle_minutes)
+    print(f"{given.seeds} worlds, {time.perf_counter() - start:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
