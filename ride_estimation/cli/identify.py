@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from pathlib import Path
 from typing import Any
@@ -177,6 +178,9 @@ def _run_jounce(options: argparse.Namespace) -> int:
     from ride_estimation.reporting.identification_special_reports import jounce_document, jounce_status, write_jounce_report
 
     reading = reading_options(options)
+    if reading.zero == "auto":
+        # travel counts from contact: a record that never leaves contact must keep its zero
+        reading = dataclasses.replace(reading, zero="none")
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
     progress = Progress(4 if options.model == JOUNCE_MODELS[0] else options.local_models - 1, "identify")

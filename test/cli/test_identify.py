@@ -209,3 +209,28 @@ def test_unreadable_files(tmp_path, capsys, name):
         path.write_bytes(b"" if name == "empty.csv" else b"not a data file")
     assert main(["identify", str(path), "--out", str(tmp_path / "out")]) == 2
     assert name in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["jounce_bumper", "local_linear_network_dahl"])
+def test_jounce_route(tmp_path, model):
+    import sys
+    from pathlib import Path
+
+    sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
+    import jounce_programme
+
+    names = []
+    for name, (t, u, f, _) in jounce_programme.measured(3).items():
+        # extension and tension positive, as in the vehicle
+        np.savez(tmp_path / f"{name}.npz", time_s=t, displacement_mm=-1e3 * u, force_kn=-1e-3 * f)
+        names.append(str(tmp_path / f"{name}.npz"))
+    out = tmp_path / "out"
+    assert main(["identify", *names, "--model", model, "--local-models", "6", "--out", str(out)]) == 0
+    found = read(out)
+    assert np.mean(list(found["nrmse_fitted"].values())) < 0.05
+    assert set(found["nrmse_held_out"]) == {f"{n}.npz" for n in ("dynamic_ramps", "amplitude_sweep", "road_a", "road_b")}
+    element = element_from_mapping(yaml.safe_load((out / "element.yaml").read_text(encoding="utf-8")))
+    t, u, f, _ = jounce_programme.measured(3)["road_b"]
+    response = element.response(t, -u)
+    assert np.sqrt(np.mean((response + f)[u > 0] ** 2)) < 0.08 * np.std(f[u > 0])

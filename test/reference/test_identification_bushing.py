@@ -285,3 +285,22 @@ def test_two_records_weigh_with_their_own_offsets(chirp):
     fit = fit_time_domain(MODIFIED, [dataclasses.replace(first), second], starts=4)
     # shares of the well-told parameters
     assert np.all(np.abs(fit.values / TRUTH - 1)[[0, 6, 7]] < 0.01), fit.values / TRUTH - 1
+
+
+def test_extraction_definitions_agree_on_a_linear_element_and_differ_on_friction():
+    # a definition is an option by name because K depends on it
+    h, f, amplitude = 1e-3, 2.0, 1e-3
+    t = np.arange(round(10 / f / h)) * h
+    x = amplitude * np.sin(2 * np.pi * f * t)
+    linear = record(t, x, 1e5 * x + 300 * 2 * np.pi * f * amplitude * np.cos(2 * np.pi * f * t))
+    friction = record(t, x, overlay_force(TRUTH, x, h))
+    names = ("harmonic", "peak", "range")
+    by_linear = {n: find_operating_points([linear], n).stiffness[0] for n in names}
+    by_friction = {n: abs(find_operating_points([friction], n).stiffness[0]) for n in names}
+    expected = 1e5 + 2j * np.pi * f * 300
+    assert abs(by_linear["harmonic"] / expected - 1) < 1e-6
+    # the range of the force is the magnitude; at largest displacement the damper carries nothing
+    assert abs(by_linear["range"]) == pytest.approx(abs(expected), rel=1e-4)
+    assert abs(by_linear["peak"]) == pytest.approx(expected.real, rel=1e-3)
+    # up to 1.6 % between definitions for this set (document notes); here more than 0.2 %
+    assert abs(by_friction["peak"] / by_friction["harmonic"] - 1) > 0.002
