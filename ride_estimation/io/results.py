@@ -108,9 +108,10 @@ def result_document(
     for name, q in quality.items():
         health = run.health.sensors.get(name)
         channels[name] = {
-            "samples": q.samples, "used": health.accepted if health else q.samples, "rate_hz": q.rate_hz,
+            "samples": q.samples, "used": health.accepted if health else 0, "rate_hz": q.rate_hz,
             "gaps": q.gaps, "longest_gap_s": q.longest_gap_s, "clipped": q.clipped,
-            "rejected": dict(sorted(health.rejected.items())) if health else {}, "findings": list(q.findings),
+            "rejected": dict(sorted(health.rejected.items())) if health else {"not_used_by_the_estimator": q.samples},
+            "findings": list(q.findings),
         }
     return {
         "schema": RESULT_SCHEMA,
