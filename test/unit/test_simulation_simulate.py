@@ -179,6 +179,11 @@ def test_payload_settles_by_its_weight_over_the_stiffness(cab):
     assert response.coordinates[-1, 2] == pytest.approx(-240.0 * cab.vehicle.gravity / stiffness, rel=0.05)
     np.testing.assert_allclose(response.offset[-1, 0], [0.1 * 240.0 / 1440.0, 0.0, 0.0], rtol=1e-9)
     assert np.abs(response.cg_motion("cab")[-1]).max() < 1e-3  # m/s^2: at rest again
+    places = np.array([m.position for m in cab.vehicle.mounts.values()])
+    moment = np.cross(places, response.mount_force()[-1]).sum(axis=0)
+    weight = -1440.0 * cab.vehicle.gravity * response.rotation[-1, 0, 2, :]
+    np.testing.assert_allclose(moment, -np.cross(response.offset[-1, 0], weight), atol=1.0)  # N m of 235
+    assert response.coordinates[-1, 4] > 0.001  # rad: the load ahead of the CG pitches the nose down
 
 
 def test_compiled_model_runs_again_with_other_elements_as_a_fresh_vehicle_would(cab):
