@@ -76,7 +76,7 @@ class CabJudgement:
     accel_nees
         The same of the CG acceleration without gravity.
     speed
-        Seconds of signal per second of computing.
+        Seconds of signal per second of processor time of one core.
     """
 
     seed: int
@@ -95,21 +95,21 @@ class CabJudgement:
 def run_pipeline(
     measurement: Measurement, vehicle: object, settings: PipelineSettings | None = None, every_s: float = 0.5
 ) -> tuple[dict[str, np.ndarray], list[tuple[float, tuple]], float, Pipeline]:
-    """Return stacked outputs, parameter snapshots (time s, estimates), computing time [s] and the pipeline.
+    """Return stacked outputs, parameter snapshots (time s, estimates), processor time [s] and the pipeline.
 
     Samples go in one by one in the order of their stamps, as from a bag.
     """
     pipeline = Pipeline(vehicle, settings)  # type: ignore[arg-type]
     samples = [(stamp, name, values.tolist()) for stamp, name, values in arrivals(measurement)]
     blocks, snapshots, next_snapshot = [], [], START_NS + round(every_s * 1e9)
-    began = time.perf_counter()
+    began = time.process_time()
     for stamp, name, values in samples:
         blocks += pipeline.observe(name, stamp, values)
         if stamp >= next_snapshot:
             snapshots.append(((stamp - START_NS) * 1e-9, pipeline.parameters()))
             next_snapshot += round(every_s * 1e9)
     blocks += pipeline.finish()
-    elapsed = time.perf_counter() - began
+    elapsed = time.process_time() - began
     snapshots.append(((samples[-1][0] - START_NS) * 1e-9, pipeline.parameters()))
     keys = ("stamp_ns", "cg_accel", "cg_specific_force", "support_load", "mount_force", "mount_force_std", "mount_deflection")
     stacked = {key: np.concatenate([getattr(b, key) for b in blocks]) for key in keys}
