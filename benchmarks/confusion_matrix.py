@@ -238,6 +238,9 @@ def summary(records: list[dict[str, Any]]) -> str:
         lines.append(
             f"{'time per diagnosis, median and longest':78s} {np.median(seconds):6.1f} s, {max(seconds):.1f} s   target <= 60 s"
         )
+    busy = [r["processor_seconds"] for r in records if "processor_seconds" in r]
+    if busy:
+        lines.append(f"{'processor time per diagnosis, median and longest':78s} {np.median(busy):6.1f} s, {max(busy):.1f} s")
     crashed = [r for r in records if r["verdict"] == "error"]
     for r in crashed[:5]:
         lines.append(f"ERROR {r['key']}: {r['error']}")
