@@ -112,7 +112,7 @@ def main() -> None:
     results = {}
     for name, gram in (("fused kernel", fused_gram), ("numpy and scipy", numpy_gram)):
         spent = []
-        for _ in range(7):
+        for _ in range(15):
             begin = time.thread_time()
             fit = fit_time_domain(model, [prepare(record)], start=theta, gram=gram)
             spent.append(time.thread_time() - begin)

@@ -32,7 +32,7 @@ IntArray = NDArray[np.int64]
 
 FRICTION_NONE, FRICTION_BERG, FRICTION_DAHL = 0, 1, 2
 #: samples per block of the fused pass: the block of columns stays in the first-level cache
-_BLOCK = 256
+BLOCK = 256
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _friction_point(kind: int, a: float, u: float, length: float) -> tuple[float
 
 
 @compile_kernel
-def branch_states(kind: int, length: float, anchors: Array, directions: Array, last: float) -> tuple[Array, Array]:
+def branch_states(kind: int, length: float, anchors: Array, directions: Array) -> tuple[Array, Array]:
     """Return unit friction at the start of each branch and its derivative by log(length), shapes (B,)."""
     n = anchors.size
     state, slope = np.zeros(n), np.zeros(n)
@@ -145,6 +145,73 @@ def _friction_block(
 
 
 @compile_kernel
+def _static_rows(x: Array, h: float, lo: int, n: int, spring: bool, cubic: bool, viscous: bool, block: Array) -> None:
+    """Write the columns without memory of samples lo to lo + n."""
+    row = 0
+    if spring:
+        for i in range(n):
+            block[row, i] = x[lo + i]
+        row += 1
+    if cubic:
+        for i in range(n):
+            block[row, i] = x[lo + i] ** 3
+        row += 1
+    if viscous:
+        last = x.size - 1
+        for i in range(n):
+            before, after = max(lo + i - 1, 0), min(lo + i + 1, last)
+            block[row, i] = (x[after] - x[before]) / (h * (after - before))
+
+
+@compile_kernel
+def _one_cell(steps: Array, n: int, rule: Array, state: Array, block: Array, row: int, sensitivity_row: int) -> None:
+    """Advance one Maxwell cell and its sensitivity over a block."""
+    e, g, de, dg = rule[0], rule[1], rule[2], rule[3]
+    m, dm = state[0], state[1]
+    for i in range(n):
+        step = steps[i]
+        dm = e * dm + (de * m + dg * step)
+        m = e * m + g * step
+        block[row, i] = m
+        block[sensitivity_row, i] = dm
+    state[0], state[1] = m, dm
+
+
+@compile_kernel
+def _two_cells(
+    steps: Array, n: int, rules: Array, states: Array, first: int, block: Array, row: int, sensitivity_row: int
+) -> None:
+    """Advance two Maxwell cells together: their chains of dependent operations overlap in the processor."""
+    e, g, de, dg = rules[first, 0], rules[first, 1], rules[first, 2], rules[first, 3]
+    e2, g2, de2, dg2 = rules[first + 1, 0], rules[first + 1, 1], rules[first + 1, 2], rules[first + 1, 3]
+    m, dm, m2, dm2 = states[first, 0], states[first, 1], states[first + 1, 0], states[first + 1, 1]
+    for i in range(n):
+        step = steps[i]
+        dm = e * dm + (de * m + dg * step)
+        dm2 = e2 * dm2 + (de2 * m2 + dg2 * step)
+        m = e * m + g * step
+        m2 = e2 * m2 + g2 * step
+        block[row, i] = m
+        block[row + 1, i] = m2
+        block[sensitivity_row, i] = dm
+        block[sensitivity_row + 1, i] = dm2
+    states[first, 0], states[first, 1], states[first + 1, 0], states[first + 1, 1] = m, dm, m2, dm2
+
+
+@compile_kernel
+def _cell_rules(rates: Array, h: float) -> Array:
+    """Return decay, gain and their derivatives by log rate for a displacement straight between samples, shape (C, 4)."""
+    rules = np.empty((rates.size, 4))
+    for j in range(rates.size):
+        a = rates[j] * h
+        rules[j, 0] = np.exp(-a)
+        rules[j, 1] = -np.expm1(-a) / a
+        rules[j, 2] = -a * rules[j, 0]
+        rules[j, 3] = rules[j, 0] - rules[j, 1]
+    return rules
+
+
+@compile_kernel
 def gram_kernel(
     x: Array,
     force: Array,
@@ -162,60 +229,31 @@ def gram_kernel(
     stop: int,
 ) -> Array:
     """Return the Gram matrix of all columns over samples 0 to stop in one pass, shape (C, C)."""
-    cells = rates.size
-    friction = 1 if kind > 0 else 0
+    cells, friction = rates.size, 1 if kind > 0 else 0
     static = int(spring) + int(cubic) + int(viscous)
     linear = static + cells + friction
     columns = linear + cells + friction + 2
-    gram = np.zeros((columns, columns))
-    block = np.zeros((columns, 256))
-    state, slope = branch_states(kind, length, anchors, directions, 0.0) if friction else (np.zeros(1), np.zeros(1))
-    m, dm = np.zeros(cells), np.zeros(cells)
-    decay, gain, ddecay, dgain = np.empty(cells), np.empty(cells), np.empty(cells), np.empty(cells)
-    for j in range(cells):
-        a = rates[j] * h
-        decay[j] = np.exp(-a)
-        gain[j] = -np.expm1(-a) / a
-        ddecay[j] = -a * decay[j]
-        dgain[j] = decay[j] - gain[j]
+    gram, block, steps = np.zeros((columns, columns)), np.zeros((columns, BLOCK)), np.zeros(BLOCK)
+    state, slope = branch_states(kind, length, anchors, directions) if friction else (np.zeros(1), np.zeros(1))
+    rules, memory = _cell_rules(rates, h), np.zeros((cells, 2))
     branch = 0
-    last = x.size - 1
-    for lo in range(0, stop, 256):
-        hi = min(lo + 256, stop)
-        n = hi - lo
-        row = 0
-        if spring:
-            for i in range(n):
-                block[row, i] = x[lo + i]
-            row += 1
-        if cubic:
-            for i in range(n):
-                block[row, i] = x[lo + i] ** 3
-            row += 1
-        if viscous:
-            for i in range(n):
-                k = lo + i
-                before, after = max(k - 1, 0), min(k + 1, last)
-                block[row, i] = (x[after] - x[before]) / (h * (after - before))
-            row += 1
-        for j in range(cells):
-            mj, dmj, e, g, de, dg = m[j], dm[j], decay[j], gain[j], ddecay[j], dgain[j]
-            for i in range(n):
-                k = lo + i
-                if k > 0:
-                    step = x[k] - x[k - 1]
-                    dmj = e * dmj + (de * mj + dg * step)
-                    mj = e * mj + g * step
-                block[row + j, i] = mj
-                block[linear + j, i] = dmj
-            m[j], dm[j] = mj, dmj
+    for lo in range(0, stop, BLOCK):
+        n = min(BLOCK, stop - lo)
+        _static_rows(x, h, lo, n, spring, cubic, viscous, block)
+        for i in range(n):
+            steps[i] = x[lo + i] - x[max(lo + i - 1, 0)]
+        for j in range(0, cells - 1, 2):
+            _two_cells(steps, n, rules, memory, j, block, static + j, linear + j)
+        if cells % 2 == 1:
+            j = cells - 1
+            _one_cell(steps, n, rules[j], memory[j], block, static + j, linear + j)
         if friction:
             branch = _friction_block(
                 kind,
                 length,
                 x,
                 lo,
-                hi,
+                lo + n,
                 lo,
                 branch,
                 starts,
@@ -234,9 +272,8 @@ def gram_kernel(
             for c in range(columns):
                 for i in range(n):
                     block[c, i] *= weight[lo + i]
-        for c in range(columns):
-            for i in range(n, 256):
-                block[c, i] = 0.0
+        if n < BLOCK:
+            block[:, n:] = 0.0
         gram += np.dot(block, block.T)
     return gram
 
@@ -305,7 +342,7 @@ def numpy_columns(layout: Layout, motion: Motion, theta: Array) -> Array:
 
 def numpy_friction(kind: int, motion: Motion, length: float) -> tuple[Array, Array]:
     """Return unit friction and its derivative by log(length), vectorised over branches, shapes (N,)."""
-    state, slope = branch_states(kind, length, motion.anchors, motion.directions, 0.0)
+    state, slope = branch_states(kind, length, motion.anchors, motion.directions)
     counts = np.diff(motion.starts)
     d = np.repeat(motion.directions, counts)
     u = np.maximum(d * (motion.x - np.repeat(motion.anchors, counts)), 0.0)
