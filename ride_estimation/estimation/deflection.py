@@ -35,7 +35,7 @@ _RENEWAL = 0.05
 #: slow share of the mean squared deflection that equilibrium does not tell (twist of the frame), as a factor per axis
 _MARGIN = np.array([0.2, 0.2, 0.05])
 #: smallest deflection assumed [m]
-_LEAST = np.array([1e-4, 1e-4, 5e-4])
+_LEAST = np.array([1e-4, 1e-4, 2e-4])
 
 
 @dataclasses.dataclass(frozen=True)

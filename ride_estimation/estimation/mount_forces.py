@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 #: share of the dynamic mount force that frame twist hides from the body (34 to 40 % in pilots, up to 80 % on twisting frames)
 TWIST_SHARE = 0.7
 #: relative standard deviation of the static share that equilibrium leaves open (levelling, free lengths)
-STATIC_SHARE = 0.01
+STATIC_SHARE = 0.003
 #: memory of mean squares [s]
 _MEMORY = 5.0
 #: time between two recomputations of the gains [s]
@@ -33,6 +33,8 @@ _INTERVAL = 0.2
 #: memory of the residual of equilibrium against its covariance [s], smallest ratio it may reach
 _CONSISTENCY_MEMORY = 5.0
 _LEAST_RATIO = 0.01
+#: variance of deflection errors in the directions equilibrium does not see over those it sees; measured on worlds of their own
+_UNSEEN_TO_SEEN = np.array([0.4, 0.4, 0.8])
 #: rows of the wrench that judge horizontal and vertical deflections
 _ROWS = ((0, 1, 5), (2, 3, 4))
 #: corner below which the residual wrench is shared by stiffness [rad/s]
@@ -107,6 +109,7 @@ class MountForceEstimator:
         self.law = law
         self.known = known
         self.mass = arrangement.body.mass.value
+        self.mass_relative_std = 0.0
         #: share of the rotation of the brackets that the mount axes follow
         self.follow = 1.0
         count = len(arrangement.mounts)
@@ -156,7 +159,7 @@ class MountForceEstimator:
         support
             Wrench the mounts together carry, shape (K, 6) [N, N m].
         load_covariance
-            Of the wrench, shape (6, 6).
+            Of the wrench for the given mass, shape (6, 6).
         turn_rate
             Rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s].
         dt
@@ -231,7 +234,7 @@ class MountForceEstimator:
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
         scale = np.array([self._ratio[0], self._ratio[0], self._ratio[1]])
         stated = variance
-        variance = np.where(self.known, variance * np.maximum(scale, _LEAST_RATIO), hidden)
+        variance = np.where(self.known, variance * np.maximum(scale * _UNSEEN_TO_SEEN, _LEAST_RATIO), hidden)
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
         prior = variance.ravel() + 1e-6 * self._stiffness
         if not self.known.all():
@@ -250,6 +253,7 @@ class MountForceEstimator:
         static = STATIC_SHARE * np.abs(self.static_force).ravel()
         model = model + np.einsum("ij,j,ij->i", rest, static**2, rest)
         determined = np.einsum("ij,jk,ik->i", gain, load_covariance[np.ix_(self._free, self._free)], gain)
+        determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
         self._std = np.sqrt(np.stack([model + determined, determined, model])).reshape(3, count, 3)
 
     def save(self) -> dict[str, Any]:

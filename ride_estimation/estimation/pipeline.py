@@ -177,8 +177,11 @@ class Pipeline:
         support = self._loads.load(motion.motion, motion.rate)
         inertial = self._loads.load(accel, motion.rate)
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        # an error of the mass scales all forces alike and is no reason to doubt equilibrium
+        for_given_mass = dataclasses.replace(self._loads, mass_std=0.0)
+        own_covariance = for_given_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         deflection = self._observe_deflection(block, motion, support, dt)
-        forces = self._observe_forces(deflection, support, load_covariance, motion, dt)
+        forces = self._observe_forces(deflection, support, own_covariance, motion, dt)
         for name, i, stream, start in self._cells:
             if block.valid[:, stream].all():
                 cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
@@ -263,7 +266,7 @@ class Pipeline:
             body.inertia_relative_std or 0.0,
         )  # fmt: skip
         self._law.scale(self._parameters.multipliers() * self._factor)
-        self._forces.mass = self._loads.mass
+        self._forces.mass, self._forces.mass_relative_std = self._loads.mass, relative
         self._forces.follow = self._parameters.follow
         self._forces.parameter_std = self._parameters.stds()
 
