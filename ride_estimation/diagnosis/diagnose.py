@@ -183,6 +183,8 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     verdict, remaining = _verdict(work, soft, base, floor)
     causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
     warnings = [*work.plant.warnings, *_bound_warnings(work, state)]
+    if scene.noise_scale > 1.25:
+        warnings.append(f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; the measured noise is used")
     gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     residual = residual_summary(base, extended, remaining, accepted is not None)

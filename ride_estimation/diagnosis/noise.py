@@ -58,6 +58,61 @@ def whitening(covariance: ComplexArray, weight: Array) -> ComplexArray:
     return np.asarray(np.linalg.inv(factor) / scale[:, None, :] * weight[:, None, None])
 
 
+def noise_scale(spectrum: ComplexArray, motion: Array, stated: Array, frequency: Array, samples: int) -> float:
+    """Return measured over stated noise of the body accelerometers, at least one.
+
+    Rigid motion cannot reach the null space of the sensor map; what is there in the upper third of the band is noise. The
+    median over bins and directions keeps single faults out. Interpolation on stamps lowers the noise there, so less than
+    the stated noise is not believed.
+
+    Parameters
+    ----------
+    spectrum
+        Measured outputs, shape (F, ny).
+    motion
+        Map from coordinates to outputs, shape (ny, n).
+    stated
+        Stated noise, shape (ny,).
+    """
+    scaled = motion / stated[:, None]
+    left, values, _ = np.linalg.svd(scaled, full_matrices=True)
+    rank = int(np.count_nonzero(values > 1e-9 * values.max(initial=0.0)))
+    null = left[:, rank:]
+    upper = frequency > frequency[0] + 0.67 * (frequency[-1] - frequency[0])
+    if null.shape[1] == 0 or not np.any(upper):
+        return 1.0
+    power = np.abs((spectrum[upper] / stated) @ null) ** 2 / samples
+    # the power of a complex Gaussian bin is exponential: median = ln 2 x mean
+    return float(np.sqrt(max(np.median(power) / np.log(2.0), 1.0)))
+
+
+def denoised(spectrum: ComplexArray, transfer: ComplexArray, input_noise: Array, samples: int, width: int) -> ComplexArray:
+    """Return deflections with the part removed that base sensor noise explains.
+
+    Double integration turns noise of the base sensors into slow apparent stretching of the base, which loads the mounts
+    against each other and moves nothing that is measured. In the principal directions of that noise at every frequency,
+    each component is multiplied by ``max(0, 1 - noise power / measured power)`` (Wiener).
+
+    Parameters
+    ----------
+    spectrum
+        Deflections, shape (F, P).
+    transfer
+        Deflection from input, shape (F, P, nu).
+    input_noise
+        Shape (nu,).
+    width
+        Bins over which the measured power is averaged.
+    """
+    scale = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=0)) + 1e-300
+    shaped = transfer * input_noise / scale[None, :, None]
+    values, vectors = np.linalg.eigh(shaped @ np.conj(np.swapaxes(shaped, 1, 2)))
+    component = np.einsum("fji,fj->fi", np.conj(vectors), spectrum / scale)
+    power = smoothed_power(component, samples, width)
+    gain = np.clip(1.0 - np.maximum(values, 0.0) / np.maximum(power, 1e-300), 0.0, 1.0)
+    return np.asarray(np.einsum("fij,fj->fi", vectors, gain * component) * scale)
+
+
 def excess_inefficiency(white: ComplexArray, samples: int, group: int = 15) -> float:
     """Return how many nominal degrees of freedom one independent sample of the model error takes.
 

@@ -140,8 +140,8 @@ def noise_floor(scene: Scene) -> float:
     """Return the NRMSE that sensor noise alone leaves: body sensors directly, base sensors through the model."""
     plant = scene.plant
     used = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"] or list(range(len(plant.outputs)))
-    noise_y = np.array([s.noise_std for s in plant.outputs])[used]
-    noise_u = np.array([s.noise_std for s in plant.inputs])
+    noise_y = scene.noise_scale * np.array([s.noise_std for s in plant.outputs])[used]
+    noise_u = scene.noise_scale * np.array([s.noise_std for s in plant.inputs])
     through = np.sum(np.abs(scene.response.output_from_input[:, used] * noise_u) ** 2, axis=2)
     weight = scene.grid.band_weight[:, None] ** 2
     expected = float(np.sum((through + noise_y**2) * weight)) * scene.grid.samples

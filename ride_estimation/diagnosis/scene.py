@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
-from ride_estimation.diagnosis.noise import excess_inefficiency, residual_covariance, smoothed_power, whitening
+from ride_estimation.diagnosis.noise import denoised, excess_inefficiency, noise_scale, residual_covariance, smoothed_power, whitening
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.response import LinearResponse, respond
 from ride_estimation.diagnosis.settings import Settings
@@ -158,8 +158,20 @@ class Scene:
         self.input_mean = self.data.inputs[good].mean(axis=0)
         window = self._taper[:, None]
         self.measured_spectrum = self.grid.spectrum((self.data.outputs - self.output_mean) * window)
+        self.noise_scale = self._measured_noise_scale()
         self.input_signal = (self.data.inputs - self.input_mean) * window
         self.input_spectrum = self.grid.spectrum(self.input_signal)
+
+    def _measured_noise_scale(self) -> float:
+        """Return how much noisier the body accelerometers are than stated."""
+        rows = [i for i, s in enumerate(self.plant.outputs) if s.kind == "acceleration"]
+        if not rows:
+            return 1.0
+        stated = np.array([self.plant.outputs[i].noise_std for i in rows])
+        frequency = np.minimum(self.grid.frequency, self.grid.upper_hz)
+        return noise_scale(
+            self.measured_spectrum[:, rows], self.plant.out_acceleration[rows], stated, frequency, self.grid.samples
+        )
 
     def _base_acceleration(self) -> None:
         """Split effects and form base accelerations with the full bracket rotation."""
@@ -229,8 +241,8 @@ class Scene:
         if given is None:
             width = max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
             covariance = residual_covariance(
-                np.array([s.noise_std for s in self.plant.outputs]),
-                np.array([s.noise_std for s in self.plant.inputs]),
+                self.noise_scale * np.array([s.noise_std for s in self.plant.outputs]),
+                self.noise_scale * np.array([s.noise_std for s in self.plant.inputs]),
                 self.response.output_from_input,
                 smoothed_power(self.measured_spectrum, self.grid.samples, width),
                 self.settings.adequacy,
@@ -253,6 +265,11 @@ class Scene:
         grid, r, n = self.grid, self.response, self.grid.samples
         modulus = self.state.stiffness + 1j * grid.omega[:, None] * self.state.damping
         width = max(3, round(0.5 * grid.padded / grid.rate_hz))
+        noise_u = self.noise_scale * np.array([s.noise_std for s in self.plant.inputs])
+        # below the band the apparent deflection is integration drift; the body follows slow base motion
+        self.deflection_spectrum = grid.low_flank[:, None] * denoised(
+            self.deflection_spectrum, r.deflection_from_input, noise_u, n, max(3, width // 2)
+        )
         force_power = smoothed_power(modulus * self.deflection_spectrum, n, width)
         transfer = r.output_from_port
         shaped = transfer * force_power[:, None, :]
@@ -268,13 +285,14 @@ class Scene:
         self.missing_share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
         if correct and self.missing_share > 0.0:
             total = self.missing_share * signal + self.noise_covariance
-            weighted = np.linalg.solve(total, self.residual_spectrum[:, :, None])
+            seen = self.residual_spectrum * grid.low_flank[:, None]
+            weighted = np.linalg.solve(total, seen[:, :, None])
             force = self.missing_share * np.conj(np.swapaxes(shaped, 1, 2)) @ weighted
             self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
             wrench = -(self.plant.port_map.T @ force)
             self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
-            self.deflection = grid.signal(self.deflection_spectrum)
-            self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
+        self.deflection = grid.signal(self.deflection_spectrum)
+        self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
 
     def _port_scales(self) -> dict[int, tuple[float, float]]:
         """Return deflection and rate rms of every port without the faded ends."""

@@ -53,9 +53,14 @@ class FrequencyGrid:
     def band_weight(self) -> Array:
         """Return the zero-phase band gain, one inside the band with half-cosine flanks, shape (F,)."""
         f = self.frequency
-        low = np.clip((f - 0.8 * self.lower_hz) / (0.4 * self.lower_hz), 0.0, 1.0)
         high = np.clip((1.08 * self.upper_hz - f) / (0.08 * self.upper_hz), 0.0, 1.0)
-        return np.asarray(np.sin(0.5 * np.pi * low) * np.sin(0.5 * np.pi * high))
+        return np.asarray(self.low_flank * np.sin(0.5 * np.pi * high))
+
+    @property
+    def low_flank(self) -> Array:
+        """Return the lower flank of the band alone, shape (F,)."""
+        low = np.clip((self.frequency - 0.8 * self.lower_hz) / (0.4 * self.lower_hz), 0.0, 1.0)
+        return np.asarray(np.sin(0.5 * np.pi * low))
 
     def spectrum(self, signal: Array) -> ComplexArray:
         """Return the kept bins of real signals, time along axis 0, shape (F, ...)."""

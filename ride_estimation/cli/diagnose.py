@@ -1,0 +1,84 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation diagnose``: what the simulation of a run gets wrong, by which cause, and what the extension gains."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+
+from ride_estimation.cli.progress import Progress
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.io.bags import read_recording
+from ride_estimation.io.results import output_folder, software, write_json
+from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
+from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
+from ride_estimation.signals.alignment import align
+from ride_estimation.signals.recording import UniformRun
+from ride_estimation.vehicles.vehicle import Vehicle
+
+HELP = "find what the simulation of a recorded run gets wrong, name the cause, extend the model, measure the gain"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
+    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file")
+    parser.add_argument(
+        "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
+        help="further runs that neither fit nor select: the gain is measured on them",
+    )
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html")
+    parser.add_argument("--band", nargs=2, type=float, metavar=("LOW", "HIGH"), help="analysis band [Hz] (default: 0.4 40)")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor, 400 at most)")
+    parser.add_argument("--no-report", action="store_true", help="write no report.html")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Diagnose one run; see :data:`HELP`."""
+    settings = Settings()
+    if options.band is not None:
+        low, high = options.band
+        if not 0.0 < low < high:
+            raise ConfigurationError(f"--band {low:g} {high:g}: two frequencies with 0 < LOW < HIGH are needed [Hz]")
+        settings = dataclasses.replace(settings, band_hz=(low, high))
+    vehicle = load_vehicle(options.vehicle)
+    folder = output_folder(options.out)
+    measured, checksum = _load(options.recording, vehicle, options.rate)
+    others = [_load(path, vehicle, options.rate)[0] for path in options.validate]
+    progress = Progress(1.0, "diagnose")
+    shown = 0.0
+
+    def report(share: float) -> None:
+        nonlocal shown
+        progress.update(share - shown)
+        shown = share
+
+    answer = diagnose(vehicle, measured, others, settings, report)
+    progress.close()
+    document = answer.to_mapping()
+    document["software"] = software()
+    document["run"] = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
+    document["vehicle"] = {"name": vehicle.name, "checksum": vehicle.checksum}
+    write_json(folder / "diagnosis.json", document)
+    save_vehicle(answer.extended, folder / "vehicle_extended.yaml")
+    if not options.no_report:
+        write_diagnosis_report(answer, measured.name, folder / "report.html")
+    print(answer.sentence)
+    for line in (*answer.remarks, *answer.warnings):
+        print(f"  {line}")
+    print(f"written to {folder}: diagnosis.json, vehicle_extended.yaml{'' if options.no_report else ', report.html'}")
+    return 0
+
+
+_HIGHEST_RATE_HZ = 400.0  # the analysis band ends at 40 Hz; more samples cost time and tell nothing
+
+
+def _load(path: str, vehicle: Vehicle, rate_hz: float | None) -> tuple[UniformRun, str]:
+    """Return a run on a uniform time base and its checksum."""
+    recording = read_recording(path, vehicle)
+    uniform = align(recording, rate_hz)
+    if rate_hz is None and uniform.rate_hz > _HIGHEST_RATE_HZ:
+        uniform = align(recording, _HIGHEST_RATE_HZ)
+    return uniform, recording.checksum
