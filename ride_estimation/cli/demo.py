@@ -193,6 +193,7 @@ def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
     arguments = ["diagnose", str(hidden / "bag"), "--vehicle", str(vehicle), "--out", str(out / "diagnosis")]
     quietly([*arguments, "--validate", str(second / "bag")])
     document = json.loads((out / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))
+    measure = f"\nMisfit: {document['gain']['metric']}." if document.get("gain") else ""
     rows: list[Row] = [("verdict", document["verdict"], "")]
     for cause in document["causes"]:
         values = ", ".join(f"{p['name']} {p['value']:.4g} +- {p['std']:.2g} {p['unit']}" for p in cause["parameters"])
@@ -200,9 +201,8 @@ def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
         rows.append((f"{cause['id']} at {place}", values, f"confidence {cause['confidence']:.2f}"))
     gain = document.get("gain") or {}
     for entry in gain.get("validation", []):
-        before, after = f"{gain['metric']} {entry['baseline']:.3g}", f"extended {entry['extended']:.3g}"
-        rows.append((f"second run {Path(entry['run']).name}", before, after))
-    return ("what", "value", "how sure"), rows, f"The truth: {truth['description']}."
+        rows.append(("misfit on another road", f"linear {entry['baseline']:.3g}, extended {entry['extended']:.3g}", ""))
+    return ("what", "value", "how sure"), rows, f"The truth: {truth['description']}.{measure}"
 
 
 def text_table(head: Sequence[str], rows: Sequence[Row]) -> str:

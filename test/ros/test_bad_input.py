@@ -143,7 +143,7 @@ def test_swapped_topics_are_noticed(watched: Watched) -> None:
     # the accelerometer at the front left of the cab and the one below it on the chassis, which shakes differently
     other = "/chassis/front_left/accel"
     swap = {VICTIM: other, other: VICTIM}
-    for m in drive(watched.session.vehicle, 4.0):
+    for m in drive(watched.session.vehicle, 8.0):  # residuals count once the angular rate has settled, after about 5 s
         watched.feed([Message(swap.get(m.topic, m.topic), m.type_name, m.payload, m.stamp_ns)])
     status = watched.statuses()["estimates"]
     assert status.level != DiagnosticStatus.OK
@@ -201,6 +201,22 @@ def test_one_imu_on_one_mount_is_enough_for_its_motion(ros_single: Ros) -> None:
 def test_message_of_another_type_is_counted(watched: Watched) -> None:
     watched.feed([Message(VICTIM, "sensor_msgs/msg/JointState", b"\x00\x01\x00\x00", 0)])
     assert watched.rejected() == {"message_type_not_accepted": 1}
+
+
+def test_arithmetic_that_fails_starts_again_and_is_an_error(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    original = watched.session.pipeline.observe
+    calls = iter(range(10**9))
+
+    def fail_once(*arguments: object) -> object:
+        if next(calls) == 400:
+            raise np.linalg.LinAlgError("Singular matrix")
+        return original(*arguments)
+
+    monkeypatch.setattr(watched.session.pipeline, "observe", fail_once)
+    watched.drive(lambda n, m: [m])
+    status = watched.statuses()["estimates"]
+    assert (status.level, status.message) == (DiagnosticStatus.ERROR, "numerical fault: LinAlgError: Singular matrix")
+    assert watched.blocks[-1].stamp_ns[-1] > START_NS + 2_500_000_000, "estimates go on"
 
 
 def test_random_bytes_never_stop_the_node(watched: Watched) -> None:

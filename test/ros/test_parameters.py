@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -35,6 +36,10 @@ def test_every_parameter_file_line_is_commented() -> None:
     for number, line in enumerate(lines):
         if line.startswith("    ") and not line.strip().startswith("#"):
             assert lines[number - 1].strip().startswith("#"), line
+
+
+def test_every_setting_of_the_estimators_is_a_parameter() -> None:
+    assert {p.name for p in PIPELINE_PARAMETERS} == {f.name for f in dataclasses.fields(PipelineSettings)}
 
 
 def test_defaults_are_those_of_the_estimators() -> None:
