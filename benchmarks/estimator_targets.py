@@ -18,12 +18,13 @@ import numpy as np
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
-from ride_estimation.estimation.output import OutputBlock  # noqa: E402
-from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from worlds.adapters import START_NS, arrivals, believed_vehicle  # noqa: E402
 from worlds.cab import CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle, simulate  # noqa: E402
 from worlds.roads import Road, base_motion  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
+
+from ride_estimation.estimation.output import OutputBlock  # noqa: E402
+from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 
 RATE = 500.0
 START = 1.0  # seconds at rest before the ramp
@@ -102,7 +103,10 @@ def nominal(seeds: range, noise: float, anti_alias: float) -> dict[str, list]:
         rows.setdefault("nees", []).append(float(np.mean(nees)))
         part = np.einsum("ki,kij,kj->k", error[:, 2:], np.linalg.inv(covariance[:, 2:, 2:]), error[:, 2:])
         rows.setdefault("nees z and rotation", []).append(float(np.mean(part)))
-        print(f"  seed {seed}: kz {100 * max(rows['k vertical'][-4:]):.2f} %, force z {100 * score[:, 2].max():.1f} %", file=sys.stderr)
+        print(
+            f"  seed {seed}: kz {100 * max(rows['k vertical'][-4:]):.2f} %, force z {100 * score[:, 2].max():.1f} %",
+            file=sys.stderr,
+        )
     return rows
 
 
@@ -111,7 +115,13 @@ def masses(seeds: range, noise: float) -> dict[str, list]:
     for seed in seeds:
         cab, data = world(seed, 13.0, noise, 0.0)
         k = cab.stiffness[0, 2]
-        belief = Belief(mass_off=0.15, inertia_off=0.15, mass_std=0.2, inertia_std=0.2, force_references=("{kind: known_stiffness, mount: front_left, axis: z, relative_std: 0.01}",))
+        belief = Belief(
+            mass_off=0.15,
+            inertia_off=0.15,
+            mass_std=0.2,
+            inertia_std=0.2,
+            force_references=("{kind: known_stiffness, mount: front_left, axis: z, relative_std: 0.01}",),
+        )
         vehicle = believed_vehicle(data, belief, seed=seed)
         old = vehicle.mounts["front_left"].elements["z"]
         # the reference is the element as the file states it: make the file right for this one stiffness
@@ -168,18 +178,34 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float], mov
 
     print("| quantity | target | measured |\n|---|---|---|")
     n = len(rows["nees"])
-    line("CG acceleration, mean normalised error squared / 6", f"band {np.round(band(6 * n) , 2)}", f"{np.mean(rows['nees']) / 6:.2f}")
-    line("the same, vertical and rotations only / 4", f"band {np.round(band(4 * n), 2)}", f"{np.mean(rows['nees z and rotation']) / 4:.2f}")
+    line(
+        "CG acceleration, mean normalised error squared / 6",
+        f"band {np.round(band(6 * n), 2)}",
+        f"{np.mean(rows['nees']) / 6:.2f}",
+    )
+    line(
+        "the same, vertical and rotations only / 4",
+        f"band {np.round(band(4 * n), 2)}",
+        f"{np.mean(rows['nees z and rotation']) / 4:.2f}",
+    )
     for group, target in (("k vertical", 1), ("c vertical", 2), ("k horizontal", 3), ("c horizontal", 6)):
         p95, median = (100 * np.percentile(rows[group], q) for q in (95, 50))
         line(f"{group}, 95th percentile (median)", f"{target} %", f"{p95:.2f} % ({median:.2f} %)")
         line(f"{group}, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(np.array(rows[group + ' ratio']) < 2.0):.1f} %")
     for axis, target in (("vertical", 4), ("horizontal", 8)):
         scores = 100 * np.array(rows[f"force {axis}"])
-        line(f"force NRMSE {axis}, median (95th percentile)", f"{target} %", f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)")
+        line(
+            f"force NRMSE {axis}, median (95th percentile)",
+            f"{target} %",
+            f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
+        )
         line(f"force {axis}, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'inside {axis}']):.1f} %")
     line("mass with known stiffness (file 15 % off), worst", "3 %", f"{100 * max(mass['anchored']):.2f} %")
-    line("mass without anchor: not_identifiable", "every run", f"{sum(mass['not identifiable'])} of {len(mass['not identifiable'])}")
+    line(
+        "mass without anchor: not_identifiable",
+        "every run",
+        f"{sum(mass['not identifiable'])} of {len(mass['not identifiable'])}",
+    )
     line("20 % softer mount, error of kz 15 s later, 95th percentile", "3 %", f"{100 * np.percentile(change, 95):.2f} %")
     line(f"{minutes:g} idle minutes, largest move", "0.5 %", f"{100 * moved:.3f} %")
 
@@ -196,7 +222,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20, help="number of worlds (default 20)")
     parser.add_argument("--first", type=int, default=100, help="first seed (default 100)")
     parser.add_argument("--noise", type=float, default=0.01, help="noise over signal rms (default 0.01)")
-    parser.add_argument("--anti-alias", type=float, default=0.0, help="corner of the sensors' filters over their rate, 0 none (default 0)")
+    parser.add_argument(
+        "--anti-alias", type=float, default=0.0, help="corner of the sensors' filters over their rate, 0 none (default 0)"
+    )
     parser.add_argument("--idle-minutes", type=float, default=5.0, help="minutes of standing (default 5)")
     given = parser.parse_args()
     start = time.perf_counter()

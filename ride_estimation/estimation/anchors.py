@@ -141,7 +141,9 @@ class MassAnchor:
                 return n
         return None
 
-    def _added(self, r: ForceReference, own: float, theta: Array, std: Array, run_time: float, excited_time: float) -> tuple[float, float] | None:
+    def _added(
+        self, r: ForceReference, own: float, theta: Array, std: Array, run_time: float, excited_time: float
+    ) -> tuple[float, float] | None:
         """Return the factor from the fall of all k/m and c/m when a known mass comes on: ``exp(-fall) = m / (m + dm)``."""
         start = float(r.details["from_s"])
         if run_time < start:
@@ -179,7 +181,10 @@ class MassAnchor:
         if self.known:
             return Status.VALID, "declared as known in the vehicle file"
         if not self._references:
-            return Status.NOT_IDENTIFIABLE, f"nothing anchors forces in absolute terms; {NULL_DIRECTION}; the file's mass is used as given"
+            return (
+                Status.NOT_IDENTIFIABLE,
+                f"nothing anchors forces in absolute terms; {NULL_DIRECTION}; the file's mass is used as given",
+            )
         if not self._found:
             kinds = ", ".join(sorted({r.kind for r in self._references}))
             return Status.ESTIMATING, f"waiting for excitation to use {kinds}; the file's mass is used meanwhile"
@@ -193,7 +198,12 @@ class MassAnchor:
             for name, c in self._cells.items()
         }
         before = None if self._before is None else [self._before[0].tolist(), self._before[1].tolist()]
-        return {"found": {str(n): list(v) for n, v in self._found.items()}, "cells": cells, "before": before, "added_at": self._added_at}
+        return {
+            "found": {str(n): list(v) for n, v in self._found.items()},
+            "cells": cells,
+            "before": before,
+            "added_at": self._added_at,
+        }
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""

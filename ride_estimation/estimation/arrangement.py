@@ -77,8 +77,7 @@ def arrange(vehicle: Vehicle) -> Arrangement:
         No accelerometer sits on any body of the vehicle file.
     """
     counts = {
-        name: sum(1 for s in vehicle.sensors.values() if s.body == name and s.kind in ACCELEROMETERS)
-        for name in vehicle.bodies
+        name: sum(1 for s in vehicle.sensors.values() if s.body == name and s.kind in ACCELEROMETERS) for name in vehicle.bodies
     }
     watched = [name for name, count in counts.items() if count]
     if not watched:

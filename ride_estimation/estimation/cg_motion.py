@@ -66,8 +66,8 @@ def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
     singular = np.linalg.svd(matrix, compute_uv=False)
     if len(matrix) < 6 or singular[-1] < 1e-9 * singular[0]:
         raise ConfigurationError(
-            f"{len(matrix)} channels of rank {int(np.sum(singular > 1e-9 * singular[0]))} do not determine the six accelerations of "
-            "a body; place three triaxial sensors off one line", where="sensor layout",
+            f"{len(matrix)} channels of rank {int(np.sum(singular > 1e-9 * singular[0]))} do not determine the six "
+            "accelerations of a body; place three triaxial sensors off one line", where="sensor layout",
         )  # fmt: skip
     return matrix
 
@@ -85,7 +85,8 @@ class Weights:
 @dataclasses.dataclass(frozen=True)
 class MotionBlock:
     """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the
-    accelerometers read for it (K, C)."""
+    accelerometers read for it (K, C).
+    """
 
     motion: Array
     covariance: Array
@@ -264,7 +265,9 @@ class CgMotionEstimator:
         f = motion.mean(axis=0)
         seen = np.array([f[1], -f[0]]) / self._gravity
         self._slow += (1.0 - np.exp(-len(motion) * dt / _SLOW_TIME)) * (seen - tilt.mean(axis=0)[:2] - self._slow)
-        self._slow_square += (1.0 - np.exp(-len(motion) * dt / _SLOW_MEMORY)) * (float(np.mean(self._slow**2)) - self._slow_square)
+        self._slow_square += (1.0 - np.exp(-len(motion) * dt / _SLOW_MEMORY)) * (
+            float(np.mean(self._slow**2)) - self._slow_square
+        )
 
     def _filter_noise(self, weights: Weights, dt: float) -> Array:
         s = self._settings
@@ -388,7 +391,5 @@ def residual_test(estimator: CgMotionEstimator, weights: Weights) -> ResidualTes
         part = slice(3 * s, 3 * s + 3)
         explained[s] = float(np.trace(np.linalg.pinv(q[part, part], rcond=1e-6) @ weighted[part, part])) / (spare * ratio)
     best = int(np.argmax(explained))
-    rivals = tuple(
-        s.name for i, s in enumerate(estimator.sensors) if i != best and explained[i] > 0.9 * explained[best]
-    )
+    rivals = tuple(s.name for i, s in enumerate(estimator.sensors) if i != best and explained[i] > 0.9 * explained[best])
     return ResidualTest(ratio, limit, estimator.sensors[best].name, float(explained[best]), rivals, channel)

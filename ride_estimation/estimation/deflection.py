@@ -40,7 +40,7 @@ _LEAST = np.array([1e-4, 1e-4, 2e-4])
 
 @dataclasses.dataclass(frozen=True)
 class DeflectionBlock:
-    """Deflection, rate, relative acceleration (K, M, 3), rotation against the bracket (K, M, 3), std of deflection and rate (M, 3)."""
+    """Deflection, rate, relative acceleration, rotation against the bracket (K, M, 3); std of deflection and rate (M, 3)."""
 
     deflection: Array
     rate: Array
@@ -97,7 +97,13 @@ class DeflectionEstimator:
         self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 4))
 
     def observe(
-        self, motion: MotionBlock, base: Array, base_ok: BoolArray, displaced: Array, displaced_ok: BoolArray, expected_square: Array,
+        self,
+        motion: MotionBlock,
+        base: Array,
+        base_ok: BoolArray,
+        displaced: Array,
+        displaced_ok: BoolArray,
+        expected_square: Array,
         dt: float,
     ) -> DeflectionBlock:
         """Integrate over the ticks of a block.
@@ -124,7 +130,8 @@ class DeflectionEstimator:
         deflection_block(
             motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self.tilt_maps,
             self.arrangement.vehicle.gravity, dt, self._state,
-            self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance, deflection, rate,
+            self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance, deflection,
+            rate,
             relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
@@ -175,7 +182,8 @@ class DeflectionEstimator:
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
-            "state": self._state.tolist(), "p": self._p.tolist(), "mean_square": self._mean_square.tolist(), "started": self._started,
+            "state": self._state.tolist(), "p": self._p.tolist(), "mean_square": self._mean_square.tolist(),
+            "started": self._started,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:

@@ -28,7 +28,8 @@ _STEP = 1e-3
 @dataclasses.dataclass(frozen=True)
 class BalanceInput:
     """What one block contributes, shapes (K, 6) and (K, M, 3): the wrench the mounts carry, relative acceleration, deflection and
-    rate, rotation against the brackets and its rate, dynamic part of the mount forces."""
+    rate, rotation against the brackets and its rate, dynamic part of the mount forces.
+    """
 
     support: Array
     relative: Array
@@ -166,7 +167,9 @@ class ForceBalance:
         accelerations[:, 6:] += static @ self.inverse_mass.T
         accelerations[:, :6] += follow * static @ self.inverse_mass.T
         turned = np.empty((ticks, 2 * n))
-        high_pass_block(np.hstack([second.reshape(ticks, n), second_rate.reshape(ticks, n)]), self.corner, dt, self._turned, turned)
+        high_pass_block(
+            np.hstack([second.reshape(ticks, n), second_rate.reshape(ticks, n)]), self.corner, dt, self._turned, turned
+        )
         x, v = x + follow * turned[:, :n], v + follow * turned[:, n:]
         elastic, viscous, rest = self._parts(x, v, x_full, v_full, dt)
         average = max(1, int(np.ceil(1.0 / (dt * HIGHEST_RATE))))

@@ -2,8 +2,8 @@
 """The one place of filterpy's extended Kalman filter, guarded: nothing that goes in or comes out can poison the state.
 
 filterpy 2.0 silently broadcasts wrong shapes, turns one NaN into a NaN state for ever, raises on a singular innovation covariance
-and evaluates ``predict_update`` at the state before prediction. Here: ``predict`` then ``update`` only, shapes and finiteness checked,
-R floored, P symmetrised and kept positive definite, an own chi-square gate, and every refused update rolled back.
+and evaluates ``predict_update`` at the state before prediction. Here: ``predict`` then ``update`` only, shapes and finiteness
+checked, R floored, P symmetrised and kept positive definite, an own chi-square gate, and every refused update rolled back.
 """
 
 from __future__ import annotations

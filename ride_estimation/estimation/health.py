@@ -111,7 +111,9 @@ def sensor_messages(sensors: Sequence[SensorHealth], ticks: int) -> list[str]:
         if s.silent:
             found.append(f"{s.name} has stopped")
         if s.clipped:
-            found.append(f"{s.name} was at full scale during {s.clipped} of {ticks} ticks: forces and parameters there are too small")
+            found.append(
+                f"{s.name} was at full scale during {s.clipped} of {ticks} ticks: forces and parameters there are too small"
+            )
         if s.rejected:
             found.append(f"{s.name}: samples rejected: {_counts(s.rejected)}")
         if s.gaps:

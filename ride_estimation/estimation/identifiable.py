@@ -45,7 +45,9 @@ def null_directions(covariance: Array, prior_std: Array, names: Sequence[str]) -
             f"{'+' if d * direction[np.argmax(np.abs(direction))] > 0 else '-'}{name}"
             for d, name in zip(direction, names) if abs(d) > _NAMED * largest
         ]  # fmt: skip
-        found.append("only their combination with others shows, not " + " ".join(parts) if len(parts) > 1 else f"{parts[0][1:]} alone")
+        found.append(
+            "only their combination with others shows, not " + " ".join(parts) if len(parts) > 1 else f"{parts[0][1:]} alone"
+        )
     return found
 
 
@@ -64,7 +66,9 @@ def describe(
     missing, advice = [], []
     if not anchored:
         missing.append(f"{body.name}.mass: {NULL_DIRECTION}")
-        advice.append("weigh the body, or give one known stiffness, a load cell, an air-spring pressure or a run with a known added mass")
+        advice.append(
+            "weigh the body, or give one known stiffness, a load cell, an air-spring pressure or a run with a known added mass"
+        )
     if not layout.complete:
         missing.append(f"motion of {body.name}: {', '.join(layout.undetermined)}")
         advice.append("three triaxial accelerometers that are not on one line, or one with gyro, determine all six components")
@@ -73,8 +77,8 @@ def describe(
     bare = [m.name for m, s in zip(arrangement.mounts, arrangement.base_sensors) if s is None]
     if bare:
         missing.append(
-            f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among the mounts rests "
-            "on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs)"
+            f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among the mounts "
+            "rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs)"
         )  # fmt: skip
         advice.append(f"a triaxial accelerometer at the base of {', '.join(bare)} would tell deflections, stiffness and damping")
     missing += [f"{e.name}: {e.reason}" for e in estimates if e.status is Status.NOT_IDENTIFIABLE and not bare and anchored]

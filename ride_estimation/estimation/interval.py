@@ -88,7 +88,11 @@ class IntervalMemory:
 
     def add(self, interval: Interval, centre: Array) -> None:
         """Add an interval linearised at ``centre``."""
-        for stack, item in ((self._information, interval.information), (self._gradient, interval.gradient), (self._centre, centre)):
+        for stack, item in (
+            (self._information, interval.information),
+            (self._gradient, interval.gradient),
+            (self._centre, centre),
+        ):
             stack.append(np.array(item))
             if len(stack) > _LENGTH:
                 stack.pop(0)

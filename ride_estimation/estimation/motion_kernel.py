@@ -20,7 +20,9 @@ LARGEST_TURN = 0.3
 
 
 @compile_kernel
-def advance_covariance(p: Array, dt: float, accel_variance: float, bias_density: float, value_variance: float, gain: Array) -> None:
+def advance_covariance(
+    p: Array, dt: float, accel_variance: float, bias_density: float, value_variance: float, gain: Array
+) -> None:
     """Predict and update the (3, 3) covariance of one group of channels in place and write the gain (3,).
 
     Parameters

@@ -149,7 +149,9 @@ class MountForceEstimator:
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
 
-    def observe(self, deflection: DeflectionBlock, support: Array, load_covariance: Array, turn_rate: Array, dt: float) -> ForceBlock:
+    def observe(
+        self, deflection: DeflectionBlock, support: Array, load_covariance: Array, turn_rate: Array, dt: float
+    ) -> ForceBlock:
         """Estimate the forces at the ticks of a block.
 
         Parameters
@@ -238,7 +240,9 @@ class MountForceEstimator:
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
         prior = variance.ravel() + 1e-6 * self._stiffness
         if not self.known.all():
-            prior = np.where(self.known.ravel(), prior, self._stiffness * float(np.mean(hidden)) / float(np.mean(self._stiffness)))
+            prior = np.where(
+                self.known.ravel(), prior, self._stiffness * float(np.mean(hidden)) / float(np.mean(self._stiffness))
+            )
         g = self._g
         innovation = g @ (prior[:, None] * g.T) + load_covariance[np.ix_(self._free, self._free)]
         inverse = np.linalg.inv(innovation)
@@ -258,7 +262,17 @@ class MountForceEstimator:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        names = ("_elastic_square", "_viscous_square", "_dynamic_square", "_slow", "_gain", "_gain_slow", "_innovation", "_ratio", "_std")
+        names = (
+            "_elastic_square",
+            "_viscous_square",
+            "_dynamic_square",
+            "_slow",
+            "_gain",
+            "_gain_slow",
+            "_innovation",
+            "_ratio",
+            "_std",
+        )
         saved = {name[1:]: getattr(self, name).tolist() for name in names}
         return {
             **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
@@ -268,7 +282,17 @@ class MountForceEstimator:
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        for name in ("elastic_square", "viscous_square", "dynamic_square", "slow", "gain", "gain_slow", "innovation", "ratio", "std"):
+        for name in (
+            "elastic_square",
+            "viscous_square",
+            "dynamic_square",
+            "slow",
+            "gain",
+            "gain_slow",
+            "innovation",
+            "ratio",
+            "std",
+        ):
             own = getattr(self, "_" + name)
             setattr(self, "_" + name, np.array(saved[name], dtype=float).reshape(own.shape))
         self._until, self._time = float(saved["until"]), float(saved["time"])

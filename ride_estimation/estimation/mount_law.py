@@ -96,6 +96,13 @@ class MountLaw:
         """Return the element forces (tension) at the ticks of a block, shape (K, M, 3) [N]; advances the memories."""
         result = np.zeros(deflection.shape)
         law_block(
-            self._codes, self._params, self.states, self._owner, np.ascontiguousarray(deflection), np.ascontiguousarray(rate), dt, result
+            self._codes,
+            self._params,
+            self.states,
+            self._owner,
+            np.ascontiguousarray(deflection),
+            np.ascontiguousarray(rate),
+            dt,
+            result,
         )
         return result

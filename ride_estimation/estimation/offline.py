@@ -102,14 +102,22 @@ class OfflineRun:
 
 
 _KEPT = (
-    "cg_accel", "cg_specific_force", "angular_rate", "tilt", "inertial_load", "support_load", "mount_force", "mount_force_std",
-    "mount_force_std_equilibrium", "mount_force_std_model", "mount_deflection", "mount_rate",
+    "cg_accel",
+    "cg_specific_force",
+    "angular_rate",
+    "tilt",
+    "inertial_load",
+    "support_load",
+    "mount_force",
+    "mount_force_std",
+    "mount_force_std_equilibrium",
+    "mount_force_std_model",
+    "mount_deflection",
+    "mount_rate",
 )
 
 
-def run_offline(
-    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None
-) -> OfflineRun:
+def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None) -> OfflineRun:
     """Feed a recording to a pipeline in order of arrival.
 
     Parameters

@@ -168,8 +168,8 @@ class ParameterEstimator:
         sure = self.std[:-1][vertical]
         if len(moved) >= 4 and np.max(sure) < 0.03 and np.ptp(moved) < 0.03 and abs(np.mean(moved)) > 0.04:
             found.append(
-                f"all vertical stiffness and damping values are {100 * np.expm1(np.mean(moved)):+.0f} % off the vehicle file together: "
-                "a mass that differs from the file explains that better than the mounts"
+                f"all vertical stiffness and damping values are {100 * np.expm1(np.mean(moved)):+.0f} % off the vehicle file "
+                "together: a mass that differs from the file explains that better than the mounts"
             )  # fmt: skip
         return found
 

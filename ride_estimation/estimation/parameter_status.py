@@ -58,7 +58,10 @@ class StatusTracker:
         if status is Status.SUSPECT:
             return status, "at its bound: the mount model or the mass may be wrong"
         if status is Status.NOT_IDENTIFIABLE:
-            return status, f"the motion so far does not separate it from other parameters; needs {axis} excitation of this mount alone"
+            return (
+                status,
+                f"the motion so far does not separate it from other parameters; needs {axis} excitation of this mount alone",
+            )
         if status is Status.ESTIMATING:
             return status, f"still uncertain; needs more {axis} excitation"
         return status, f"needs {axis} excitation"

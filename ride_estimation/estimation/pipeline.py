@@ -233,7 +233,9 @@ class Pipeline:
         expected = np.mean((self._forces.shared(support) / np.maximum(self._law.stiffness, 1.0)) ** 2, axis=0)
         return self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt)
 
-    def _observe_forces(self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float) -> ForceBlock:
+    def _observe_forces(
+        self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float
+    ) -> ForceBlock:
         return self._forces.observe(deflection, support, covariance, self._deflection.turn_rate(deflection), dt)
 
     def _settle(self) -> None:
@@ -254,7 +256,9 @@ class Pipeline:
         moved = p.observe(data, motion, complete, stamp_ns, dt)
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0
-            self._anchor.update(p.theta[:-1], p.std[:-1], self._forces.static_force / self._factor, self._run_time, p.excited_time)
+            self._anchor.update(
+                p.theta[:-1], p.std[:-1], self._forces.static_force / self._factor, self._run_time, p.excited_time
+            )
             self._apply()
 
     def _apply(self) -> None:
@@ -284,7 +288,10 @@ class Pipeline:
         std = float(np.hypot(estimate.std * factor, value * relative))
         status, reason = estimate.status, estimate.reason
         if not self._anchor.anchored and status in (Status.VALID, Status.ESTIMATING):
-            status, reason = Status.NOT_IDENTIFIABLE, "only its ratio to the mass can be told; the value holds for the file's mass"
+            status, reason = (
+                Status.NOT_IDENTIFIABLE,
+                "only its ratio to the mass can be told; the value holds for the file's mass",
+            )
         return dataclasses.replace(estimate, value=value, std=std, status=status, reason=reason)
 
     def _mass_estimate(self) -> Estimate:
@@ -298,14 +305,20 @@ class Pipeline:
         """Return what the data can and cannot tell, in words."""
         self._settle()
         return describe(
-            self.arrangement, self.parameters(), self._anchor.anchored, self._parameters.null_directions(), self._parameters.notes()
+            self.arrangement,
+            self.parameters(),
+            self._anchor.anchored,
+            self._parameters.null_directions(),
+            self._parameters.notes(),
         )
 
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""
         self._settle()
         test = self._motion.residual_test(self._dt or 0.002)
-        ratio = {s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)}
+        ratio = {
+            s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)
+        }
         streams = self._aligner.health()
         sensors = {}
         for i, s in enumerate(self._sensors):
@@ -342,7 +355,11 @@ class Pipeline:
         InputDataError
             A state of another vehicle file or of another version.
         """
-        wanted = {"schema": STATE_SCHEMA, "sensors": [s.name for s in self._sensors], "mounts": list(self.arrangement.mount_names)}
+        wanted = {
+            "schema": STATE_SCHEMA,
+            "sensors": [s.name for s in self._sensors],
+            "mounts": list(self.arrangement.mount_names),
+        }
         for key, value in wanted.items():
             if state.get(key) != value:
                 raise InputDataError(f"saved state: {key} is {state.get(key)!r}; this vehicle needs {value!r}")

@@ -85,7 +85,7 @@ class ModelResponse:
         self.step = step
 
     def set_noise(self, covariance: Array, base_variance: float) -> None:
-        """State the covariance of the body's acceleration (6, 6) and the variance of a base accelerometer; used by ``prepare``."""
+        """State the covariance of the body's acceleration (6, 6) and the variance of a base sensor; ``prepare`` uses them."""
         self._covariance, self._base_variance = covariance, base_variance
 
     def _kalman_gain(self, step: float) -> Array:

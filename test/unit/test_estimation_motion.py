@@ -96,7 +96,10 @@ def test_one_imu_says_what_it_cannot_know():
     covariance = one.weights(np.ones(1, dtype=bool), 0.002).covariance
     assert np.sqrt(np.diag(covariance)).min() > 1.0  # m/s^2, rad/s^2: nothing is known to less than this at the CG
     imu = CgMotionEstimator(
-        [Sensor("i", "imu", "/i", "cab", position=PLACES[0], noise_std=0.01, gyro_noise_std=1e-4)], np.zeros(3), np.ones(6, dtype=bool), GRAVITY
+        [Sensor("i", "imu", "/i", "cab", position=PLACES[0], noise_std=0.01, gyro_noise_std=1e-4)],
+        np.zeros(3),
+        np.ones(6, dtype=bool),
+        GRAVITY,
     )
     with_gyro = imu.weights(np.ones(1, dtype=bool), 0.002).covariance
     assert np.sqrt(np.diag(with_gyro)).max() < 0.2
