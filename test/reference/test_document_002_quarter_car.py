@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fire_truck_tables import TABLE_2, TABLE_2_SUM
 from worlds.quarter_car import FireTruck
 
 from ride_estimation.errors import InputDataError
@@ -16,15 +17,6 @@ TRUCK = FireTruck(duration=3.0, start=0.8)
 CAR, SPEED, RADIUS, RATE = TRUCK.car, TRUCK.speed, 0.5, 400.0
 MS, MU, KS, KT, CS, CT = CAR.sprung, CAR.unsprung, CAR.stiffness, CAR.tyre_stiffness, CAR.damping, CAR.tyre_damping
 TIME, HUB, _ = TRUCK.record(RATE)
-TABLE_2 = {
-    1: dict(k_s=10000, k_t=44767, c_s=19882),
-    2: dict(k_s=10000, k_t=56741, c_s=62045, c_t=5000),
-    3: dict(k_s=739230, k_t=10000, c_s=8800, c_t=5000, n_ks=1.7236, n_kt=0.6529, n_cs=0.3414),
-    4: dict(k_s=10000, k_t=51287, c_s=90587, c_t=5000),
-    5: dict(k_s=109190, k_t=57040, c_s=59960, c_t=5000),
-    6: dict(k_s=44550, k_t=60183, c_s=8948, c_t=5000, n_ks=0.7978, n_kt=1.0199, n_cs=0.4166),
-}
-TABLE_2_SUM = {1: 45.4653, 2: 35.9316, 3: 43.9029, 4: 33.7879, 5: 32.2651, 6: 31.1266}
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 _FOLLOWED = 0.05
 #: share of the body residual the delayed front axle must explain before a half car is offered
 _PITCH_SHARE = 0.3
-_TAPS_S = 0.4  # length of the filter between delayed axle motion and residual
+#: filter between axle motion and residual: from before (the wheelbase is searched in steps) to when the body has rung down [s]
+_TAPS_S = (-0.05, 1.0, 0.025)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +83,7 @@ class PitchEvidence:
     wheelbase
         The delay times the speed [m].
     share
-        Share of the residual energy explained.
+        Share of the energy the delayed axle explains of what the front axle does not explain at once.
     offer
         What to do about it; empty where the share is below 30 %.
     """
@@ -99,8 +100,9 @@ def pitch_evidence(
 ) -> PitchEvidence:
     """Look for the rear axle in the residual of a quarter car.
 
-    The residual is regressed on the front axle acceleration, delayed by wheelbase over speed and passed through a short
-    filter; a lone sinusoid explains 15 to 38 % of the same residual and would be mistaken for a disturbance.
+    What the front axle explains at once is removed first (wrong parameters do that too). The rest is regressed on the front
+    axle acceleration delayed by wheelbase over speed, through a filter long enough for the body to ring; a lone sinusoid
+    explains 15 to 38 % of the same residual and would be mistaken for a disturbance.
 
     Parameters
     ----------
@@ -116,27 +118,32 @@ def pitch_evidence(
     e, a = np.asarray(residual, dtype=float).ravel(), np.asarray(axle_acceleration, dtype=float).ravel()
     if e.size != a.size or speed <= 0.0:
         raise InputDataError(f"residual and axle signal must be of equal length ({e.size}, {a.size}), speed positive")
-    half = max(2, round(0.5 * _TAPS_S * rate_hz))
-    step = max(1, half // 8)
-    energy = float(e @ e)
-    lags = range(math.ceil(wheelbase_range[0] / speed * rate_hz), math.floor(wheelbase_range[1] / speed * rate_hz) + 1, step)
+    step = max(1, round(_TAPS_S[2] * rate_hz))
+    taps = range(round(_TAPS_S[0] * rate_hz), round(_TAPS_S[1] * rate_hz) + 1, step)
+    rest = _unexplained(e, a, 0, taps)
+    freedom = e.size - 2 * len(taps)  # residuals left after both regressions
+    energy = float(rest @ rest)
     best = (0.0, 0)
-    for lag in lags:
-        if lag + half >= e.size:
+    for lag in range(math.ceil(wheelbase_range[0] / speed * rate_hz), math.floor(wheelbase_range[1] / speed * rate_hz) + 1, step):
+        if lag + taps[-1] >= e.size or freedom <= 0 or energy == 0.0:
             break
-        columns = [_delayed(a, lag + d) for d in range(-half, half + 1, step)]
-        design = np.column_stack(columns)
-        solution, *_ = np.linalg.lstsq(design, e, rcond=1e-8)
-        share = 1.0 - float(np.sum((e - design @ solution) ** 2)) / energy if energy > 0.0 else 0.0
-        best = max(best, (share, lag))
+        left = float(np.sum(_unexplained(rest, a, lag, taps) ** 2))
+        best = max(best, (1.0 - left / energy * e.size / freedom, lag))
     delay = best[1] / rate_hz
     offer = ""
     if best[0] > _PITCH_SHARE:
         offer = (
-            f"{100 * best[0]:.0f} % of what the quarter car leaves of the body repeats the front axle {delay:.2f} s later, a "
+            f"{100 * best[0]:.0f} % of what the front axle does not explain of the body repeats it {delay:.2f} s later, a "
             f"wheelbase of {delay * speed:.1f} m: pitch and rear axle are missing; use a half car before calling it a disturbance"
         )
     return PitchEvidence(delay, delay * speed, best[0], offer)
+
+
+def _unexplained(residual: Array, cause: Array, lag: int, taps: range) -> Array:
+    """Return what a filter of the delayed cause leaves of the residual."""
+    design = np.column_stack([_delayed(cause, lag + tap) for tap in taps])
+    solution, *_ = np.linalg.lstsq(design, residual, rcond=1e-8)
+    return np.asarray(residual - design @ solution)
 
 
 def _delayed(values: Array, lag: int) -> Array:
