@@ -5,12 +5,14 @@
 #   make lint       ruff, mypy --strict, layer rules
 #   make bench      benchmarks                 make clean      remove build products (keeps the environment)
 #
-# PYTHON chooses the interpreter (3.11 or newer), VENV the folder of the environment, WORKERS the test processes.
+# PYTHON chooses the interpreter (3.11 or newer), VENV the folder of the environment, WORKERS the test processes, BENCH the
+# benchmarks to run (all of them take long): make bench BENCH=benchmarks/live_latency.py
 
 SHELL := /bin/bash
 VENV ?= .venv
 WORKERS ?= 2
 PYTEST_ARGS ?=
+BENCH ?= $(shell grep -l __main__ benchmarks/*.py)
 
 # The first of these that runs; a version manager may have a python3.12 that only prints a message.
 CANDIDATES := python3.12 python3.11 python3.13 python3
@@ -52,7 +54,7 @@ lint: $(STAMPS)-ros,test,lint
 	$(BIN)/lint-imports
 
 bench: $(STAMPS)-ros,test
-	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $(BENCH); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 clean:
 	rm -rf build install log out *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
