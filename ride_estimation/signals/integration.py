@@ -26,7 +26,7 @@ def velocity_drift(noise_std: float, rate_hz: float, duration_s: float) -> float
 
 def displacement_drift(noise_std: float, rate_hz: float, duration_s: float) -> float:
     """Return the standard deviation of twice integrated white noise, ``sigma sqrt(dt) T^1.5 / sqrt(3)`` [unit s^2]."""
-    return noise_std * duration_s**1.5 / math.sqrt(3.0 * rate_hz)
+    return noise_std * math.pow(duration_s, 1.5) / math.sqrt(3.0 * rate_hz)
 
 
 def high_pass(values: ArrayLike, rate_hz: float, corner_hz: float, zero_phase: bool = True) -> Array:
