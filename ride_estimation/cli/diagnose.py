@@ -11,7 +11,8 @@ from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.results import output_folder, software, write_json
+from ride_estimation.io.json_file import write_json
+from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
 from ride_estimation.signals.alignment import align

@@ -14,7 +14,8 @@ from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.results import output_folder, result_document, write_json, write_signals
+from ride_estimation.io.json_file import write_json
+from ride_estimation.io.results import output_folder, result_document, write_signals
 from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 from ride_estimation.reporting.replay_report import write_replay_report

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 from importlib import metadata
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 import ride_estimation
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bag_writer import write_bag
+from ride_estimation.io.json_file import write_json
 from ride_estimation.simulation.field_run import FieldRun
 from ride_estimation.simulation.scenario import Scenario
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -69,6 +69,6 @@ def write_field_run(directory: str | Path, run: FieldRun, scenario: Scenario, ve
             for f in scenario.faults
         ],
     }
-    (directory / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+    write_json(directory / "truth.json", truth)
     np.savez_compressed(directory / "truth.npz", **run.truth.signals)  # type: ignore[arg-type]
     return bag

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
+
+from ride_estimation.io.json_file import write_json
 
 
 def write_identification(directory: Path, document: Mapping[str, Any], element: Mapping[str, Any] | None) -> None:
@@ -24,7 +25,7 @@ def write_identification(directory: Path, document: Mapping[str, Any], element: 
         YAML form of the element; it goes as is under an axis of a mount in a vehicle file.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / "identification.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(directory / "identification.json", document)
     if element is not None:
         head = "# Identified force element: put this mapping under an axis of a mount in the vehicle file.\n"
         (directory / "element.yaml").write_text(head + yaml.safe_dump(dict(element), sort_keys=False), encoding="utf-8")

@@ -34,4 +34,4 @@ def jsonable(value: Any) -> Any:
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
     """Write a document as indented JSON with a final newline."""
-    path.write_text(json.dumps(jsonable(document), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(jsonable(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import platform
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,28 +38,6 @@ def output_folder(path: str | Path) -> Path:
     except OSError as error:
         raise InputDataError(f"{folder}: the output folder cannot be made: {error.strerror or error}") from error
     return folder
-
-
-def finite(value: Any) -> Any:
-    """Return a value as JSON can hold it: arrays as lists, what is not finite as null."""
-    if isinstance(value, Mapping):
-        return {str(key): finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(entry) for entry in value]
-    if isinstance(value, np.ndarray):
-        return finite(value.tolist())
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value
-
-
-def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a JSON document with two blanks of indent and a final newline."""
-    path.write_text(json.dumps(finite(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def software() -> dict[str, str]:
