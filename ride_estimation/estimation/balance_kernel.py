@@ -4,8 +4,8 @@
 All signals of the force balance pass the same high-pass ``h(s) = (s / (s + w))^6`` (a linear model commutes with it), so bias,
 slow tilt and integration drift vanish. Relative acceleration passes ``h / s^2`` and ``h / s`` instead and becomes deflection and
 rate; what gravity adds to the horizontal axes through a tilt that is itself such a deflection passes ``h / s^4``. Sections are
-discretised by the trapezoidal rule; its loss, ``(omega dt)^2 / 6`` of a deflection and ``/ 12`` of a rate, is put back, which leaves
-an error of fourth order in a deflection.
+discretised by the trapezoidal rule; its loss, ``(omega dt)^2 / 6`` of a deflection and ``/ 12`` of a rate, is put back, which
+leaves an error of fourth order in a deflection.
 """
 
 from __future__ import annotations

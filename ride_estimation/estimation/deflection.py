@@ -130,9 +130,8 @@ class DeflectionEstimator:
         deflection_block(
             motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self.tilt_maps,
             self.arrangement.vehicle.gravity, dt, self._state,
-            self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance, deflection,
-            rate,
-            relative, turn,
+            self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance,
+            deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])

@@ -77,8 +77,8 @@ def describe(
     bare = [m.name for m, s in zip(arrangement.mounts, arrangement.base_sensors) if s is None]
     if bare:
         missing.append(
-            f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among the mounts "
-            "rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs)"
+            f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among the "
+            "mounts rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs)"
         )  # fmt: skip
         advice.append(f"a triaxial accelerometer at the base of {', '.join(bare)} would tell deflections, stiffness and damping")
     missing += [f"{e.name}: {e.reason}" for e in estimates if e.status is Status.NOT_IDENTIFIABLE and not bare and anchored]

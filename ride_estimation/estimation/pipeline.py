@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.anchors import MassAnchor
-from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.arrangement import ACCELEROMETERS, arrange
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
@@ -109,7 +109,7 @@ class Pipeline:
             for s in a.transducers
         ]  # fmt: skip
         self._cells = [(name, i, self._index[name], columns[self._index[name]].start) for name, i in self._anchor.cells]
-        self._needed = np.array([self._index[s.name] for s in self._sensors if s.kind != "force"])
+        self._needed = np.array([self._index[s.name] for s in self._sensors if s.kind in ACCELEROMETERS])
         self._limits = np.array([s.full_scale for s in self._sensors])
         self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
 
