@@ -96,8 +96,8 @@ def test_cleaned_up_node_configures_again(ros_single: Ros) -> None:
     assert feed(node, 0.5) > 0
 
 
-def test_deactivated_node_keeps_what_it_learned(ros_single: Ros) -> None:
-    node = estimator(ros_single)
+def test_deactivated_node_keeps_what_it_learned(ros: Ros) -> None:
+    node = estimator(ros)
     session = node.session
     node.trigger_deactivate()
     node.trigger_activate()
@@ -222,21 +222,21 @@ def test_messages_over_the_wire_reach_the_estimator(ros: Ros) -> None:
 
 
 @pytest.mark.parametrize("type_name", ["geometry_msgs/msg/AccelStamped", "geometry_msgs/msg/Vector3Stamped"])
-def test_topic_type_decides_how_an_accelerometer_is_read(ros_single: Ros, type_name: str) -> None:
+def test_topic_type_decides_how_an_accelerometer_is_read(ros: Ros, type_name: str) -> None:
     from ride_estimation.nodes.inputs import MESSAGE_CLASSES
     from ros.drive import accel_stamped, vector3_stamped
 
     make = {"geometry_msgs/msg/AccelStamped": accel_stamped, "geometry_msgs/msg/Vector3Stamped": vector3_stamped}[type_name]
-    talker = ros_single.add(Node("talker", context=ros_single.context, use_global_arguments=False))
+    talker = ros.add(Node("talker", context=ros.context, use_global_arguments=False))
     publisher = talker.create_publisher(MESSAGE_CLASSES[type_name], "/cab/front_left/accel", qos.output(100))
-    node = estimator(ros_single)
-    ros_single.until(lambda: node.count_publishers("/cab/front_left/accel") == 1)
+    node = estimator(ros)
+    ros.until(lambda: node.count_publishers("/cab/front_left/accel") == 1)
     node.watch()
     assert node.session is not None
     state = node.session.states["/cab/front_left/accel"]
-    ros_single.until(lambda: publisher.get_subscription_count() > 0)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
     publisher.publish(make(10**18, np.array([0.1, 0.2, 9.8])))
-    ros_single.until(lambda: state.received == 1)
+    ros.until(lambda: state.received == 1)
     assert state.type_name == type_name
     assert not state.rejected
 
@@ -253,14 +253,14 @@ def test_topic_with_a_foreign_type_is_named(ros_single: Ros) -> None:
     assert "sensor_msgs/msg/JointState, which is not accepted" in message
 
 
-def test_publisher_that_cannot_match_is_named(ros_single: Ros) -> None:
+def test_publisher_that_cannot_match_is_named(ros: Ros) -> None:
     override = {"qos_overrides./cab/front_left/accel.subscription.reliability": "reliable"}
-    node = estimator(ros_single, **override)
-    talker = ros_single.add(Node("talker", context=ros_single.context, use_global_arguments=False))
+    node = estimator(ros, **override)
+    talker = ros.add(Node("talker", context=ros.context, use_global_arguments=False))
     talker.create_publisher(Imu, "/cab/front_left/accel", QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT))
     assert node.session is not None
     state = node.session.states["/cab/front_left/accel"]
-    ros_single.until(lambda: bool(state.incompatible_qos))
+    ros.until(lambda: bool(state.incompatible_qos))
     level, message = state.verdict()
     assert level == DiagnosticStatus.ERROR
     assert "RELIABILITY" in message
