@@ -241,8 +241,13 @@ def _law_effect(
             damping[chosen, a] *= size / 0.97
         return dataclasses.replace(ref.vehicle, hidden=hidden, damping=damping), ref.sensors, (0.0, 0.0, 0.0)
 
-    largest = {"arctangent": 0.95, "tanh_damper": 4.0, "power_damper": 4.0, "asymmetric_damper": 6.0, "gauss_damper": 4.0}
-    return Effect(cause, location, axis, form, apply, largest=largest.get(form, 20.0))
+    # a real mount: friction up to its own dynamic force, relaxing stiffness up to three times the static one, ...
+    largest = {
+        "arctangent": 0.95, "tanh_damper": 4.0, "power_damper": 4.0, "asymmetric_damper": 6.0, "gauss_damper": 4.0,
+        "two_cells": 3.0, "six_cells": 3.0, "fractional": 3.0, "sinh": 3.0, "tangent": 6.0, "polytropic": 3.0, "levelling": 3.0,
+        "inerter": 3.0, "free_play": 6.0,
+    }  # fmt: skip
+    return Effect(cause, location, axis, form, apply, largest=largest.get(form, 5.0))
 
 
 def _changed(ref: Reference, **hidden: object) -> Changed:
