@@ -68,6 +68,17 @@ class BalanceChunk:
     step: float
 
 
+def inverse_mass(arrangement: Arrangement) -> Array:
+    """Return the inverse of the mass matrix about the CG, zero for coordinates the body does not have, shape (6, 6)."""
+    free = np.flatnonzero(arrangement.free)
+    mass_matrix = np.zeros((6, 6))
+    mass_matrix[:3, :3] = arrangement.body.mass.value * np.eye(3)
+    mass_matrix[3:, 3:] = arrangement.body.inertia
+    inverse = np.zeros((6, 6))
+    inverse[np.ix_(free, free)] = np.linalg.inv(mass_matrix[np.ix_(free, free)])
+    return inverse
+
+
 class ForceBalance:
     """High-passed force balance, chunk by chunk.
 
@@ -96,12 +107,7 @@ class ForceBalance:
                 element = mount.elements.get(axis)
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
-        free = np.flatnonzero(arrangement.free)
-        mass_matrix = np.zeros((6, 6))
-        mass_matrix[:3, :3] = arrangement.body.mass.value * np.eye(3)
-        mass_matrix[3:, 3:] = arrangement.body.inertia
-        self.inverse_mass = np.zeros((6, 6))
-        self.inverse_mass[np.ix_(free, free)] = np.linalg.inv(mass_matrix[np.ix_(free, free)])
+        self.inverse_mass = inverse_mass(arrangement)
         #: acceleration per unit tension of every mount axis, (6, 3 M)
         self.push = -self.inverse_mass @ arrangement.wrench
         self._tilt_map = relative_tilt_maps(arrangement.mounts).reshape(n_axes, n_axes)

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 #: intervals in memory
 _LENGTH = 40
+#: factor on standard deviations for what linearisation and few intervals leave out; measured on worlds of their own
+_MARGIN = 1.2
 #: intervals' worth of white-noise theory that the scatter is mixed with
 _SHRINK = 4.0
 
@@ -132,6 +134,8 @@ class IntervalMemory:
         sandwich = np.diag(filtered) / scale
         # degrees of freedom are few: Student instead of Gauss
         student = (n + _SHRINK) / max(n + _SHRINK - 3.0, 1.0)
+        sandwich = _MARGIN**2 * sandwich
+        stated = _MARGIN * stated
         excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
         return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.cg_motion import MotionBlock
-from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.force_balance import BalanceChunk, BalanceInput, ForceBalance
 from ride_estimation.estimation.guarded_ekf import GuardedEkf
 from ride_estimation.estimation.identifiable import null_directions
@@ -29,6 +29,7 @@ from ride_estimation.estimation.response import ModelResponse
 from ride_estimation.estimation.rls import forgetting_noise
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slots import find_slots
+from ride_estimation.estimation.transducer_balance import MeasuredResponse, TransducerBalance, transducers_suffice
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -70,12 +71,22 @@ class ParameterEstimator:
     def __init__(self, arrangement: Arrangement, settings: PipelineSettings) -> None:
         self.arrangement = arrangement
         self.settings = settings
-        self.slots = find_slots(arrangement, settings)
+        all_slots = find_slots(arrangement, settings)
+        by_transducers = not arrangement.has_base_motion and transducers_suffice(arrangement)
+        self.slots = tuple(s for s in all_slots if s.axis == 2) if by_transducers else all_slots
+        self._left_out = tuple(s for s in all_slots if s not in self.slots)
         self.count = len(self.slots)
-        self.possible = arrangement.has_base_motion and self.count > 0 and settings.estimate_parameters
+        seen = arrangement.has_base_motion or by_transducers
+        self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._law = MountLaw(arrangement)
-        self._balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
-        self._response = ModelResponse(self._balance, arrangement.vehicle.gravity)
+        self._balance: ForceBalance | TransducerBalance
+        self._response: ModelResponse | MeasuredResponse
+        if by_transducers:
+            self._balance = TransducerBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
+            self._response = MeasuredResponse()
+        else:
+            balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
+            self._balance, self._response = balance, ModelResponse(balance, arrangement.vehicle.gravity)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
         self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD])
@@ -138,17 +149,19 @@ class ParameterEstimator:
     def estimates(self) -> tuple[Estimate, ...]:
         """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
         found = []
-        for n, slot in enumerate(self.slots):
+        listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.slots)]
+        unseen = "no transducer tells this axis: a triaxial accelerometer at each mount base would"
+        listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
+        for slot, log, std, status, reason in listed:
             mount, axis = self.arrangement.mounts[slot.mount], AXES[slot.axis]
             element = mount.elements[axis]
-            status, reason = self.status.of(n)
             for p in element.parameters():
                 if p.role != ROLES[slot.role]:
                     continue
                 prior = float(getattr(element, p.name))
-                value = prior * float(np.exp(self.theta[n]))
+                value = prior * float(np.exp(log))
                 name = f"{mount.name}.{axis}.{p.name}"
-                found.append(Estimate(name, value, abs(value) * float(self.std[n]), p.unit, prior, status, reason, self.stamp_ns))
+                found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, self.stamp_ns))
         return tuple(found)
 
     def null_directions(self) -> list[str]:

@@ -109,7 +109,13 @@ class Pipeline:
             for s in a.transducers
         ]  # fmt: skip
         self._cells = [(name, i, self._index[name], columns[self._index[name]].start) for name, i in self._anchor.cells]
-        self._needed = np.array([self._index[s.name] for s in self._sensors if s.kind in ACCELEROMETERS])
+        self._needed = np.array(
+            [
+                self._index[s.name]
+                for s in self._sensors
+                if s.kind in ACCELEROMETERS or (s.kind == "displacement" and not a.has_base_motion)
+            ]
+        )
         self._limits = np.array([s.full_scale for s in self._sensors])
         self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
 

@@ -16,6 +16,7 @@ from ride_estimation.estimation.force_balance import BalanceChunk
 from ride_estimation.estimation.interval import Interval
 from ride_estimation.estimation.response import ModelResponse
 from ride_estimation.estimation.rls import RecursiveLeastSquares
+from ride_estimation.estimation.transducer_balance import MeasuredResponse
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,12 @@ class Refinement:
     """
 
     def __init__(
-        self, response: ModelResponse, prepare: Callable[[Array, float], None], prior_std: Array, lower: Array, upper: Array
+        self,
+        response: ModelResponse | MeasuredResponse,
+        prepare: Callable[[Array, float], None],
+        prior_std: Array,
+        lower: Array,
+        upper: Array,
     ) -> None:
         self._response = response
         self._prepare = prepare
