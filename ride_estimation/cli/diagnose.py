@@ -30,9 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
         help="further runs that neither fit nor select: the gain is measured on them",
     )
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html")
+    parser.add_argument(
+        "--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html"
+    )
     parser.add_argument("--band", nargs=2, type=float, metavar=("LOW", "HIGH"), help="analysis band [Hz] (default: 0.4 40)")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor, 400 at most)")
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor, 400 at most)"
+    )
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
 
 

@@ -188,7 +188,7 @@ def body_spectra(scene: Scene, body: str) -> tuple[ComplexArray, ComplexArray]:
     q = np.zeros((len(scene.grid.omega), 6), dtype=complex)
     for row, column in scene.plant.coordinate_rows(body):
         q[:, column] = scene.coordinate_spectrum[:, row]
-    return q, -(scene.grid.omega**2)[:, None] * q
+    return q, np.asarray(-(scene.grid.omega**2)[:, None] * q)
 
 
 def cg_shift_wrench(scene: Scene, body: str, shift: Array) -> tuple[ComplexArray, ComplexArray]:
@@ -200,7 +200,7 @@ def cg_shift_wrench(scene: Scene, body: str, shift: Array) -> tuple[ComplexArray
     q, a = body_spectra(scene, body)
     force = -mass * np.cross(a[:, 3:], shift)
     moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), [0.0, 0.0, 1.0])
-    return force, moment
+    return np.asarray(force, dtype=complex), np.asarray(moment, dtype=complex)
 
 
 def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:

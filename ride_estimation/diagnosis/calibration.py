@@ -91,7 +91,7 @@ def calibrate(
         Largest number of Gauss-Newton steps.
     """
     prior = file_parameters(plant)
-    state = ModelState(*(np.array(v) for v in prior))
+    state = ModelState(prior[0].copy(), prior[1].copy())
     best: Calibrated | None = None
     frozen = True  # tolerances join once stiffness and damping are near: they must not soak up a linearisation error
     for _ in range(iterations):

@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_pa
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear
-from ride_estimation.diagnosis.fitting import FullFit
+from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.outlier import soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
@@ -34,7 +34,6 @@ from ride_estimation.diagnosis.result import (
     Calibration,
     Diagnosis,
     Gain,
-    NamedCause,
     Step,
     ValidationGain,
 )
@@ -167,7 +166,13 @@ def _check_excitation(scene: Scene, settings: Settings) -> None:
 
 def _insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
     return Diagnosis(
-        INSUFFICIENT, f"The data cannot tell whether the model is right: {reason}.", (), None, {"words": reason}, (reason,), vehicle
+        INSUFFICIENT,
+        f"The data cannot tell whether the model is right: {reason}.",
+        (),
+        None,
+        {"words": reason},
+        (reason,),
+        vehicle,
     )
 
 
@@ -184,7 +189,10 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
     warnings = [*work.plant.warnings, *_bound_warnings(work, state)]
     if scene.noise_scale > 1.25:
-        warnings.append(f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; the measured noise is used")
+        warnings.append(
+            f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; "
+            "the measured noise is used"
+        )
     gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     residual = residual_summary(base, extended, remaining, accepted is not None)
@@ -217,8 +225,9 @@ def _verdict(work: _Work, soft: Fitted | None, base: Prediction, floor: float) -
         if wrong:
             return UNEXPLAINED, 1.0
         return (EXPLAINED if soft is not None else NO_DISCREPANCY), 0.0
-    left = max(accepted.misfit / dof - 1.0, 0.0)
-    remaining = left / max(excess, 1e-9) if excess > 0.02 else 0.0
+    inherent = inherent_misfit(accepted, work.splits.train, work.settings.seed) / dof
+    left = max(accepted.misfit / dof - 1.0 - inherent, 0.0)
+    remaining = left / max(excess - inherent, left, 1e-9) if excess > 0.02 else 0.0
     if remaining > work.settings.unexplained and left > 0.1:
         return UNEXPLAINED, remaining
     return EXPLAINED, remaining
@@ -260,7 +269,9 @@ def _bound_warnings(work: _Work, state: ModelState) -> list[str]:
             ("damping", state.damping[p], port.damping, port.damping_log_std),
         ):
             if prior > 0.0 and value > 0.0 and abs(np.log(value / prior)) > 3.0 * std:
-                out.append(f"{port.name}.{name}: calibrated {value:.4g} lies more than 3 standard deviations from its prior {prior:.4g}")
+                out.append(
+                    f"{port.name}.{name}: calibrated {value:.4g} lies more than 3 standard deviations from its prior {prior:.4g}"
+                )
     return out
 
 
@@ -283,8 +294,8 @@ def _gain(
             warnings.append(f"validation run {other.name}: too short; not used")
             continue
         bound = any(library()[f.hypothesis.cause].RUN_BOUND for f in work.extended.fitted)
-        refit = np.arange(0, count, 2) if bound else None
-        judged = np.arange(1, count, 2) if bound else np.arange(count)
+        refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
+        judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
         better = predict(scene, data, work.extended, settings, refit) if work.extended.fitted else probe
         (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
         results.append(ValidationGain(

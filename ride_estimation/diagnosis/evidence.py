@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ def band_table(base: Prediction, extended: Prediction) -> tuple[tuple[str, float
     p0, p1 = _white_power(base), _white_power(extended)
     inside = base.scene.grid.band_weight > 0.5
     out = []
-    for low, high in zip(_EDGES_HZ[:-1], _EDGES_HZ[1:]):
+    for low, high in itertools.pairwise(_EDGES_HZ):
         pick = (f >= low) & (f < high) & inside
         if np.any(pick):
             out.append((f"{low:g}-{high:g} Hz", float(p0[pick].mean()), float(p1[pick].mean())))

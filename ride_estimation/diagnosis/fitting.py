@@ -85,6 +85,23 @@ def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Ef
 _MOVES = (1.6, 1.0 / 1.6, 1.15, 1.0 / 1.15)
 
 
+def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
+    """Return the sum of squares that a right model keeps because its laws see noisy deflections.
+
+    Linear propagation of base noise is in the whitening; a law with a steep part (friction, clearance, stop) spreads it
+    further. The difference of the law forces along the estimated deflection with and without one more realisation of its
+    error measures how much.
+    """
+    noisy = fit.scene.with_deflection_noise(seed)
+    total = np.zeros(fit.rows.shape[:2])
+    for f in fit.fitted:
+        if not np.any(f.coefficients):
+            continue
+        pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)])[:, :, 0] for s in (fit.scene, noisy)]
+        total += pair[1] - pair[0]
+    return float(np.sum(total[blocks] ** 2))
+
+
 def _scale(value: float, shape: Shape, move: float) -> float:
     return float(np.clip(value * move, shape.lower, shape.upper))
 
@@ -219,7 +236,12 @@ class FullFitter:
                 for sign in o.column_signs(len(o.columns(scene, s)))
             ]
 
-            def drop(trial: dict[str, float], h: Hypothesis = h, others: list[Column] = others, signs: list[Sign] = other_signs) -> float:
+            def drop(
+                trial: dict[str, float],
+                h: Hypothesis = h,
+                others: list[Column] = others,
+                signs: list[Sign] = other_signs,
+            ) -> float:
                 own = h.columns(scene, trial)
                 columns = own + others
                 normal, right = projector.reduce(scene.push(columns), mean_rows(self._cal.table, columns))

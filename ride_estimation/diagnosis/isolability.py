@@ -17,7 +17,9 @@ Array = NDArray[np.float64]
 #: pairs that look alike and the manoeuvre or sensor that separates them (ride-model notes, section 5.3)
 _SEPARATORS: dict[frozenset[str], str] = {
     frozenset(("stiffness_nonlinearity", "bump_stop")): "a run over single bumps: a stop acts only beyond its gap",
-    frozenset(("damping_nonlinearity", "coulomb_friction")): "a second run at half the roughness: a friction level stays, a damper force shrinks",
+    frozenset(("damping_nonlinearity", "coulomb_friction")): (
+        "a second run at half the roughness: a friction level stays, a damper force shrinks"
+    ),
     frozenset(("coulomb_friction", "viscoelasticity")): "two roughnesses: relaxation keeps its share, friction loses it",
     frozenset(("coulomb_friction", "sensor_delay")): "two roughnesses, or a tap test of the sensors",
     frozenset(("viscoelasticity", "sensor_delay")): "a tap test of the sensors: a delay acts on every axis of one device alike",

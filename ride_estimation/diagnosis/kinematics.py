@@ -37,7 +37,7 @@ def rotation_matrices(angle: Array) -> Array:
     x, y, z = angle.T
     zero = np.zeros_like(x)
     s = np.stack([np.stack([zero, -z, y], 1), np.stack([z, zero, -x], 1), np.stack([-y, x, zero], 1)], axis=1)
-    return np.eye(3) + a * s + b * (s @ s)
+    return np.asarray(np.eye(3) + a * s + b * (s @ s))
 
 
 def base_correction(plant: Plant, specific_force: Array, slope: Array) -> Array:
@@ -181,6 +181,6 @@ def wrench_correction(
             wrench[b][:, :3] += s * (total - static + linear)
             wrench[b][:, 3:] += np.cross(bodies[b].arm(offsets[b]), s * total) - small - np.cross(offsets[b], s * static)
     out = np.zeros((count, len(plant.coordinates)))
-    for i, (b, c) in enumerate(plant.coordinates):
-        out[:, i] = wrench[b][:, COORDINATES.index(c)]
+    for i, (name, coordinate) in enumerate(plant.coordinates):
+        out[:, i] = wrench[name][:, COORDINATES.index(coordinate)]
     return out

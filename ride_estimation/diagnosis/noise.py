@@ -8,6 +8,8 @@ so that a sum of squares is a chi-square and its excess over the degrees of free
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,8 +88,34 @@ def noise_scale(spectrum: ComplexArray, motion: Array, stated: Array, frequency:
     return float(np.sqrt(max(np.median(power) / np.log(2.0), 1.0)))
 
 
-def denoised(spectrum: ComplexArray, transfer: ComplexArray, input_noise: Array, samples: int, width: int) -> ComplexArray:
-    """Return deflections with the part removed that base sensor noise explains.
+@dataclasses.dataclass(frozen=True)
+class DeflectionFilter:
+    """Wiener filter of deflections against base sensor noise, in the principal directions of that noise.
+
+    Attributes
+    ----------
+    vectors
+        Principal directions, shape (F, P, P).
+    gain
+        Shape (F, P).
+    scale
+        Of the ports, shape (P,).
+    """
+
+    vectors: ComplexArray
+    gain: Array
+    scale: Array
+
+    def apply(self, spectrum: ComplexArray, power: float = 1.0) -> ComplexArray:
+        """Return deflections multiplied by the gain raised to a power, shape (F, P)."""
+        component = np.einsum("fji,fj->fi", np.conj(self.vectors), spectrum / self.scale)
+        return np.asarray(np.einsum("fij,fj->fi", self.vectors, self.gain**power * component) * self.scale)
+
+
+def deflection_filter(
+    spectrum: ComplexArray, transfer: ComplexArray, input_noise: Array, samples: int, width: int
+) -> DeflectionFilter:
+    """Return the filter that removes from deflections what base sensor noise explains.
 
     Double integration turns noise of the base sensors into slow apparent stretching of the base, which loads the mounts
     against each other and moves nothing that is measured. In the principal directions of that noise at every frequency,
@@ -110,7 +138,7 @@ def denoised(spectrum: ComplexArray, transfer: ComplexArray, input_noise: Array,
     component = np.einsum("fji,fj->fi", np.conj(vectors), spectrum / scale)
     power = smoothed_power(component, samples, width)
     gain = np.clip(1.0 - np.maximum(values, 0.0) / np.maximum(power, 1e-300), 0.0, 1.0)
-    return np.asarray(np.einsum("fij,fj->fi", vectors, gain * component) * scale)
+    return DeflectionFilter(vectors, gain, scale)
 
 
 def excess_inefficiency(white: ComplexArray, samples: int, group: int = 15) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ride_estimation.jit import compile_kernel
 
@@ -45,7 +44,7 @@ def friction_level(x: Array, reach: float) -> Array:
 def relaxed(omega: Array, spectrum: ComplexArray, corner_hz: float) -> ComplexArray:
     """Return the spectrum of a unit Maxwell cell, ``i w tau / (1 + i w tau)``."""
     s = 1j * omega / (2.0 * np.pi * corner_hz)
-    return spectrum * s / (1.0 + s)
+    return np.asarray(spectrum * s / (1.0 + s))
 
 
 def resonant(omega: Array, spectrum: ComplexArray, frequency_hz: float, damping_ratio: float) -> ComplexArray:
@@ -63,14 +62,5 @@ def step_window(time_s: Array, at_s: float) -> Array:
 def legendre(time_s: Array, degree: int) -> Array:
     """Return the Legendre polynomial over the run, -1..1."""
     u = 2.0 * (time_s - time_s[0]) / max(time_s[-1] - time_s[0], 1e-9) - 1.0
-    return np.polynomial.legendre.Legendre.basis(degree)(u)
+    return np.asarray(np.polynomial.legendre.Legendre.basis(degree)(u))
 
-
-def smooth(signal: Array, samples: int) -> Array:
-    """Return a centred moving average over an odd number of samples, run twice."""
-    width = max(1, samples | 1)
-    kernel = np.ones(width) / width
-    for _ in range(2):
-        padded = np.pad(signal, width // 2, mode="edge")
-        signal = lfilter(kernel, [1.0], padded)[width - 1 :]
-    return np.asarray(signal)

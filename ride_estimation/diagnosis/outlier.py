@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Is one calibrated mount out of line with its vehicle file and with the other mounts?"""
+"""Tells whether one calibrated mount is out of line with its vehicle file and with the other mounts."""
 
 from __future__ import annotations
 

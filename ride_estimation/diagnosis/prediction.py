@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mean_table
 from ride_estimation.diagnosis.calibration import build_regression, file_parameters
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.effect import Effect
 from ride_estimation.diagnosis.fitting import combined_effects
 from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
@@ -20,8 +21,10 @@ from ride_estimation.diagnosis.settings import Settings
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
 
-_PASSES = 4
+_PASSES = 10
+_SETTLED = 0.02  # relative change of the law forces at which the fixed point counts as reached
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +73,7 @@ class Prediction:
         return self.scene.grid.signal(self.scene.measured_spectrum * self.scene.grid.band_weight[:, None])
 
 
-def predict(base: Scene, data: Measurement, model: Model, settings: Settings, blocks: Array | None = None) -> Prediction:
+def predict(base: Scene, data: Measurement, model: Model, settings: Settings, blocks: IntArray | None = None) -> Prediction:
     """Predict a run.
 
     Parameters
@@ -92,17 +95,42 @@ def predict(base: Scene, data: Measurement, model: Model, settings: Settings, bl
     fitted = list(model.fitted)
     if blocks is not None:
         fitted = [_refitted(scene, f, np.asarray(blocks, dtype=int)) for f in fitted]
-    for _ in range(_PASSES if fitted else 0):
-        columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
-        coefficients = np.concatenate([f.coefficients for f in fitted])
-        effects = combined_effects(columns, coefficients)
-        scene = Scene(
-            plant, data, dataclasses.replace(state, effects=effects), settings, scales=model.scales, smooth=False
-        )
+    if fitted:
+        scene = _settled(scene, data, state, model, fitted, settings)
     adjustables, spectra, _ = baseline_spectra(scene, mean_table(scene), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     weights = np.array([values.get(a.name, 0.0) for a in adjustables])
     return Prediction(scene, scene.predicted_spectrum + spectra @ weights)
+
+
+def _settled(
+    scene: Scene, data: Measurement, state: ModelState, model: Model, fitted: list[Fitted], settings: Settings
+) -> Scene:
+    """Return the scene whose effects are those of the laws along its own deflection (fixed point, Aitken relaxation)."""
+    effects: tuple[Effect, ...] = ()
+    step, relaxation = np.zeros(0), 1.0
+    for number in range(_PASSES):
+        columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
+        target = combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
+        if number:
+            known = {(e.where, e.index): e.signal for e in effects}
+            target = tuple(e for e in target if (e.where, e.index) in known)
+            parts = [e.signal - known[(e.where, e.index)] for e in target]
+            sizes = [max(float(np.std(known[(e.where, e.index)])), 1e-300) for e in target]
+            change = np.concatenate([p / s for p, s in zip(parts, sizes)]) if parts else np.zeros(0)
+            if change.size == 0 or float(np.sqrt(np.mean(change**2))) < _SETTLED:
+                break
+            if step.size == change.size:
+                turn = change - step
+                relaxation = float(np.clip(-relaxation * (step @ turn) / max(float(turn @ turn), 1e-300), 0.15, 1.0))
+            step = change
+            target = tuple(
+                Effect(e.where, e.index, known[(e.where, e.index)] + relaxation * p) for e, p in zip(target, parts)
+            )
+        effects = target
+        updated = dataclasses.replace(state, effects=effects)
+        scene = Scene(scene.plant, data, updated, settings, scales=model.scales, smooth=False)
+    return scene
 
 
 def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:
@@ -167,7 +195,7 @@ def bootstrap_interval(
     return float(low), float(high)
 
 
-def pooled_nrmse(errors: Array, signal: Array, blocks: Sequence[int] | Array) -> float:
+def pooled_nrmse(errors: Array, signal: Array, blocks: Sequence[int] | IntArray) -> float:
     """Return the pooled NRMSE of some blocks."""
     index = np.asarray(blocks, dtype=int)
     return float(np.sqrt(errors[index].sum() / max(float(signal[index].sum()), 1e-300)))

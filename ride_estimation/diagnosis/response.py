@@ -69,15 +69,15 @@ def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> Lin
     modulus = stiffness + 1j * omega[:, None] * damping
     loaded = plant.port_map.T[None] * modulus[:, None, :]
     dynamic = -w2 * plant.mass + plant.gravity_stiffness + loaded @ plant.port_map
-    compliance = np.linalg.inv(dynamic)
+    compliance: ComplexArray = np.linalg.inv(dynamic.astype(complex))
     displacement_from_acceleration = -1.0 / w2
-    q_base = compliance @ (loaded @ plant.port_base) * displacement_from_acceleration
-    y_q = -w2 * plant.out_acceleration + plant.out_displacement
-    y_wrench = y_q @ compliance
-    y_base = y_q @ q_base + plant.out_base * displacement_from_acceleration
+    q_base: ComplexArray = compliance @ (loaded @ plant.port_base) * displacement_from_acceleration
+    y_q: Array = -w2 * plant.out_acceleration + plant.out_displacement
+    y_wrench: ComplexArray = y_q @ compliance
+    y_base: ComplexArray = y_q @ q_base + plant.out_base * displacement_from_acceleration
     base_input = plant.base_direct + plant.base_tilt * displacement_from_acceleration
-    x_base = plant.port_map @ q_base - plant.port_base * displacement_from_acceleration
-    x_wrench = plant.port_map @ compliance
+    x_base: ComplexArray = plant.port_map @ q_base - plant.port_base * displacement_from_acceleration
+    x_wrench: ComplexArray = plant.port_map @ compliance
     return LinearResponse(
         omega=omega,
         coordinate_from_wrench=compliance,

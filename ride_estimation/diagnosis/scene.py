@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 
@@ -11,7 +12,14 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
-from ride_estimation.diagnosis.noise import denoised, excess_inefficiency, noise_scale, residual_covariance, smoothed_power, whitening
+from ride_estimation.diagnosis.noise import (
+    deflection_filter,
+    excess_inefficiency,
+    noise_scale,
+    residual_covariance,
+    smoothed_power,
+    whitening,
+)
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.response import LinearResponse, respond
 from ride_estimation.diagnosis.settings import Settings
@@ -267,9 +275,10 @@ class Scene:
         width = max(3, round(0.5 * grid.padded / grid.rate_hz))
         noise_u = self.noise_scale * np.array([s.noise_std for s in self.plant.inputs])
         # below the band the apparent deflection is integration drift; the body follows slow base motion
-        self.deflection_spectrum = grid.low_flank[:, None] * denoised(
+        self._filter = deflection_filter(
             self.deflection_spectrum, r.deflection_from_input, noise_u, n, max(3, width // 2)
         )
+        self.deflection_spectrum = grid.low_flank[:, None] * self._filter.apply(self.deflection_spectrum)
         force_power = smoothed_power(modulus * self.deflection_spectrum, n, width)
         transfer = r.output_from_port
         shaped = transfer * force_power[:, None, :]
@@ -335,6 +344,19 @@ class Scene:
     def derivative(self, signal: Array) -> Array:
         """Return the time derivative of a signal within the kept band, shape (N,)."""
         return self.grid.signal(1j * self.grid.omega * self.grid.spectrum(signal))
+
+    def with_deflection_noise(self, seed: int) -> Scene:
+        """Return the scene with one realisation of the error that base sensor noise leaves in the deflections."""
+        rng = np.random.default_rng(seed)
+        std = self.noise_scale * np.array([s.noise_std for s in self.plant.inputs])
+        noise = self.grid.spectrum(rng.standard_normal(self.input_signal.shape) * std)
+        error = np.einsum("fij,fj->fi", self.response.deflection_from_input, noise)
+        error = self.grid.low_flank[:, None] * self._filter.apply(error, 0.5)
+        other = copy.copy(self)
+        other.deflection_spectrum = self.deflection_spectrum + error
+        other.deflection = self.grid.signal(other.deflection_spectrum)
+        other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
+        return other
 
     def port_index(self, mount: str, axis: str) -> int:
         """Return the row of a port."""

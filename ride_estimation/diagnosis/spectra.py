@@ -37,7 +37,7 @@ class FrequencyGrid:
     @property
     def frequency(self) -> Array:
         """Return the kept frequencies [Hz], shape (F,)."""
-        return np.arange(self.first, self.last) * (self.rate_hz / self.padded)
+        return np.asarray(np.arange(self.first, self.last) * (self.rate_hz / self.padded), dtype=float)
 
     @property
     def omega(self) -> Array:

@@ -99,21 +99,13 @@ def _weigh(
             deficit = best - c.log_likelihood
             if h.cause == fitted.hypothesis.cause or h.cause in rivals:
                 continue
-            words = (
-                f"explains less: log-likelihood {deficit:.0f} nat lower, residual {np.sqrt(c.fit.misfit / max(_misfit(mine, offered, best), 1e-9)):.2f} "
-                "times that of the named cause"
-            )
+            leading = next(o.fit.misfit for _, o in offered if o.log_likelihood == best)
+            ratio = float(np.sqrt(c.fit.misfit / max(leading, 1e-9)))
+            words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
             hint = separation(fitted.hypothesis.cause, h.cause) if deficit < _STRONG else ""
             rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
         return confidence, tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
     return 1.0 - settings.unknown_probability, ()
-
-
-def _misfit(mine: list[float], offered: Sequence[tuple[object, object]], best: float) -> float:
-    for _, c in offered:
-        if getattr(c, "log_likelihood") == best:
-            return float(getattr(c, "fit").misfit)
-    return 1.0
 
 
 def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float) -> str:

@@ -111,7 +111,9 @@ def _parameters(page: Page, diagnosis: Diagnosis) -> None:
 def _evidence(page: Page, evidence: Evidence) -> None:
     page.heading("Evidence")
     page.figure(residual_spectrum(evidence), "Spectrum of the residual against the spectrum that sensor noise predicts")
-    page.figure(cumulated_periodogram(evidence), "Cumulated periodogram of the residual over that of the noise; straight for a right model")
+    page.figure(
+        cumulated_periodogram(evidence), "Cumulated periodogram of the residual over the noise; straight for a right model"
+    )
     page.figure(residual_over_time(evidence), "Misfit over the run; 1 = down to the noise")
     if evidence.loops:
         page.figure(loops(evidence), "Force over deflection: linear part and with what was found")

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.sites import Site, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -8,11 +8,11 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
+from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.extension import move_cg
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
-from ride_estimation.diagnosis.extension import move_cg
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -36,9 +36,9 @@ class CgOffset(Cause):
             for i, axis in enumerate(AXES):
 
                 def columns(scene: Scene, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
-                    return [_column(scene, b, np.eye(3)[i])]
+                    return _columns(scene, b, np.eye(3)[i])
 
-                out.append(Hypothesis(self.ID, body, axis, columns))
+                out.append(Hypothesis(self.ID, body, axis, columns, signs=(Sign.ANY, Sign.POSITIVE)))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
@@ -52,11 +52,13 @@ class CgOffset(Cause):
         return move_cg(vehicle, h.location, shift), ()
 
 
-def _column(scene: Scene, body: str, shift: np.ndarray) -> Column:
-    """Return the pseudo-wrench of a unit shift of the CG."""
+def _columns(scene: Scene, body: str, shift: np.ndarray) -> list[Column]:
+    """Return the pseudo-wrench of a unit shift of the CG, and the parallel-axis inertia that goes with its square."""
     mass, gravity = scene.plant.vehicle.bodies[body].mass.value, scene.plant.vehicle.gravity
     q, a = six_of(scene, body)
     up = np.array([0.0, 0.0, 1.0])
     force = -mass * np.cross(a[:, 3:], shift)
     moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), up)
-    return wrench_column(scene, body, force, moment)
+    inertia = mass * (np.eye(3) - np.outer(shift, shift))
+    columns = [wrench_column(scene, body, force, moment), wrench_column(scene, body, np.zeros_like(force), -a[:, 3:] @ inertia)]
+    return [column for column in columns if column]

@@ -8,10 +8,10 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.lines import residual_lines, tracked_phase
+from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.frames import COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -9,11 +9,11 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
+from ride_estimation.diagnosis.effect import Column, Shape
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import step_window
+from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.vehicles.vehicle import Vehicle
 
 _UP = np.array([0.0, 0.0, 1.0])

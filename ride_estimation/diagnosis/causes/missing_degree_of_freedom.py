@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.baseline import body_spectra
 from ride_estimation.diagnosis.body_wrench import wrench_column
+from ride_estimation.diagnosis.effect import Column, Shape
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import resonant
+from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle

@@ -6,13 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import final
 
-import numpy as np
-
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.extension import linear_part, with_linear_part
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import legendre
+from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -56,7 +54,8 @@ class ParameterDrift(Cause):
         out = []
         for name, first, second, i in (("stiffness", k1, k2, 0), ("damping", c1, c2, 1)):
             start = max(1.0 - first + second, 0.05)
-            out.append(Reported(f"{name} change over the run", float((1.0 + first + second) / start - 1.0), 2.0 * fitted.std(i), "-"))
+            change = float((1.0 + first + second) / start - 1.0)
+            out.append(Reported(f"{name} change over the run", change, 2.0 * fitted.std(i), "-"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:

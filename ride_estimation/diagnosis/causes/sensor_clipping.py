@@ -8,7 +8,6 @@ from typing import final
 
 import numpy as np
 
-
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
@@ -51,7 +50,8 @@ class SensorClipping(Cause):
         plant = scene.plant
         for sensor in plant.sensors:
             hits: list[tuple[bool, int, float, float]] = []
-            for from_input, signals, data in ((False, plant.outputs, scene.data.outputs), (True, plant.inputs, scene.data.inputs)):
+            groups = ((False, plant.outputs, scene.data.outputs), (True, plant.inputs, scene.data.inputs))
+            for from_input, signals, data in groups:
                 for i, s in enumerate(signals):
                     if s.sensor == sensor and s.kind == "acceleration":
                         hits += [(from_input, i, side, level) for side, level in flat_tops(data[:, i], s.noise_std)]

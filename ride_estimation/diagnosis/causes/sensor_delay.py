@@ -8,7 +8,6 @@ from typing import final
 
 import numpy as np
 
-
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene

@@ -79,7 +79,7 @@ class StiffnessNonlinearity(Cause):
                 changes.append(float(weights @ pair))
                 if u == 2.0:
                     cov = fitted.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
-                    std = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
+                    std = float(np.sqrt(max(float(weights @ cov @ weights), 0.0)))
             middle = max(slope + changes[2], 1e-9)
             for name, change in (("extension", changes[0]), ("compression", changes[1])):
                 ratio = (slope + change) / middle - 1.0
