@@ -18,7 +18,7 @@ from ride_estimation.diagnosis.settings import Settings
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_STEP_LIMIT = 0.8  # largest change of a logarithm in one Gauss-Newton step
+_STEP_LIMITS = (0.4, 2.5)  # smallest and largest factor of one Gauss-Newton step
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,12 +67,17 @@ def build_regression(
     return table, adjustables, Regression(scene.residual, rows, table.residual, means, std, offset)
 
 
+def step_factor(value: float) -> float:
+    """Return the factor that a coefficient of a stiffness or damping column stands for: the force is linear in both."""
+    return float(np.clip(1.0 + value, *_STEP_LIMITS))
+
+
 def stepped(state: ModelState, scene: Scene, adjustables: tuple[Adjustable, ...], coefficients: Array) -> ModelState:
     """Return the state after a Gauss-Newton step of stiffness and damping."""
     stiffness, damping = state.stiffness.copy(), state.damping.copy()
     for a, value in zip(adjustables, coefficients):
         if a.kind in ("stiffness", "damping"):
-            factor = np.exp(np.clip(value, -_STEP_LIMIT, _STEP_LIMIT))
+            factor = step_factor(value)
             target = stiffness if a.kind == "stiffness" else damping
             target[scene.port_index(a.place, a.axis)] *= factor
     return dataclasses.replace(state, stiffness=stiffness, damping=damping)

@@ -45,9 +45,27 @@ Column = tuple[Effect, ...]
 
 @dataclasses.dataclass(frozen=True)
 class Shape:
-    """A nonlinear parameter of a hypothesis: value, bounds, and whether to search it on a logarithmic scale."""
+    """A nonlinear parameter of a hypothesis.
+
+    Attributes
+    ----------
+    value, lower, upper
+        Start and bounds.
+    step
+        Step of the search; 0 searches by factors.
+    """
 
     name: str
     value: float
     lower: float
     upper: float
+    step: float = 0.0
+
+    def moves(self, current: float) -> tuple[tuple[float, ...], ...]:
+        """Return the values to try from a current one: per direction, near the first to go."""
+        if self.step > 0.0:
+            sizes = [sign * size * self.step for size in (3.0, 1.0, 0.3) for sign in (1, -1)]
+            chains = [(current + size, current + 2.0 * size) for size in sizes]
+        else:
+            chains = [(current * factor, current * factor**2) for factor in (1.6, 1.0 / 1.6, 1.15, 1.0 / 1.15)]
+        return tuple(tuple(min(max(v, self.lower), self.upper) for v in chain) for chain in chains)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable, port_columns
 from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, stepped
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Sign
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
@@ -81,10 +81,6 @@ def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Ef
     return tuple(Effect(where, index, signal) for (where, index), signal in total.items())
 
 
-#: factors a shape parameter is tried with, large before small
-_MOVES = (1.6, 1.0 / 1.6, 1.15, 1.0 / 1.15)
-
-
 def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
     """Return the sum of squares that a right model keeps because its laws see noisy deflections.
 
@@ -100,10 +96,6 @@ def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
         pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)])[:, :, 0] for s in (fit.scene, noisy)]
         total += pair[1] - pair[0]
     return float(np.sum(total[blocks] ** 2))
-
-
-def _scale(value: float, shape: Shape, move: float) -> float:
-    return float(np.clip(value * move, shape.lower, shape.upper))
 
 
 class FullFitter:
@@ -158,6 +150,7 @@ class FullFitter:
         state = ModelState(scene.state.stiffness, scene.state.damping)
         temper = cal.regression.temper
         best: FullFit | None = None
+        best_moves = np.inf
         for iteration in range(iterations + 1):
             if iteration:
                 scene = Scene(
@@ -172,12 +165,14 @@ class FullFitter:
             if iteration in (1, 2):
                 self._search_shapes(scene, projector, hypotheses, shapes)
             result = self._solve(scene, regression, adjustables, projector, hypotheses, shapes)
-            if best is None or result.misfit < best.misfit:
-                settled = best is not None and iteration > 1 and best.misfit - result.misfit < 2.0 * temper
-                best = result
-                if settled:
-                    break
+            moves = np.max(np.abs(result.coefficients[self._ports]), initial=0.0)
+            settled = best is not None and iteration > 1 and moves < 0.03 and best.misfit - result.misfit < 2.0 * temper
+            # a result whose stiffness and damping still move is a linearisation, not a model
+            if best is None or result.misfit < best.misfit or (best_moves > 0.1 and moves < best_moves):
+                best, best_moves = result, float(moves)
             elif iteration > 2:
+                settled = True
+            if settled:
                 break
             temper = temper_of(result.misfit / self._dof, scene.inefficiency)
             p = regression.count
@@ -249,12 +244,10 @@ class FullFitter:
 
             current = drop(shapes[index])
             for shape in h.shapes:
-                for factor in _MOVES:
-                    for _ in range(2):
-                        trial = {**shapes[index], shape.name: _scale(shapes[index][shape.name], shape, factor)}
-                        if trial[shape.name] == shapes[index][shape.name]:
+                for number in range(len(shape.moves(shapes[index][shape.name]))):
+                    for value in shape.moves(shapes[index][shape.name])[number]:
+                        trial = {**shapes[index], shape.name: value}
+                        gained = drop(trial) if value != shapes[index][shape.name] else current
+                        if gained <= current + 0.5:
                             break
-                        value = drop(trial)
-                        if value <= current + 0.5:
-                            break
-                        current, shapes[index] = value, trial
+                        current, shapes[index] = gained, trial

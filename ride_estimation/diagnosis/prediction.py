@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mean_table
-from ride_estimation.diagnosis.calibration import build_regression, file_parameters
+from ride_estimation.diagnosis.calibration import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.effect import Effect
+from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.fitting import combined_effects
 from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
@@ -50,9 +50,9 @@ class Model:
         k, c = self.state.stiffness.copy(), self.state.damping.copy()
         for a, value in zip(self.adjustables, self.coefficients):
             if a.kind == "stiffness":
-                k[ports[(a.place, a.axis)]] *= np.exp(np.clip(value, -0.3, 0.3))
+                k[ports[(a.place, a.axis)]] *= step_factor(value)
             elif a.kind == "damping":
-                c[ports[(a.place, a.axis)]] *= np.exp(np.clip(value, -0.3, 0.3))
+                c[ports[(a.place, a.axis)]] *= step_factor(value)
         return ModelState(k, c)
 
 
@@ -106,31 +106,60 @@ def predict(base: Scene, data: Measurement, model: Model, settings: Settings, bl
 def _settled(
     scene: Scene, data: Measurement, state: ModelState, model: Model, fitted: list[Fitted], settings: Settings
 ) -> Scene:
-    """Return the scene whose effects are those of the laws along its own deflection (fixed point, Aitken relaxation)."""
-    effects: tuple[Effect, ...] = ()
-    step, relaxation = np.zeros(0), 1.0
+    """Return the scene whose effects are those of the laws along its own deflection.
+
+    Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
+    iterated, and halved steps are taken when the change grows.
+    """
+    before: tuple[Effect, ...] = ()
+    last, relaxation = np.inf, 1.0
     for number in range(_PASSES):
         columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
         target = combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
         if number:
-            known = {(e.where, e.index): e.signal for e in effects}
+            known = {(e.where, e.index): e.signal for e in before}
             target = tuple(e for e in target if (e.where, e.index) in known)
-            parts = [e.signal - known[(e.where, e.index)] for e in target]
-            sizes = [max(float(np.std(known[(e.where, e.index)])), 1e-300) for e in target]
-            change = np.concatenate([p / s for p, s in zip(parts, sizes)]) if parts else np.zeros(0)
-            if change.size == 0 or float(np.sqrt(np.mean(change**2))) < _SETTLED:
+            change = _relative_change(target, known)
+            if change < _SETTLED:
                 break
-            if step.size == change.size:
-                turn = change - step
-                relaxation = float(np.clip(-relaxation * (step @ turn) / max(float(turn @ turn), 1e-300), 0.15, 1.0))
-            step = change
+            relaxation = max(0.5 * relaxation, 0.2) if change > last else relaxation
+            last = change
             target = tuple(
-                Effect(e.where, e.index, known[(e.where, e.index)] + relaxation * p) for e, p in zip(target, parts)
+                Effect(e.where, e.index, known[e.where, e.index] + relaxation * (e.signal - known[e.where, e.index]))
+                for e in target
             )
-        effects = target
-        updated = dataclasses.replace(state, effects=effects)
-        scene = Scene(scene.plant, data, updated, settings, scales=model.scales, smooth=False)
+        before = target
+        scene = Scene(scene.plant, data, _split(scene, state, target), settings, scales=model.scales, smooth=False)
     return scene
+
+
+def _relative_change(effects: tuple[Effect, ...], known: dict[tuple[Where, int], Array]) -> float:
+    """Return the largest relative rms change of effects."""
+    return max(
+        (
+            float(np.std(e.signal - known[e.where, e.index])) / max(float(np.std(known[e.where, e.index])), 1e-300)
+            for e in effects
+        ),
+        default=0.0,
+    )
+
+
+def _split(scene: Scene, state: ModelState, effects: tuple[Effect, ...]) -> ModelState:
+    """Return the state with the equivalent linear part of port effects in stiffness and damping, the rest as effects."""
+    stiffness, damping = state.stiffness.copy(), state.damping.copy()
+    out = []
+    for e in effects:
+        if e.where is Where.PORT:
+            pair = np.stack([scene.deflection[:, e.index], scene.deflection_rate[:, e.index]], axis=1)
+            k, c = np.linalg.lstsq(pair, e.signal, rcond=None)[0]
+            k = max(float(k), -0.9 * stiffness[e.index])
+            c = max(float(c), -0.9 * damping[e.index])
+            stiffness[e.index] += k
+            damping[e.index] += c
+            out.append(dataclasses.replace(e, signal=e.signal - pair @ np.array([k, c])))
+        else:
+            out.append(e)
+    return ModelState(stiffness, damping, tuple(out))
 
 
 def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:

@@ -52,7 +52,7 @@ class Backlash(Cause):
                 return result
 
             grid = tuple({"half": h, "centre": c} for h in (0.15, 0.5) for c in (0.0, -0.7, 0.7))
-            bounds = (Shape("half", 0.3, 0.02, 1.5),)
+            bounds = (Shape("half", 0.3, 0.02, 1.5), Shape("centre", 0.0, -1.5, 1.5, 0.12))
             signs = (Sign.NEGATIVE, Sign.NEGATIVE)
             out.append(Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, signs, 1.0, site.ports))
         return out

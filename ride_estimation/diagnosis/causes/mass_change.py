@@ -36,7 +36,7 @@ class MassChange(Cause):
         """Return one hypothesis per body, the instant on a grid."""
         total = float(scene.time_s[-1])
         grid = tuple({"at": float(t)} for t in np.arange(0.12, 0.89, 0.04) * total)
-        bounds = (Shape("at", 0.5 * total, 0.05 * total, 0.95 * total),)
+        bounds = (Shape("at", 0.5 * total, 0.05 * total, 0.95 * total, 0.008 * total),)
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
 

@@ -1,0 +1,65 @@
+# Copyright 2026 ride_estimation contributors
+"""Small runs for the tests of the diagnosis: a quarter car integrated here, with laws the product does not use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.recording import UniformRun
+from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
+
+MASS, STIFFNESS, DAMPING = 400.0, 44e3, 2e3
+GRAVITY = 9.80665
+
+
+def quarter_car() -> Vehicle:
+    """Return what the engineer believes: stiffness 9 % low, damping 25 % high."""
+    body = Body("body_mass", Prior(MASS), np.zeros(3), np.eye(3), coordinates=("z",))
+    element = KelvinVoigt(stiffness=40e3, damping=2.5e3)
+    mount = Mount("strut", np.zeros(3), "body_mass", "axle", {"z": element})
+    sensors = {
+        "body": Sensor("body", "accelerometer", "/body", "body_mass", noise_std=0.005),
+        "base": Sensor("base", "accelerometer", "/base", "axle", mount="strut", noise_std=0.005),
+    }
+    return Vehicle("quarter_car", {"body_mass": body}, {"strut": mount}, sensors)
+
+
+def quarter_car_run(
+    seed: int,
+    seconds: float = 40.0,
+    rate_hz: float = 100.0,
+    law: Callable[[float, float], float] | None = None,
+    noise: float = 0.005,
+) -> UniformRun:
+    """Integrate ``m a = -k x - c v - law(x, v)`` over a random base with semi-implicit steps of 1/16 sample."""
+    rng = np.random.default_rng(seed)
+    fine = 16
+    count = int(seconds * rate_hz)
+    n = count * fine
+    f = np.fft.rfftfreq(n, 1.0 / (rate_hz * fine))
+    shape = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0)
+    spectrum = shape * np.exp(2j * np.pi * rng.random(len(f)))
+    base = np.fft.irfft(spectrum, n)
+    scale = 0.006 / np.std(base)
+    w = 2j * np.pi * f
+    u = scale * base
+    du, ddu = (scale * np.fft.irfft(spectrum * w**p, n) for p in (1, 2))
+    step = 1.0 / (rate_hz * fine)
+    z, v = u[0], du[0]
+    acceleration = np.empty(n)
+    for i in range(n):
+        x, rate = z - u[i], v - du[i]
+        force = STIFFNESS * x + DAMPING * rate + (law(x, rate) if law is not None else 0.0)
+        acceleration[i] = -force / MASS
+        v += step * acceleration[i]
+        z += step * v
+    zero = np.zeros(count)
+    data = {}
+    for name, values in (("body", acceleration), ("base", ddu)):
+        clean = np.stack([zero, zero, values[::fine] + GRAVITY], axis=1)
+        data[name] = clean + noise * rng.standard_normal(clean.shape)
+    valid = {name: np.ones(count, dtype=bool) for name in data}
+    return UniformRun(f"quarter_car_{seed}", rate_hz, 0, data, valid)

@@ -1,0 +1,205 @@
+# Copyright 2026 ride_estimation contributors
+"""The parts of the diagnosis against closed forms and independent least squares."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from ride_estimation.diagnosis.baseline import baseline_columns, mean_table
+from ride_estimation.diagnosis.calibration import calibrate, file_parameters
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.hypothesis import Sign
+from ride_estimation.diagnosis.kinematics import rotation_matrices
+from ride_estimation.diagnosis.noise import noise_scale, temper_of
+from ride_estimation.diagnosis.operators import friction_level, relaxed, resonant
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.prediction import bootstrap_interval
+from ride_estimation.diagnosis.regression import Regression
+from ride_estimation.diagnosis.response import respond
+from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.screening import solve_signed
+from ride_estimation.diagnosis.selection import make_splits
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.spectra import make_grid
+from ride_estimation.signals.recording import UniformRun
+
+from diagnosis_runs import quarter_car, quarter_car_run
+
+
+def test_friction_reaches_its_level_and_its_loop_is_as_high_as_twice_the_level():
+    time = np.arange(0.0, 4.0, 1e-3)
+    x = 0.01 * np.sin(2 * np.pi * time)
+    level = friction_level(x, 2e-4)
+    last = time > 2.0
+    # sliding distance 0.2 mm against a stroke of 20 mm: saturated to exp(-100)
+    assert level[last].max() == pytest.approx(1.0, abs=1e-6)
+    area = abs(float(np.sum(0.5 * (level[last][1:] + level[last][:-1]) * np.diff(x[last])))) / 2.0
+    # Coulomb loop 4 x level x amplitude per cycle, less what presliding cuts off (about 2 x reach / amplitude)
+    assert area == pytest.approx(4 * 0.01, rel=0.05)
+
+
+def test_a_maxwell_cell_is_stiff_above_its_corner_and_loses_half_at_it():
+    omega = 2 * np.pi * np.array([0.01, 1.0, 100.0])
+    cell = relaxed(omega, np.ones(3, complex), 1.0)
+    assert abs(cell[0]) < 0.02
+    assert cell[1] == pytest.approx(0.5 + 0.5j, rel=1e-12)
+    assert cell[2] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_sprung_mass_follows_slowly_and_isolates_fast():
+    omega = 2 * np.pi * np.array([0.05, 3.0, 60.0])
+    motion = resonant(omega, np.ones(3, complex), 3.0, 0.1)
+    assert motion[0] == pytest.approx(1.0, abs=1e-3)
+    assert abs(motion[1]) == pytest.approx(np.sqrt(1 + 1 / (2 * 0.1) ** 2), rel=1e-9)
+    assert abs(motion[2]) < 0.02
+
+
+def test_rotation_matrices_are_orthogonal_and_turn_a_vector_by_the_angle():
+    r = rotation_matrices(np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.0], [1e-10, 0.0, 0.0]]))
+    np.testing.assert_allclose(r[0] @ [1.0, 0.0, 0.0], [np.cos(0.3), np.sin(0.3), 0.0], atol=1e-14)
+    np.testing.assert_allclose(r[1], np.eye(3), atol=1e-15)
+
+
+def test_quarter_car_transmissibility_is_the_closed_form():
+    vehicle = quarter_car()
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    omega = 2 * np.pi * np.array([0.5, 1.5, 4.0, 12.0])
+    k, c, m = 40e3, 2.5e3, 400.0
+    response = respond(plant, np.array([k]), np.array([c]), omega)
+    row = [s.name for s in plant.outputs].index("body.z")
+    column = [s.name for s in plant.inputs].index("base.z")
+    expected = (k + 1j * omega * c) / (k - m * omega**2 + 1j * omega * c)
+    np.testing.assert_allclose(response.output_from_input[:, row, column], expected, rtol=1e-10)
+    # a tension f in the mount pulls the body down: a = -f / m of the closed loop
+    np.testing.assert_allclose(
+        response.output_from_port[:, row, 0], omega**2 / (k - m * omega**2 + 1j * omega * c), rtol=1e-10
+    )
+
+
+def test_regression_equals_stacked_least_squares_with_priors():
+    rng = np.random.default_rng(3)
+    columns, residual = rng.normal(size=(4, 50, 3)), rng.normal(size=(4, 50))
+    std, offset = np.array([0.5, 2.0, 10.0]), np.array([0.1, 0.0, -1.0])
+    regression = Regression(residual, columns, np.array([0.3]), np.array([[0.0, 1.0, 0.0]]), std, offset)
+    fit = regression.fit(regression.grams, [0, 2, 3])
+    rows = np.vstack([columns[[0, 2, 3]].reshape(-1, 3), np.diag(1 / std), [[0.0, 1.0, 0.0]]])
+    right = np.concatenate([residual[[0, 2, 3]].ravel(), offset / std, [0.3]])
+    expected, *_ = np.linalg.lstsq(rows, right, rcond=None)
+    np.testing.assert_allclose(fit.coefficients, expected, rtol=1e-8)
+    assert fit.objective == pytest.approx(float(np.sum((right - rows @ expected) ** 2)), rel=1e-8)
+    left_out = residual[1] - columns[1] @ fit.coefficients
+    assert regression.misfit(regression.grams, [1], fit.coefficients) == pytest.approx(float(left_out @ left_out), rel=1e-9)
+
+
+def test_temper_weights_the_prior_and_not_the_data():
+    rng = np.random.default_rng(4)
+    columns = rng.normal(size=(1, 200, 1))
+    regression = Regression(columns[:, :, 0] * 2.0, columns, np.zeros(0), np.zeros((0, 1)), np.array([0.1]), np.zeros(1))
+    mild = regression.fit(regression.grams, [0]).coefficients[0]
+    strong = regression.with_temper(100.0)
+    assert 0.0 < strong.fit(strong.grams, [0]).coefficients[0] < 0.1 * mild
+
+
+def test_coefficients_of_the_wrong_sign_are_dropped():
+    normal, right = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([2.0, -3.0])
+    coefficients, drop = solve_signed(normal, right, (Sign.POSITIVE, Sign.POSITIVE))
+    np.testing.assert_allclose(coefficients, [2.0, 0.0], atol=1e-6)
+    assert drop == pytest.approx(4.0, rel=1e-6)
+
+
+def test_splits_are_disjoint_and_cover_every_part_of_the_run():
+    splits = make_splits(27)
+    everything = np.concatenate([splits.fit, splits.select, splits.judge])
+    assert sorted(everything.tolist()) == list(range(27))
+    assert np.max(np.diff(splits.judge)) == 4
+
+
+def test_temper_of_a_right_model_is_one():
+    assert temper_of(0.97, 30.0) == 1.0
+    assert temper_of(1.1, 30.0) == pytest.approx(4.0)
+
+
+def test_noise_is_measured_in_directions_rigid_motion_cannot_reach():
+    rng = np.random.default_rng(5)
+    motion = rng.normal(size=(12, 6))
+    samples = 4000
+    data = 3.0 * 0.02 * rng.normal(size=(samples, 12)) + rng.normal(size=(samples, 6)) @ motion.T
+    spectrum = np.fft.rfft(data, axis=0)[1:-1]
+    frequency = np.fft.rfftfreq(samples, 0.005)[1:-1]
+    # 6 directions x 660 bins: the median of an exponential is known within 2 %
+    assert noise_scale(spectrum, motion, np.full(12, 0.02), frequency, samples) == pytest.approx(3.0, rel=0.05)
+
+
+def test_whitened_noise_has_one_unit_per_degree_of_freedom():
+    grid = make_grid(6000, 100.0, (0.4, 40.0))
+    rng = np.random.default_rng(6)
+    noise = rng.normal(size=(6000, 20))
+    signal = grid.decimated_signal(grid.spectrum(noise) * grid.band_weight[:, None])
+    share = np.sum(grid.band_weight**2) / (grid.decimated / 2)
+    inner = signal[600:-600]
+    # 20 channels x 4800 samples: standard error of the mean square 0.5 %
+    assert np.mean(inner**2) == pytest.approx(share, rel=0.03)
+
+
+def test_calibration_recovers_stiffness_and_damping_of_a_quarter_car():
+    vehicle = quarter_car()
+    run = quarter_car_run(seed=1)
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    found = calibrate(plant, measurement(plant, run), Settings())
+    # truth 44 kN/m and 2 kN s/m; 0.5 % noise, 40 s: standard errors below 0.3 % and 1 %
+    assert found.scene.state.stiffness[0] * np.exp(found.fit.coefficients[0]) == pytest.approx(44e3, rel=0.01)
+    assert found.scene.state.damping[0] * np.exp(found.fit.coefficients[1]) == pytest.approx(2e3, rel=0.03)
+
+
+def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
+    vehicle, run = quarter_car(), quarter_car_run(seed=2)
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    data = measurement(plant, run)
+    k, c = file_parameters(plant)
+    settings = Settings()
+    here = Scene(plant, data, ModelState(k, c), settings, smooth=False)
+    shifted = Scene(
+        plant, data, ModelState(k * 1.001, c), settings, (here.noise_covariance, here.whitener), smooth=False
+    )
+    adjustables, rows, _ = baseline_columns(here, mean_table(here), (k, c))
+    index = [a.kind for a in adjustables].index("stiffness")
+    difference = (here.residual - shifted.residual) / np.log(1.001)
+    error = np.linalg.norm(rows[:, :, index] - difference) / np.linalg.norm(difference)
+    # columns use deflections freed of sensor noise: a few per cent apart from the raw simulation
+    assert error < 0.05
+
+
+def test_bootstrap_interval_holds_the_difference_and_widens_with_scatter():
+    rng = np.random.default_rng(8)
+    signal = np.full(30, 100.0)
+    steady = bootstrap_interval(np.full(30, 4.0), np.full(30, 1.0), signal, 300, 1)
+    assert steady[0] == pytest.approx(0.1, abs=1e-12)
+    rough = bootstrap_interval(4.0 * rng.lognormal(0.0, 1.0, 30), np.full(30, 1.0), signal, 300, 1)
+    assert rough[1] - rough[0] > 0.01
+
+
+def test_too_short_a_run_is_insufficient_and_says_how_much_is_needed():
+    answer = diagnose(quarter_car(), quarter_car_run(seed=1, seconds=6.0))
+    assert answer.verdict == "insufficient_data"
+    assert "12 s" in answer.sentence
+    assert answer.causes == ()
+
+
+def test_a_standing_vehicle_is_insufficient_data():
+    run = quarter_car_run(seed=1)
+    rng = np.random.default_rng(9)
+    still = {k: np.array([0.0, 0.0, 9.80665]) + 0.005 * rng.normal(size=v.shape) for k, v in run.data.items()}
+    answer = diagnose(quarter_car(), dataclasses.replace(run, data=still))
+    assert answer.verdict == "insufficient_data"
+    assert "rougher road" in answer.sentence
+
+
+def test_a_run_without_base_motion_is_insufficient_data():
+    run = quarter_car_run(seed=1)
+    only = UniformRun(run.name, run.rate_hz, run.start_ns, {"body": run.data["body"]}, {"body": run.valid["body"]})
+    answer = diagnose(quarter_car(), only)
+    assert answer.verdict == "insufficient_data"
+    assert "chassis side" in answer.sentence or "base motion" in answer.sentence
+
