@@ -20,7 +20,7 @@ from ride_estimation.frames import AXES, skew
 Array = NDArray[np.float64]
 
 #: rate above which the balance is averaged over neighbouring ticks [Hz]
-HIGHEST_RATE = 260.0
+HIGHEST_RATE = 130.0
 #: relative step of the derivative with respect to a multiplier of a nonlinear element
 _STEP = 1e-3
 

@@ -79,14 +79,14 @@ def describe(
     bare = [name for name in silent if name not in travelled]
     if bare:
         missing.append(
-            f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among the "
-            "mounts rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs, "
+            f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among "
+            "the mounts rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs, "
             "up to 80 % on frames that twist much)"
         )
         advice.append(f"a triaxial accelerometer at the base of {', '.join(bare)} would tell deflections, stiffness and damping")
     half = [name for name in silent if name in travelled]
     if half:
-        missing.append(f"the axes of {', '.join(half)} without transducer: their forces are shared by stiffness ratios")
+        missing.append(f"axes of {', '.join(half)} without transducer: their forces are shared by stiffness ratios")
     missing += [f"{e.name}: {e.reason}" for e in estimates if e.status is Status.NOT_IDENTIFIABLE and not bare and anchored]
     missing += [n for n in nulls if not bare]
     told = [e.name for e in estimates if e.status is Status.VALID]

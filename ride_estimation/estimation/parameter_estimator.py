@@ -41,10 +41,10 @@ _SETTLE = 9.0
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the stretch that is looked at as a whole [s]
-_LONGEST = 9.0
+_LONGEST = 7.0
 #: excited time after a start or a change at which it is [s]
-_REVIEWS = (4.5, 7.0, 12.0)
-_REVIEWS_AFTER_CHANGE = (3.0, 6.0, 9.0)
+_REVIEWS = (4.5, 9.0)
+_REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 #: improvement of the squared error that moves the parameters then, in units of its scatter
 _CLEARLY = 6.0
 #: intervals of excitation kept in memory by the forgetting

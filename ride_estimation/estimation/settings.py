@@ -40,7 +40,7 @@ class PipelineSettings:
     """
 
     rate_hz: float | None = None
-    block_ticks: int = 8
+    block_ticks: int = 10
     tilt_acceleration_std: float = 1.0
     tilt_correlation_time: float = 0.3
     parameter_corner_hz: float = 0.4

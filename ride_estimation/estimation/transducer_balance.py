@@ -2,8 +2,8 @@
 """The force balance where displacement transducers, and no accelerometers on the bases, tell the vertical deflections.
 
 Vertical, roll and pitch equations only: ``m f - G_h F_h = -G_z (k x + c v)`` with the horizontal forces F_h shared by
-stiffness from the wrench the body needs (three of its equations fix their sums). Deflections are measured here, not integrated, so their noise
-is small and the regression on them needs no simulated body.
+stiffness from the wrench the body needs (three of its equations fix their sums). Deflections are measured here, not
+integrated, so their noise is small and the regression on them needs no simulated body.
 """
 
 from __future__ import annotations
