@@ -1,0 +1,110 @@
+# Copyright 2026 ride_estimation contributors
+"""Every cause of the library keeps the contract: texts, columns, numbers, an extended vehicle that loads again."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.hypothesis import Fitted, Sign
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
+from ride_estimation.signals.recording import UniformRun
+
+IDS = (
+    "coulomb_friction", "viscoelasticity", "stiffness_nonlinearity", "damping_nonlinearity", "bump_stop", "backlash",
+    "harmonic_disturbance", "mass_change", "cg_offset", "parameter_drift", "one_soft_mount", "flexible_mode",
+    "missing_degree_of_freedom", "sensor_delay", "sensor_gain", "sensor_bias", "sensor_misalignment", "sensor_clipping",
+    "wrong_sensor_position",
+)  # fmt: skip
+
+
+@functools.cache
+def cab_scene() -> Scene:
+    """Return a short run of the cab: white vibration on every sensor, one line, one clipped channel."""
+    vehicle = load_vehicle("config/vehicles/truck_cab.yaml")
+    rng = np.random.default_rng(1)
+    count, rate = 1400, 100.0
+    time = np.arange(count) / rate
+    data = {}
+    for name in vehicle.sensors:
+        values = np.array([0.0, 0.0, 9.80665]) + rng.normal(size=(count, 3)) * 0.5
+        values[:, 2] += 0.8 * np.sin(2 * np.pi * 11.0 * time)
+        data[name] = values
+    data["cab_rear_left"][:, 2] = np.minimum(data["cab_rear_left"][:, 2], 10.2)
+    valid = {name: np.ones(count, dtype=bool) for name in data}
+    plant = build_plant(vehicle, dict.fromkeys(data, 3))
+    state = ModelState(np.array([p.stiffness for p in plant.ports]), np.array([p.damping for p in plant.ports]))
+    return Scene(plant, measurement(plant, UniformRun("contract", rate, 0, data, valid)), state, Settings())
+
+
+def test_the_library_is_exactly_the_nineteen_published_ids():
+    assert sorted(library()) == sorted(IDS)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_a_cause_says_what_it_asks_needs_and_what_would_refute_it(name):
+    cause = library()[name]
+    assert cause.QUESTION.endswith("?")
+    assert cause.NEEDS and cause.WOULD_REFUTE and cause.MEASURE_NEXT
+    assert cause.RIVALS and set(cause.RIVALS) <= set(IDS) - {name}
+
+
+@pytest.mark.parametrize("name", [n for n in IDS if n != "one_soft_mount"])
+def test_hypotheses_have_finite_columns_at_declared_places(name):
+    scene = cab_scene()
+    hypotheses = library()[name].hypotheses(scene)
+    assert hypotheses
+    plant = scene.plant
+    places = {*plant.mounts, *plant.sensors, *(b for b, _ in plant.coordinates), "all"}
+    for h in hypotheses:
+        assert h.cause == name
+        assert h.location in places
+        assert h.axis in ("", "x", "y", "z", "roll", "pitch", "yaw")
+    h = hypotheses[0]
+    columns = h.columns(scene, h.grid[0])
+    assert columns
+    for column in columns:
+        for effect in column:
+            assert np.all(np.isfinite(effect.signal))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_extended_vehicle_is_written_and_loads_again(name, tmp_path):
+    scene = cab_scene()
+    cause = library()[name]
+    hypotheses = cause.hypotheses(scene)
+    if name == "one_soft_mount":
+        from ride_estimation.diagnosis.hypothesis import Hypothesis
+
+        h, size, shape = Hypothesis(name, "front_left", "z", lambda scene, shape: []), 1, {}
+    else:
+        h = hypotheses[0]
+        shape = dict(h.grid[0])
+        size = len(h.columns(scene, shape))
+    signs = h.column_signs(size)
+    coefficients = np.array([-0.01 if s == Sign.NEGATIVE else 0.01 for s in signs])
+    fitted = Fitted(h, coefficients, 1e-6 * np.eye(size), shape)
+    for reported in cause.parameters(scene, fitted):
+        assert np.isfinite(reported.value)
+        assert reported.std >= 0.0
+        assert reported.unit
+    vehicle, remarks = cause.extend(scene.plant.vehicle, scene, fitted)
+    path = tmp_path / "vehicle_extended.yaml"
+    save_vehicle(vehicle, path)
+    again = load_vehicle(path)
+    assert set(again.mounts) == set(vehicle.mounts)
+    assert all(isinstance(r, str) for r in remarks)
+
+
+def test_one_soft_mount_has_no_residual_hypothesis():
+    assert library()["one_soft_mount"].hypotheses(cab_scene()) == ()
+
+
+def test_clipping_is_only_suspected_where_samples_heap_up_at_an_extreme():
+    found = library()["sensor_clipping"].hypotheses(cab_scene())
+    assert [h.location for h in found] == ["cab_rear_left"]
