@@ -80,8 +80,8 @@ def describe(
     if bare:
         missing.append(
             f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so the split of the forces among "
-            "the mounts rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in pilot runs, "
-            "up to 80 % on frames that twist much)"
+            "the mounts rests on stiffness ratios and a twist of the frame is invisible (34 to 40 % of the dynamic force in "
+            "pilot runs, up to 80 % on frames that twist much)"
         )
         advice.append(f"a triaxial accelerometer at the base of {', '.join(bare)} would tell deflections, stiffness and damping")
     half = [name for name in silent if name in travelled]
