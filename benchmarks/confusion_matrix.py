@@ -31,7 +31,7 @@ from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE
 from worlds.scenario import make_scenario
 from worlds.store import StoredCase, load_case, save_case
 
-NO_CAUSE = ("no_discrepancy", "unexplained", "insufficient_data")
+QUIET = ("no_discrepancy", "insufficient_data")
 ANGLE = {"roll": "x", "pitch": "y", "yaw": "z"}
 #: pairs of effects that leave different traces; drawn from by ``--pairs``
 PAIR_POOL = (
@@ -216,7 +216,7 @@ def summary(records: list[dict[str, Any]]) -> str:
             "place and axis right, given the right cause", (same_place(r["planted"][0], r["found"][0]) for r in right), ">= 90 %"
         )
     )
-    lines.append(_line("false alarms on clean runs", (bool(r["found"]) or r["verdict"] not in NO_CAUSE for r in clean), "<= 1 %"))
+    lines.append(_line("false alarms on clean runs", (r["verdict"] not in QUIET for r in clean), "<= 1 %"))
     lines.append(_line("clean runs called unexplained", (r["verdict"] == "unexplained" for r in clean), "<= 1 %"))
     lines.append(_line("outside the library called unexplained", (r["verdict"] == "unexplained" for r in outside), ">= 90 %"))
     lines.append(_line("listed effects called unexplained", (r["verdict"] == "unexplained" for r in single), "<= 5 %"))
