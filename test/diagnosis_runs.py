@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import UniformRun

@@ -178,16 +178,24 @@ def _insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
 
 def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     settings, scene = work.settings, work.calibrated.scene
-    accepted = work.selection.accepted
     base = predict(scene, work.data, work.baseline, settings)
-    extended = predict(scene, work.data, work.extended, settings) if accepted is not None else base
+    extended = base
+    refused: list[str] = []
+    if work.selection.accepted is not None:
+        extended = predict(scene, work.data, work.extended, settings)
+        if not _confirmed(work, base, extended):
+            names = ", ".join(work.selection.accepted.causes)
+            refused.append(f"{names} fitted the run but did not predict the judge blocks better: not named")
+            work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))
+            extended = base
+    accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
     soft = soft_mount(work.calibrated, state.stiffness, log_std[0])
     floor = noise_floor(scene)
     verdict, remaining = _verdict(work, soft, base, floor)
     causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
-    warnings = [*work.plant.warnings, *_bound_warnings(work, state)]
+    warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
     if scene.noise_scale > 1.25:
         warnings.append(
             f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; "
@@ -210,6 +218,16 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
         remarks=remarks,
         evidence=make_evidence(base, extended),
     )
+
+
+def _confirmed(work: _Work, base: Prediction, extended: Prediction) -> bool:
+    """Return whether the extended model predicts the judge blocks better; offsets are not in the band and pass."""
+    accepted = work.selection.accepted
+    if accepted is None or not np.any(accepted.rows):
+        return True
+    judge = work.splits.judge
+    (before, signal), (after, _) = block_squares(base), block_squares(extended)
+    return pooled_nrmse(after, signal, judge) < pooled_nrmse(before, signal, judge)
 
 
 def _verdict(work: _Work, soft: Fitted | None, base: Prediction, floor: float) -> tuple[str, float]:

@@ -53,6 +53,8 @@ class Hypothesis:
         port's columns once.
     variant
         Tells apart hypotheses of one cause and place, such as the side of a stop.
+    essential
+        Columns without which the hypothesis means nothing.
     """
 
     cause: str
@@ -65,6 +67,11 @@ class Hypothesis:
     complexity: float = 0.0
     ports: tuple[int, ...] = ()
     variant: str = ""
+    essential: tuple[int, ...] = ()
+
+    def meaningful(self, coefficients: Array) -> bool:
+        """Return whether every essential column is used."""
+        return all(coefficients[i] != 0.0 for i in self.essential)
 
     @property
     def key(self) -> tuple[str, str, str]:

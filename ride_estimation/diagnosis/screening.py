@@ -188,7 +188,7 @@ def _score_batch(
             part = slice(offset + first * per_port, offset + last * per_port)
             q = part.stop - part.start
             coefficients, drop = solve_signed(normal[part, part], right[part], h.column_signs(q))
-            gain = 0.5 * drop / projector.regression.temper
+            gain = 0.5 * drop / projector.regression.temper if h.meaningful(coefficients) else 0.0
             score = Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices))
             if id(h) not in best or score.gain > best[id(h)].gain:
                 best[id(h)] = score

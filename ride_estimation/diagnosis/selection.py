@@ -137,6 +137,7 @@ class Selector:
         short = shortlist(scores, self._settings.candidates if accepted is None else max(self._settings.candidates // 2, 3))
         start: list[Fitted] = list(accepted.fitted) if accepted is not None else []
         fits = [self._fitter.fit([*start, s], iterations=3) for s in short]
+        fits = [f for f in fits if all(part.hypothesis.meaningful(part.coefficients) for part in f.fitted)]
         tempers = [temper_of(f.misfit / self._dof, f.scene.inefficiency) for f in fits]
         temper = min(tempers, default=1.0)
         candidates = sorted(

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 
 import pytest
+
 from ride_estimation.cli.main import main
 from ride_estimation.io.vehicle_file import load_vehicle
 

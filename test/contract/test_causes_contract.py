@@ -7,6 +7,7 @@ import functools
 
 import numpy as np
 import pytest
+
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.hypothesis import Fitted, Sign
 from ride_estimation.diagnosis.plant import build_plant

@@ -7,6 +7,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from diagnosis_runs import quarter_car, quarter_car_run
+
 from ride_estimation.diagnosis.baseline import baseline_columns, mean_table
 from ride_estimation.diagnosis.calibration import calibrate, file_parameters
 from ride_estimation.diagnosis.diagnose import diagnose
@@ -24,8 +26,6 @@ from ride_estimation.diagnosis.selection import make_splits
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.signals.recording import UniformRun
-
-from diagnosis_runs import quarter_car, quarter_car_run
 
 
 def test_friction_reaches_its_level_and_its_loop_is_as_high_as_twice_the_level():

@@ -46,7 +46,7 @@ class MissingDegreeOfFreedom(Cause):
                     return _columns(scene, b, AXES.index(a), float(shape["frequency"]), float(shape["damping"]))
 
                 signs = (Sign.POSITIVE, Sign.ANY, Sign.ANY)
-                out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs))
+                out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs, essential=(0,)))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
