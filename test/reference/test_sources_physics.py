@@ -1,0 +1,156 @@
+# Copyright 2026 ride_estimation contributors
+"""Physics the documents leave out: gravity in forces, faults that cannot be placed, mass by least squares, warp forces."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from worlds.quarter_car import QuarterCar, drive_quarter_car, measure_quarter_car, road_height
+from worlds.roads import Road
+
+from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.cg_motion import CgMotionEstimator
+from ride_estimation.estimation.rls import RecursiveLeastSquares
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.integration import acceleration_to_displacement, acceleration_to_velocity, high_pass
+from ride_estimation.simulation.base_motion import BaseMotion
+from ride_estimation.simulation.simulate import simulate
+from ride_estimation.vehicles.assembly import assemble
+
+TRUCK_CAB = Path(__file__).parents[2] / "config" / "vehicles" / "truck_cab.yaml"
+CORNERS = {"FL": (0.8, 0.5, -0.7), "FR": (0.8, -0.5, -0.7), "RL": (-0.8, 0.5, -0.7), "RR": (-0.8, -0.5, -0.7)}
+GRAVITY = 9.80665
+
+
+def rough_bases(mounts, seconds=4.0, rate=200.0, scale=8e-3, seed=5):
+    """Return independent smooth motion of every mount base, mostly vertical."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    lines = rng.uniform(0.7, 8.0, 12)
+    wave = np.sin(2 * np.pi * lines * t[:, None] + rng.uniform(0, 6.28, 12)) * (1 - np.exp(-4 * t * t))[:, None] / np.sqrt(lines)
+    mix = rng.standard_normal((12, mounts, 3)) * np.array([0.2, 0.2, 1.0])
+    return BaseMotion.from_displacement(scale * np.einsum("nk,kma->nma", wave, mix), rate)
+
+
+def test_sum_of_mount_forces_is_mass_times_specific_force():
+    """4.1 (i): an accelerometer at the CG reads what the mounts carry, weight included; finite rotations."""
+    vehicle = load_vehicle(TRUCK_CAB)
+    body = vehicle.bodies["cab"]
+    probe = Sensor("probe", "accelerometer", "/probe", "cab", position=body.cg)
+    vehicle = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "probe": probe})
+    response = simulate(assemble(vehicle), rough_bases(4), full_rotation=True)
+    felt = body.mass.value * response.specific_force("probe")
+    total = response.mount_force().sum(axis=1)
+    np.testing.assert_allclose(felt, total, atol=1e-6 * body.mass.value * GRAVITY)
+    # and a mean is no gravity: 4.1 (ii), the de-meaned reading differs from the acceleration as the cab rolls and pitches
+    lateral = response.specific_force("probe")[:, 1]
+    true = response.cg_motion("cab")[:, 1]
+    assert np.std(lateral - lateral.mean() - true) > 0.05 * np.std(true)
+
+
+def parity(change):
+    """Return the residual RMS per sensor for 20 s of rigid motion with a fault put into the readings by ``change``."""
+    rng = np.random.default_rng(8)
+    t = np.arange(4000) / 200.0
+    lines = rng.uniform(0.8, 8.0, 10)
+    phase = rng.uniform(0, 6.28, 10)
+
+    def motion(delay):
+        wave = np.sin(2 * np.pi * lines * (t - delay)[:, None] + phase)
+        mix = np.random.default_rng(9).standard_normal((10, 6)) * np.array([0.2, 0.3, 0.6, 0.5, 0.6, 0.2])
+        return wave @ mix
+
+    readings = {}
+    for name, place in CORNERS.items():
+        now = motion(0.0)
+        values = now[:, :3] + np.cross(now[:, 3:], np.array(place)) + np.array([0.0, 0.0, GRAVITY])
+        late = motion(0.005)
+        shifted = late[:, :3] + np.cross(late[:, 3:], np.array(place)) + np.array([0.0, 0.0, GRAVITY])
+        readings[name] = change(name, values, shifted) + 0.02 * rng.standard_normal((4000, 3))
+    sensors = [Sensor(n, "accelerometer", f"/{n}", "cab", position=np.array(p), noise_std=0.02) for n, p in CORNERS.items()]
+    estimator = CgMotionEstimator(sensors, np.zeros(3), np.ones(6, dtype=bool), GRAVITY)
+    samples = np.hstack(list(readings.values()))
+    block = estimator.observe(samples, np.zeros((4000, 0)), np.ones((4000, 4), dtype=bool), 0.005)
+    residual = samples - estimator.predict(block.motion, block.rate)
+    rms = np.sqrt(np.mean(residual.reshape(-1, 4, 3) ** 2, axis=(0, 2)))
+    return dict(zip(CORNERS, rms)), estimator.residual_test(0.005)
+
+
+def vertical_gain(name, values, late):
+    return values * np.array([1.0, 1.0, 1.03 if name == "FR" else 1.0])
+
+
+def vertical_delay(name, values, late):
+    return np.column_stack([values[:, :2], late[:, 2] if name == "FR" else values[:, 2]])
+
+
+@pytest.mark.parametrize("fault", [vertical_gain, vertical_delay])
+def test_vertical_faults_look_alike_on_all_four_sensors(fault):
+    """4.4: of six spare equations one is vertical, direction [1, -1, -1, 1]: it tells that, never where."""
+    clean, _ = parity(lambda name, values, late: values)
+    found, judged = parity(fault)
+    assert min(found.values()) > 1.15 * max(clean.values())
+    assert max(found.values()) < 1.05 * min(found.values())
+    assert not judged.passed
+    assert len({judged.sensor, *judged.rivals}) >= 2  # says that it cannot choose
+
+
+def test_a_sensor_that_is_late_in_all_axes_is_placed():
+    found, judged = parity(lambda name, values, late: late if name == "FR" else values)
+    assert max(found, key=found.get) == "FR"
+    assert judged.sensor == "FR"
+
+
+def test_mass_with_known_stiffness_follows_a_load_of_400_kg():
+    """4.6: ``-k z = m a_s + c zdot`` recursively, k known, same filters on all; class C at 10 m/s, noise 0.02 m/s^2."""
+    rate, step, corner = 200.0, 1e-3, 0.4
+    car = QuarterCar(mass_after=(40.0, 2900.0))
+    height, slope = road_height(dataclasses.replace(Road(), roughness=256e-6, speed=10.0), 80.0, step, 2)
+    data = measure_quarter_car(drive_quarter_car(car, height, slope, step), rate, 2, 0.02)
+    body, axle = (data[n][:, 2] - GRAVITY for n in ("body", "axle"))
+    z = acceleration_to_displacement(body - axle, rate, corner)
+    v = high_pass(acceleration_to_velocity(body - axle, rate, corner), rate, corner)
+    a = high_pass(high_pass(body - body.mean(), rate, corner), rate, corner)
+    rows, target = np.column_stack([a, v]) / 100.0, -car.stiffness * z / 100.0  # about 100 N of residual
+    batch = 200
+    estimator = RecursiveLeastSquares(np.array([1800.0, 1e4]), np.array([2000.0, 2e4]), forgetting=0.999**batch)
+    history = []
+    for k in range(0, len(rows) - batch + 1, batch):
+        phi, y = rows[k : k + batch], target[k : k + batch]
+        estimator.update(phi.T @ phi, phi.T @ (y - phi @ estimator.theta))
+        history.append(estimator.theta[0])
+    assert history[37] == pytest.approx(2500.0, rel=0.01)  # kg; noise in the regressors alone costs 0.3 to 0.4 %
+    # forgetting no faster than news arrives makes the memory longer than 1 / (1 - lambda): 2 % after 25 s, not after 9 s
+    assert history[69] == pytest.approx(2900.0, rel=0.02)
+    without = np.linalg.lstsq(np.column_stack([a, v])[4000:7600], -z[4000:7600], rcond=None)[0]
+    loaded = np.linalg.lstsq(np.column_stack([a, v])[12000:15600], -z[12000:15600], rcond=None)[0]
+    # without k only the ratios m/k and c/k: mass up by 16 % shows in m/k, c/k stays
+    assert loaded[0] / without[0] == pytest.approx(1.16, abs=0.01)
+    assert loaded[1] / without[1] == pytest.approx(1.0, abs=0.01)
+
+
+def test_six_equations_leave_six_directions_one_of_them_pure_warp():
+    """4.7: rank 6 of 12; corner forces +-1 vertical make no wrench on symmetric corners; splitting by stiffness misses them."""
+    vehicle = load_vehicle(TRUCK_CAB)
+    arrangement = arrange(vehicle)
+    g = arrangement.wrench
+    assert np.linalg.matrix_rank(g) == 6
+    vertical = g[:, 2::3]
+    _, singular, directions = np.linalg.svd(vertical)
+    assert singular[3] < 0.05 * singular[0] if len(singular) > 3 else True
+    warp = directions[-1]
+    assert np.all(np.sign(warp * warp[0]) == np.array([1, -1, -1, 1]))
+    np.testing.assert_allclose(vertical @ warp, 0.0, atol=1e-9)
+    response = simulate(assemble(vehicle), rough_bases(4))
+    force = response.mount_force() - response.assembly.static_force
+    wrench = force.reshape(len(force), 12) @ g.T
+    stiffness = np.diag([vehicle.mounts[m].elements[a].stiffness for m in vehicle.mount_names for a in "xyz"])
+    split = (wrench @ np.linalg.inv(g @ stiffness @ g.T) @ g @ stiffness).reshape(force.shape)
+    error = np.std(split[:, :, 2] - force[:, :, 2], axis=0) / np.std(force[:, :, 2], axis=0)
+    assert np.all(error > 0.2)  # independent bases, half of the motion is warp: unknowable from cab accelerometers
+    doubled = wrench @ np.linalg.inv(g @ (2 * stiffness) @ g.T) @ g @ (2 * stiffness)
+    np.testing.assert_allclose(doubled.reshape(force.shape), split, rtol=1e-9, atol=1e-6)  # only ratios of stiffness matter
