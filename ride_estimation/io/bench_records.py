@@ -208,7 +208,7 @@ def _mat_columns(path: Path) -> dict[str, Array]:
 
     try:
         content = loadmat(path)
-    except (OSError, ValueError, NotImplementedError, TypeError, MatReadError) as error:
+    except (OSError, ValueError, IndexError, TypeError, RuntimeError, MatReadError) as error:
         raise InputDataError(f"{path}: not a readable MATLAB 5 file ({error})") from error
     return {
         k: v.astype(float).ravel()

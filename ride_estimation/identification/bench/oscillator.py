@@ -26,6 +26,9 @@ from ride_estimation.metrics import nrmse
 
 Array = NDArray[np.float64]
 
+#: share of the response's standard deviation below which errors are rounding and choose no model
+_RESOLUTION = 1.0e-6
+
 #: names of the recursion's coefficients
 COEFFICIENTS = ("a1", "a2", "b0", "b1", "b2", "e", "c2", "c3", "c4")
 #: the ladder: name -> coefficients used
@@ -239,7 +242,10 @@ def identify_oscillator(
         errors.append(error)
     best = int(np.argmin([r.mse for r in rungs]))
     n = effective_samples(errors[best])
-    scored = tuple(dataclasses.replace(r, criterion=float(n * np.log(r.mse) + len(LADDER[r.name]) * np.log(n))) for r in rungs)
+    floor = (_RESOLUTION * float(np.std(record.y))) ** 2
+    scored = tuple(
+        dataclasses.replace(r, criterion=float(n * np.log(max(r.mse, floor)) + len(LADDER[r.name]) * np.log(n))) for r in rungs
+    )
     return scored, int(np.argmin([r.criterion for r in scored]))
 
 
