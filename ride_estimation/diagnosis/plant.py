@@ -102,6 +102,24 @@ class Plant:
         """Return the sensors of inputs and outputs in order."""
         return tuple(dict.fromkeys(s.sensor for s in (*self.outputs, *self.inputs)))
 
+    def static_tilt(self) -> Array:
+        """Return the wrench of the static mount loads that turn with their bases, from slope integrals, shape (n, nu).
+
+        ``wrench = static_tilt u / (-omega^2)``: force ``F0 theta x e_z`` at every mount on a measured base.
+        """
+        out = np.zeros((len(self.coordinates), self.slope.shape[1]))
+        bodies = {b for b, _ in self.coordinates}
+        for j, name in enumerate(self.mounts):
+            mount = self.vehicle.mounts[name]
+            if mount.base in bodies:
+                continue
+            turn_x, turn_y, _ = self.slope[3 * j : 3 * j + 3]
+            force = self.static_force[j] * np.stack([turn_y, -turn_x, np.zeros_like(turn_x)])
+            six = point_motion_matrix(mount.position - self.vehicle.bodies[mount.body].cg).T @ force
+            for row, column in self.coordinate_rows(mount.body):
+                out[row] += six[column]
+        return out
+
     def coordinate_rows(self, body: str) -> list[tuple[int, int]]:
         """Return (row of q, column of the six body coordinates) of one body."""
         return [(i, COORDINATES.index(c)) for i, (b, c) in enumerate(self.coordinates) if b == body]

@@ -154,6 +154,9 @@ class Scene:
         self._taper = edge_taper(self.grid.samples, data.rate_hz)
         self._prepare()
         self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
+        tilt = self.plant.static_tilt() * (-1.0 / self.grid.omega**2)[:, None, None]
+        #: how noise of the inputs reaches the outputs: static loads that turn with their bases included
+        self.noise_transfer = self.response.output_from_input + self.response.output_from_wrench @ tilt
         self._simulate()
         self._whiten(whitener)
         self._smooth_motion(smooth)
@@ -215,7 +218,9 @@ class Scene:
             q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
             x = q @ self.plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.port_base.T
             self.motion = BodyMotion(grid.signal(q), grid.signal(iw * q), grid.signal(iw**2 * q))
-            self.deflection, self.deflection_rate = grid.signal(x), grid.signal(iw * x)
+            # integration drift below the band stretches the base and must not reach the products of full rotation
+            real = x * grid.low_flank[:, None]
+            self.deflection, self.deflection_rate = grid.signal(real), grid.signal(iw * real)
             second_order = grid.spectrum(self.tapered(self.rotation_wrench("base")))
         self.coordinate_spectrum, self.deflection_spectrum = q, x
         outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
@@ -251,7 +256,7 @@ class Scene:
             covariance = residual_covariance(
                 self.noise_scale * np.array([s.noise_std for s in self.plant.outputs]),
                 self.noise_scale * np.array([s.noise_std for s in self.plant.inputs]),
-                self.response.output_from_input,
+                self.noise_transfer,
                 smoothed_power(self.measured_spectrum, self.grid.samples, width),
                 self.settings.adequacy,
             )

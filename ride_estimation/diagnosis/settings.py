@@ -39,7 +39,7 @@ class Tolerances:
     position: float = 0.004
     delay: float = 0.5e-4
     bandwidth: float = 0.15
-    bias: float = 0.05
+    bias: float = 0.02
     cg: float = 0.01
     inertia: float = 0.03
     stiffness: float = 0.5
