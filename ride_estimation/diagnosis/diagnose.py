@@ -50,6 +50,7 @@ Report = Callable[[float], None]
 
 _METRIC = "pooled NRMSE of the accelerometers on the body within the band (rms error over rms of the measured signal)"
 _LEAST_BLOCKS = 4
+_MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
 
 def diagnose(
@@ -195,6 +196,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     floor = noise_floor(scene)
     verdict, remaining = _verdict(work, soft, base, floor)
     causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
+    causes = _tempered(causes, verdict, remaining)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
     if scene.noise_scale > 1.25:
         warnings.append(
@@ -208,7 +210,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     return Diagnosis(
         verdict=verdict,
         sentence=sentence,
-        causes=causes if verdict in (EXPLAINED, UNEXPLAINED) else (),
+        causes=causes,
         gain=gain,
         residual=residual,
         warnings=(*warnings, *gain_warnings),
@@ -218,6 +220,14 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
         remarks=remarks,
         evidence=make_evidence(base, extended),
     )
+
+
+def _tempered(causes: tuple[NamedCause, ...], verdict: str, remaining: float) -> tuple[NamedCause, ...]:
+    """Return the causes with confidence lowered by what they leave; none where most of the residual remains."""
+    if verdict == NO_DISCREPANCY or (verdict == UNEXPLAINED and remaining > _MOSTLY_UNEXPLAINED):
+        return ()
+    factor = 1.0 - (remaining if verdict == UNEXPLAINED else remaining**2)
+    return tuple(dataclasses.replace(c, confidence=c.confidence * max(factor, 0.0)) for c in causes)
 
 
 def _confirmed(work: _Work, base: Prediction, extended: Prediction) -> bool:

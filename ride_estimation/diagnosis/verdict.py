@@ -84,7 +84,8 @@ def _weigh(
     fitted: Fitted, accepted: FullFit | None, rounds: Sequence[Round], settings: Settings
 ) -> tuple[float, tuple[Rival, ...]]:
     """Return confidence and rivals of one accepted cause from the round that offered it."""
-    for current in rounds:
+    won = [r for r in rounds if r.candidates and r.candidates[0].fit.fitted[-1].hypothesis.key == fitted.hypothesis.key]
+    for current in won or rounds:
         offered = [(c.fit.fitted[-1].hypothesis, c) for c in current.candidates]
         mine = [c.log_likelihood for h, c in offered if h.key == fitted.hypothesis.key]
         if not mine:
