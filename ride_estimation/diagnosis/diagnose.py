@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
@@ -34,6 +35,7 @@ from ride_estimation.diagnosis.result import (
     Calibration,
     Diagnosis,
     Gain,
+    NamedCause,
     Step,
     ValidationGain,
 )
@@ -101,6 +103,18 @@ def diagnose(
     return answer
 
 
+def within_tolerance(adjustables: Sequence[Adjustable], coefficients: Array) -> Array:
+    """Return coefficients with installation tolerances cut at three standard deviations.
+
+    What lies beyond is a fault and not calibration: the plain model that the gain is measured against may not hide it.
+    """
+    limit = np.array([
+        3.0 * a.prior_std if a.kind in ("gain", "misalignment", "position", "delay", "bandwidth", "cg", "inertia") else np.inf
+        for a in adjustables
+    ])
+    return np.asarray(np.clip(coefficients, -limit, limit))
+
+
 @dataclasses.dataclass(frozen=True)
 class _Work:
     """Everything the conclusion needs."""
@@ -119,7 +133,8 @@ class _Work:
         """Return the calibrated model."""
         scene = self.calibrated.scene
         state = ModelState(scene.state.stiffness, scene.state.damping)
-        return Model(state, self.calibrated.adjustables, self.calibrated.fit.coefficients)
+        adjustables = self.calibrated.adjustables
+        return Model(state, adjustables, within_tolerance(adjustables, self.calibrated.fit.coefficients))
 
     @property
     def extended(self) -> Model:
