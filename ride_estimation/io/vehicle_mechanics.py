@@ -16,14 +16,13 @@ from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.io.document import Section, as_number, quantity_from, suggestion
 from ride_estimation.units import si_unit, split_suffix
+from ride_estimation.vehicles.inertia import GYRATION_RANGE
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior
 
 Array = NDArray[np.float64]
 
 #: farthest a point of a vehicle may be from the origin [m]; beyond it the unit is wrong
 FARTHEST = 50.0
-#: radii of gyration a vehicle body can have [m]
-GYRATION = (0.01, 20.0)
 #: frequencies on the mounts a vehicle body can have [Hz]
 MOUNT_FREQUENCY = (0.03, 1000.0)
 
@@ -132,10 +131,10 @@ def _check_inertia(section: Section, tensor: Array, mass: float) -> None:
             f"{principal[0] + principal[1]:.4g} kg m^2",
         )
     radii = np.sqrt(principal / mass)
-    if radii[2] > GYRATION[1] or radii[0] < GYRATION[0]:
-        worst = radii[2] if radii[2] > GYRATION[1] else radii[0]
-        hint = "kg mm^2 given as kg m^2" if worst > GYRATION[1] else "wrong unit of mass or inertia"
-        allowed = f"{GYRATION[0]:g} to {GYRATION[1]:g} m"
+    if radii[2] > GYRATION_RANGE[1] or radii[0] < GYRATION_RANGE[0]:
+        worst = radii[2] if radii[2] > GYRATION_RANGE[1] else radii[0]
+        hint = "kg mm^2 given as kg m^2" if worst > GYRATION_RANGE[1] else "wrong unit of mass or inertia"
+        allowed = f"{GYRATION_RANGE[0]:g} to {GYRATION_RANGE[1]:g} m"
         section.note("", f"a radius of gyration of {worst:.3g} m is impossible for {mass:g} kg; allowed: {allowed} ({hint}?)")
 
 

@@ -14,8 +14,8 @@ from ride_estimation.units import SUFFIXES
 
 Array = NDArray[np.float64]
 
-#: radius of gyration of a cab, machine or truck body lies between these [m]
-GYRATION_RANGE = (0.05, 10.0)
+#: radius of gyration of a seat, cab, machine or truck body lies between these [m]
+GYRATION_RANGE = (0.01, 20.0)
 
 
 def inertia_to_si(tensor: ArrayLike, unit: str, mass: float) -> Array:
@@ -35,7 +35,7 @@ def inertia_to_si(tensor: ArrayLike, unit: str, mass: float) -> Array:
     Raises
     ------
     ConfigurationError
-        Unknown unit, or a radius of gyration outside 0.05 to 10 m, with the unit that would fit.
+        Unknown unit, or a radius of gyration outside 0.01 to 20 m, with the unit that would fit.
     """
     factors = {u: f for u, f in SUFFIXES.values() if u in ("kg m^2", "kg mm^2")}
     if unit not in factors:

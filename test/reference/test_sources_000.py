@@ -201,9 +201,10 @@ def test_units_of_table_1_are_told_by_the_bounce_mode():
 def test_vehicle_file_with_the_printed_inertia_is_refused(tmp_path):
     text = (ROOT / "config" / "vehicles" / "truck_cab.yaml").read_text(encoding="utf-8")
     path = tmp_path / "printed.yaml"
-    assert "ixx: 730" in text
-    path.write_text(text.replace("ixx: 730", "ixx: 7.3e8", 1), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="inertia"):
+    ours = "ixx: 730.0, iyy: 540.0, izz: 810.0"
+    assert ours in text
+    path.write_text(text.replace(ours, "ixx: 7.3e8, iyy: 5.4e8, izz: 8.1e8"), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"radius of gyration.*kg mm\^2"):
         load_vehicle(path)
 
 

@@ -141,10 +141,9 @@ def test_six_equations_leave_six_directions_one_of_them_pure_warp():
     assert np.linalg.matrix_rank(g) == 6
     vertical = g[:, 2::3]
     _, singular, directions = np.linalg.svd(vertical)
-    assert singular[3] < 0.05 * singular[0] if len(singular) > 3 else True
+    assert singular[3] < 1e-9 * singular[0]
     warp = directions[-1]
     assert np.all(np.sign(warp * warp[0]) == np.array([1, -1, -1, 1]))
-    np.testing.assert_allclose(vertical @ warp, 0.0, atol=1e-9)
     response = simulate(assemble(vehicle), rough_bases(4))
     force = response.mount_force() - response.assembly.static_force
     wrench = force.reshape(len(force), 12) @ g.T
