@@ -16,6 +16,7 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear
 from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.isolability import confusions
 from ride_estimation.diagnosis.outlier import soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.prediction import (
@@ -218,6 +219,11 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
             f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; "
             "the measured noise is used"
         )
+    named = len(accepted.fitted) if accepted is not None else 0
+    warnings += [
+        f"{c.first} and {c.second} cannot be told apart on this run ({c.deficit:.1f} nat); what separates them: {c.separable_by}"
+        for c in confusions(work.selection.rounds[:named])
+    ]
     gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     residual = residual_summary(base, extended, remaining, accepted is not None)
