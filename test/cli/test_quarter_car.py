@@ -2,6 +2,7 @@
 """End to end: ``ride-estimation quarter-car`` on the fire truck of document 002."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +25,11 @@ def table(tmp_path_factory):
 
 
 def test_six_models_are_fitted_and_written(table, tmp_path, capsys):
-    assert main(["quarter-car", table, *MASSES, *DRIVE, "--starts", "0", "--out", str(tmp_path)]) == 0
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    path = tmp_path / "slow.csv"
+    # a quarter of the samples: the motion ends at 15 Hz
+    np.savetxt(path, rows[::4], delimiter=",", header=Path(table).read_text().splitlines()[0], comments="")
+    assert main(["quarter-car", str(path), *MASSES, *DRIVE, "--starts", "0", "--out", str(tmp_path)]) == 0
     text = capsys.readouterr().out
     for number in range(1, 7):
         assert f"model {number}," in text
