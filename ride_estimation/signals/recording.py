@@ -65,7 +65,7 @@ class Recording:
     ignored: Mapping[str, int] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
-    def in_order(self) -> Iterator[tuple[int, int, list[float], list[float] | None]]:
+    def in_order(self) -> Iterator[tuple[int, int, tuple[float, ...], tuple[float, ...] | None]]:
         """Yield (channel index, stamp [ns], values, variance or None) of every sample in order of arrival."""
         channels = list(self.channels.values())
         if not channels:
@@ -74,13 +74,16 @@ class Recording:
         key = np.concatenate([c.arrival_ns if c.order is None else c.order for c in channels])
         position = np.concatenate([np.arange(len(c.stamp_ns)) for c in channels])
         by_arrival = np.argsort(key, kind="stable")
-        columns = [
-            (c.stamp_ns.tolist(), c.values.tolist(), None if c.variance is None else c.variance.tolist()) for c in channels
-        ]
+        columns = [(c.stamp_ns.tolist(), _rows(c.values), None if c.variance is None else _rows(c.variance)) for c in channels]
         for index, k in zip(owner[by_arrival].tolist(), position[by_arrival].tolist()):
             stamps, values, variance = columns[index]
             stated = None if variance is None or math.isnan(variance[k][0]) else variance[k]
             yield index, stamps[k], values[k], stated
+
+
+def _rows(values: Array) -> list[tuple[float, ...]]:
+    """Return the rows as tuples; lists would keep the garbage collector busy."""
+    return list(zip(*(values[:, i].tolist() for i in range(values.shape[1]))))
 
 
 @dataclasses.dataclass(frozen=True)
