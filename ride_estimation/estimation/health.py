@@ -26,6 +26,8 @@ class SensorHealth:
         Ticks without a usable sample.
     residual_ratio
         Root mean square residual over its expected value, largest channel; 1 is right, NaN never (0 where not tested).
+    refused
+        Reason -> ticks at which samples were there but not fit to be used.
     """
 
     name: str
@@ -38,6 +40,7 @@ class SensorHealth:
     clipped: int
     invalid_ticks: int
     residual_ratio: float
+    refused: Mapping[str, int] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.anchors import MassAnchor
-from ride_estimation.estimation.arrangement import ACCELEROMETERS, arrange
+from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.base_fill import BaseFill
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
@@ -29,6 +30,9 @@ from ride_estimation.estimation.mount_forces import ForceBlock, MountForceEstima
 from ride_estimation.estimation.mount_law import MountLaw
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameter_estimator import ParameterEstimator
+from ride_estimation.estimation.restoring import restarted
+from ride_estimation.estimation.rigid_check import RigidCheck
+from ride_estimation.estimation.sensor_gate import GateVerdict, SensorGate
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.frames import AXES
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
@@ -37,6 +41,13 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 STATE_SCHEMA = "ride_estimation/estimator_state/1"
+
+#: distance of two copies of what was learned [s]; the older is taken when a sensor turns out to be faulty
+_TAKE_BACK = 1.0
+#: time in which the doubt about the motion fades [s]
+_DOUBT_FADES = 1.0
+#: disagreement of the body sensors, in units of their tolerance, from which on nothing learned is called valid
+_CONTRADICTION = 4.0
 
 
 class Pipeline:
@@ -63,6 +74,7 @@ class Pipeline:
         self._motion = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity, self.settings)
         self._loads = InertialLoads.of(a.body)
         self._deflection = DeflectionEstimator(a)
+        self._fill = BaseFill(a)
         self._law = MountLaw(a)
         self._forces = MountForceEstimator(a, self._law, self._deflection.known)
         self._parameters = ParameterEstimator(a, self.settings)
@@ -74,6 +86,12 @@ class Pipeline:
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
         self._layout()
+        self._gate = self._new_gate()
+        self._excess, self._rate = 1.0, np.zeros(3)
+        self._kept: list[dict[str, Any]] = []
+        self._calm: list[dict[str, Any]] = []
+        self._next_copy = 0.0
+        self._taken_back = 0
         self._unknown: Counter[str] = Counter()
         self._restarts: Counter[str] = Counter()
         self._clipped = np.zeros(len(self._sensors), dtype=np.int64)
@@ -109,15 +127,22 @@ class Pipeline:
             for s in a.transducers
         ]  # fmt: skip
         self._cells = [(name, i, self._index[name], columns[self._index[name]].start) for name, i in self._anchor.cells]
+        # a body sensor that is missing is made up for by the others, as long as the motion stays complete
         self._needed = np.array(
-            [
-                self._index[s.name]
-                for s in self._sensors
-                if s.kind in ACCELEROMETERS or (s.kind == "displacement" and not a.has_base_motion)
-            ]
-        )
+            [stream for _, stream, _, _ in self._base]
+            + [self._index[s.name] for s in a.transducers if not a.has_base_motion], dtype=np.int64,
+        )  # fmt: skip
         self._limits = np.array([s.full_scale for s in self._sensors])
         self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
+
+    def _new_gate(self) -> SensorGate:
+        m, a = self._motion, self.arrangement
+        n = 3 * len(a.body_sensors)
+        check = RigidCheck(m.rows[:n], m.directions[:n], m.points[:n], [s.noise_std for s in a.body_sensors])
+        return SensorGate(
+            self._sensors, [c.start for c in self._aligner.columns], self._body_streams.tolist(),
+            [stream for _, stream, _, _ in self._base], [stream for _, _, stream, _ in self._transducers], check,
+        )  # fmt: skip
 
     # -- input ------------------------------------------------------------------------------------------------------------
 
@@ -155,6 +180,7 @@ class Pipeline:
         self._due = None
         self._parameters = ParameterEstimator(self.arrangement, self.settings)
         self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
+        self._kept, self._calm = [], []
         self._apply()
         self._restart(reason)
         self._aligner = self._new_aligner()
@@ -166,6 +192,9 @@ class Pipeline:
         self._deflection.reset()
         self._forces.reset()
         self._parameters.restart()
+        self._gate.reset()
+        self._fill.reset()
+        self._excess = 1.0
 
     # -- one block --------------------------------------------------------------------------------------------------------
 
@@ -177,8 +206,14 @@ class Pipeline:
         self._dt = dt
         ticks = len(block.values)
         self._watch_input(block, dt)
+        verdict = self._gate.judge(block, self._rate, dt)
+        block = dataclasses.replace(block, valid=verdict.valid)
+        if verdict.began:
+            self._take_back(verdict)
         gyro = block.values[:, self._gyro_columns]
         motion = self._motion.observe(block.values[:, self._body_columns], gyro, block.valid[:, self._body_streams], dt)
+        motion = self._doubted(motion, verdict, ticks * dt)
+        self._rate = motion.rate[-1]
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
         inertial = self._loads.load(accel, motion.rate)
@@ -192,7 +227,9 @@ class Pipeline:
             if block.valid[:, stream].all():
                 cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
                 self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
-        complete, before = bool(block.valid[:, self._needed].all()), self._stamp
+        complete = bool(block.valid[:, self._needed].all() and motion.valid.all())
+        complete = complete and not verdict.suspects and not verdict.unusual
+        before = self._stamp
         self._due = lambda: self._learn(motion, deflection, support, complete, before, dt)
         self._ticks += ticks
         self._invalid_ticks += int(np.sum(~motion.valid))
@@ -210,6 +247,37 @@ class Pipeline:
             measured={n: measured[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
             predicted={n: predicted[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
         )  # fmt: skip
+
+    def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
+        """Widen the covariance of the motion while the sensors of the body contradict each other."""
+        self._excess = max(verdict.excess, 1.0 + (self._excess - 1.0) * float(np.exp(-duration / _DOUBT_FADES)))
+        if self._excess < 1.01:
+            self._excess = 1.0
+            return motion
+        return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2)
+
+    def _keep_copy(self) -> None:
+        """Keep what was learned, to have the state of one to two seconds ago."""
+        if self._run_time >= self._next_copy:
+            self._next_copy = self._run_time + _TAKE_BACK
+            self._kept = [*self._kept[-1:], self._parameters.save()]
+            self._calm = [*self._calm[-1:], self._deflection.save()]
+
+    def _take_back(self, verdict: GateVerdict) -> None:
+        """Return to what was learned before a sensor became faulty; deflections it spoiled start again from rest."""
+        spoiled = [i for i, stream, _, _ in self._base if stream in verdict.newly_refused]
+        if any(stream in verdict.newly_refused for stream in self._body_streams):
+            spoiled = list(range(len(self.arrangement.mounts)))
+        if spoiled and self._calm:
+            self._deflection.load(restarted(self._deflection.save(), self._calm[0], spoiled))
+            self._calm = self._calm[:1]
+        self._parameters.restart()
+        if self._kept:
+            self._parameters.load(self._kept[0])
+            self._kept = self._kept[:1]
+            self._next_copy = self._run_time + _TAKE_BACK
+            self._taken_back += 1
+            self._apply()
 
     def _watch_input(self, block: Block, dt: float) -> None:
         self._invalid += len(block.valid) - block.valid.sum(axis=0)
@@ -232,17 +300,20 @@ class Pipeline:
         for i, stream, start, rotation in self._base:
             base[:, i] = block.values[:, start : start + 3] @ rotation.T
             base_ok[:, i] = block.valid[:, stream]
+        base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
         expected = np.mean((self._forces.shared(support) / np.maximum(self._law.stiffness, 1.0)) ** 2, axis=0)
-        return self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt)
+        found = self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt)
+        return self._fill.widen(found, ticks * dt)
 
     def _observe_forces(
         self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float
     ) -> ForceBlock:
-        return self._forces.observe(deflection, support, covariance, self._deflection.turn_rate(deflection), dt)
+        found = self._forces.observe(deflection, support, covariance, self._deflection.turn_rate(deflection), dt)
+        return self._fill.widen_forces(found, len(support) * dt)
 
     def _settle(self) -> None:
         """Learn from the last block; put off until the next call so that the block's forces are handed out first."""
@@ -266,6 +337,7 @@ class Pipeline:
                 p.theta[:-1], p.std[:-1], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
+        self._keep_copy()
 
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""
@@ -331,10 +403,13 @@ class Pipeline:
             h = streams[s.name]
             sensors[s.name] = SensorHealth(
                 s.name, h.accepted, h.rejected, h.rate_hz, h.gaps, h.longest_gap_s, h.silent, int(self._clipped[i]),
-                int(self._invalid[i]), ratio.get(s.name, 0.0),
+                int(self._invalid[i]), ratio.get(s.name, 0.0), dict(self._gate.refused.get(i, {})),
             )  # fmt: skip
-        messages = [m for m in (residual_message(test),) if m] + sensor_messages(list(sensors.values()), self._ticks)
+        messages = self._gate.messages() + [m for m in (residual_message(test),) if m]
+        messages += sensor_messages(list(sensors.values()), self._ticks)
         messages += self._parameters.notes()
+        if self._taken_back:
+            messages.append(f"{self._taken_back} times what was learned in the last seconds was taken back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,

@@ -119,8 +119,9 @@ def sensor_status(sensor: SensorHealth) -> DiagnosticStatus:
         level, message = DiagnosticStatus.ERROR, "configured, but has contributed no sample"
     elif sensor.silent:
         level, message = DiagnosticStatus.ERROR, "has stopped"
-    elif sensor.clipped or sensor.rejected or sensor.gaps:
+    elif sensor.clipped or sensor.rejected or sensor.gaps or sensor.refused:
         found = [("at full scale", sensor.clipped), ("samples rejected", sum(sensor.rejected.values())), ("gaps", sensor.gaps)]
+        found += [(f"ticks {reason}", count) for reason, count in sorted(sensor.refused.items())]
         level, message = DiagnosticStatus.WARN, ", ".join(f"{count} {what}" for what, count in found if count)
     values: dict[str, object] = {
         "accepted": sensor.accepted,

@@ -1,0 +1,106 @@
+# Copyright 2026 ride_estimation contributors
+"""Base motion at a mount whose sensor is missing, from the other base sensors, and how uncertain the deflection is then.
+
+The frame is taken as rigid: vertical acceleration linear in x and y, horizontal linear in y and x (yaw). What the frame twists is
+lost, so the deflection of that mount is only known to a share of its usual size.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.deflection import DeflectionBlock
+from ride_estimation.estimation.mount_forces import ForceBlock
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
+_UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
+#: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
+_UNKNOWN_FORCE = 1.0
+
+
+class BaseFill:
+    """Stand-in for missing base sensors.
+
+    Parameters
+    ----------
+    arrangement
+        Mounts and base sensors.
+    """
+
+    def __init__(self, arrangement: Arrangement) -> None:
+        place = np.array([m.position for m in arrangement.mounts]).reshape(-1, 3)
+        self._place = place - place.mean(axis=0) if len(place) else place
+        self._has = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
+        self._maps: dict[bytes, Array] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget sizes."""
+        count = len(self._place)
+        self._square, self._rate_square = np.zeros((count, 3)), np.zeros((count, 3))
+        self._force, self._force_square = np.zeros((count, 3)), np.zeros((count, 3))
+        self._doubt, self._age = np.zeros(count), 0.0
+
+    def _map(self, there: BoolArray) -> Array:
+        """Return weights of the sensors that speak on every mount, shape (3, M, M)."""
+        key = there.tobytes()
+        found = self._maps.get(key)
+        if found is None:
+            count = len(there)
+            x, y, one = self._place[:, 0], self._place[:, 1], np.ones(count)
+            found = np.zeros((3, count, count))
+            for axis, columns in enumerate(([one, y], [one, x], [one, x, y])):
+                design = np.column_stack(columns)
+                found[axis][:, there] = design @ np.linalg.pinv(design[there], rcond=1e-3)
+            self._maps[key] = found
+        return found
+
+    def fill(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
+        """Replace missing ticks; return the signals (K, M, 3) and which ticks have one (K, M)."""
+        self._doubt *= float(np.exp(-duration / _FADES))
+        missing = self._has & ~ok.all(axis=0)
+        there = self._has & ~missing
+        if not missing.any() or not there.any():
+            return base, ok
+        filled, filled_ok = base.copy(), ok.copy()
+        for m in np.flatnonzero(missing):
+            estimate = np.einsum("aj,kja->ka", self._map(there)[:, m], base)
+            lost = ~ok[:, m]
+            filled[lost, m] = estimate[lost]
+            filled_ok[lost, m] = True
+            self._doubt[m] = 1.0
+        return filled, filled_ok
+
+    def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
+        """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
+        gain = min(duration / _MEMORY, 1.0) * (self._doubt < 0.05)[:, None]
+        self._square += gain * (np.mean(block.deflection**2, axis=0) - self._square)
+        self._rate_square += gain * (np.mean(block.rate**2, axis=0) - self._rate_square)
+        if self._doubt.max(initial=0.0) < 0.05:
+            return block
+        share = (_UNKNOWN_SHARE * self._doubt)[:, None]
+        return dataclasses.replace(
+            block,
+            std=np.hypot(block.std, share * np.sqrt(self._square)),
+            rate_std=np.hypot(block.rate_std, share * np.sqrt(self._rate_square)),
+        )
+
+    def widen_forces(self, block: ForceBlock, duration: float) -> ForceBlock:
+        """Return the forces with what a guessed base motion leaves open added to the part of the mount model."""
+        doubt = float(self._doubt.max(initial=0.0))
+        if doubt < 0.05:
+            self._age += duration
+            gain = duration / min(max(self._age, duration), _MEMORY)
+            self._force += gain * (block.force.mean(axis=0) - self._force)
+            self._force_square += gain * (np.mean((block.force - self._force) ** 2, axis=0) - self._force_square)
+            return block
+        open_square = (_UNKNOWN_FORCE * doubt) ** 2 * self._force_square
+        model = np.sqrt(block.std_model**2 + open_square)
+        return dataclasses.replace(block, std_model=model, std=np.sqrt(block.std_equilibrium**2 + model**2))

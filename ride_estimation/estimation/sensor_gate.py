@@ -1,0 +1,390 @@
+# Copyright 2026 ride_estimation contributors
+"""Which sensors are fit to be used at which tick: flat line, full scale, jumps, disagreement with the body or the other sensors.
+
+Looks at aligned blocks only and keeps a short memory, so the verdict is a pure function of the samples. A sensor that is not fit
+is treated as one that is missing: its ticks are marked not valid and the weights of the others adapt. The limits are physical
+tolerances (bias, gain, mounting), not significance: small lasting errors are a matter for the residual test.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.rigid_check import RigidCheck
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.alignment import Block
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+FLAT = "stuck: its value repeats exactly while the other sensors move"
+CLIPPED = "at full scale"
+JUMP = "jumps that no other sensor sees"
+BODY = "disagrees with the rigid body"
+MEAN = "its mean disagrees with that of the body"
+
+#: shortest exact repetition that counts as stuck [s] and [ticks]; transducers repeat longer by their resolution [s]
+_FLAT_TIME, _FLAT_TICKS, _FLAT_TRANSDUCER = 0.03, 4, 0.5
+#: motion of the others, in units of the noise, that makes an exact repetition impossible
+_MOVING = 5.0
+#: a jump: this many times its own usual step plus this many times the largest step of the others plus noise
+_JUMP_OWN, _JUMP_OTHERS, _JUMP_NOISE = 8.0, 4.0, 20.0
+#: shortest and longest hold after a jump [s]
+_HOLD, _LONGEST_HOLD = 0.02, 0.5
+#: ticks beside a bad sample that interpolation reaches
+_REACH = 2
+#: memory of mean, size and step [s]; nothing is called a jump before it is filled
+_MEMORY = 1.0
+#: slow mean of base minus body: time constant of each of two stages [s], limits to refuse and to accept again [m/s^2]
+_SLOW, _MEAN_LIMIT, _MEAN_RELEASE = 0.3, 1.5, 1.0
+#: time without objection after which a refused sensor is used again [s]
+_RECOVERY = 0.5
+#: time after which a sensor that was refused is above suspicion again [s]
+_BLAME = 3.0
+#: residual of the rigid body now over that of the run: doubt begins and ends; memories [s]; motion it needs [m/s^2]
+_UNUSUAL, _USUAL, _NOW, _RUN, _EXCITED = 2.2, 1.5, 0.7, 30.0, 0.3
+#: smallest residual that matters, in units of the tolerance
+_MATTERS = 0.35
+#: largest share of one block in that comparison, as a multiple of the residual of the run
+_SINGLE_BLOCK = 12.0
+
+
+@dataclasses.dataclass(frozen=True)
+class GateVerdict:
+    """Verdict on one block.
+
+    Attributes
+    ----------
+    valid
+        Which streams may be used at which tick, shape (K, S).
+    began
+        Whether a fault was found just now that lasts: what was learned in the last second is contaminated.
+    newly_refused
+        Streams refused for such a fault just now.
+    suspects
+        Sensors one of which is wrong though nothing tells which; empty where there is no such doubt.
+    unusual
+        Whether the sensors of the body disagree clearly more than before: nothing is to be learned.
+    excess
+        Factor on the standard deviation of the body's motion, 1 without such doubt.
+    """
+
+    valid: BoolArray
+    began: bool
+    newly_refused: tuple[int, ...]
+    suspects: tuple[str, ...]
+    unusual: bool
+    excess: float
+
+
+class SensorGate:
+    """Judge every sensor, block by block.
+
+    Parameters
+    ----------
+    sensors
+        One per stream.
+    columns
+        First column of each stream in an aligned block.
+    body
+        Streams on the body, in the order of ``check``.
+    base
+        Streams on the bases of the mounts.
+    transducers
+        Displacement streams.
+    check
+        Rigid-body test of the body sensors.
+    """
+
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        columns: Sequence[int],
+        body: Sequence[int],
+        base: Sequence[int],
+        transducers: Sequence[int],
+        check: RigidCheck,
+    ) -> None:
+        self._sensors = tuple(sensors)
+        self._check = check
+        self._accels = np.array([*body, *base], dtype=np.int64)
+        self._bodies = len(body)
+        self._columns = np.array([[columns[i], columns[i] + 1, columns[i] + 2] for i in self._accels])
+        self._rotation = np.array([sensors[i].rotation for i in self._accels])
+        self._dc = np.array([sensors[i].coupling == "dc" for i in self._accels])
+        self._noise = np.array([sensors[i].noise_std for i in self._accels])
+        self._limit = 0.999 * np.array([sensors[i].full_scale for i in self._accels])
+        self._transducers = tuple(transducers)
+        self._transducer_columns = np.array([columns[i] for i in transducers], dtype=np.int64)
+        #: stream -> reason -> ticks it was refused for it
+        self.refused: dict[int, Counter[str]] = {}
+        #: stream -> reason it is refused for now
+        self.active: dict[int, str] = {}
+        self.doubtful_ticks = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new time base; counters stay."""
+        count = len(self._accels)
+        self._last: Array | None = None
+        self._run = np.zeros(count, dtype=np.int64)
+        self._varied = np.zeros(count, dtype=bool)
+        self._mean = np.zeros((count, 3))
+        self._square = np.zeros(count)
+        self._step_square = np.zeros(count)
+        self._age = 0.0
+        self._others = np.zeros(count)
+        self._hold = np.zeros(count)
+        self._held = np.zeros(count)
+        self._before = np.zeros((count, 3))
+        self._jump = np.zeros(count)
+        self._blame = np.full(count, np.inf)
+        self._slow = np.zeros((2, count, 3))
+        self._latched: dict[int, str] = {}
+        self._well = np.zeros(count)
+        self._displaced: Array | None = None
+        self._displaced_run = np.zeros(len(self._transducers))
+        self.active = {}
+        self.suspects: tuple[str, ...] = ()
+        self.unusual = False
+        self._ratio_now, self._ratio_run, self._ratio_age = 0.0, 0.0, 0.0
+
+    def judge(self, block: Block, rate: Array, dt: float) -> GateVerdict:
+        """Return which sensors may be used in a block.
+
+        Parameters
+        ----------
+        block
+            Aligned samples.
+        rate
+            Latest angular rate of the body, shape (3,) [rad/s].
+        dt
+            Tick [s].
+        """
+        valid = block.valid[:, self._accels]
+        values = block.values[:, self._columns]
+        first = values[:1] if self._last is None else self._last[None]
+        if self._last is None:
+            self._mean = values[0].copy()
+        steps = np.abs(np.diff(np.concatenate([first, values]), axis=0))
+        refused = np.zeros(valid.shape, dtype=bool)
+        reasons: dict[int, str] = {}
+        before, usual = set(self._latched), not self.unusual
+        self._clipping(values, refused, reasons)
+        self._flat(values, steps, valid, refused, reasons, dt)
+        self._jumps(values, steps, valid, refused, reasons, dt)
+        excess = self._body(values, valid, refused, reasons, rate, dt)
+        self._means(values, valid, refused, reasons, dt)
+        self._remember(values, steps, valid & ~refused, dt)
+        self._last = values[-1].copy()
+        result = block.valid.copy()
+        result[:, self._accels] &= ~refused
+        self._stuck_transducers(block, result, reasons, dt)
+        self._count(block.valid & ~result, reasons)
+        new = tuple(int(self._accels[a]) for a in sorted(set(self._latched) - before))
+        began = bool(new) or (usual and self.unusual)
+        self._blame += len(values) * dt
+        self._blame[refused.any(axis=0)] = 0.0
+        if self.suspects or self.unusual:
+            self.doubtful_ticks += len(values)
+        return GateVerdict(result, began, new, self.suspects, self.unusual, excess)
+
+    # -- single sensors ---------------------------------------------------------------------------------------------------
+
+    def _clipping(self, values: Array, refused: BoolArray, reasons: dict[int, str]) -> None:
+        if np.all(np.abs(values).max(axis=(0, 2)) < self._limit):
+            return
+        clipped = np.any(np.abs(values) >= self._limit[None, :, None], axis=2)
+        refused |= clipped
+        for a in np.flatnonzero(clipped.any(axis=0)):
+            reasons[int(a)] = CLIPPED
+
+    def _flat(
+        self, values: Array, steps: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], dt: float
+    ) -> None:
+        same = np.all(steps <= 1e-9 * (1.0 + np.abs(values)), axis=2) & valid
+        if self._last is None:
+            same[0] = False
+        index = np.arange(len(values))[:, None]
+        change = np.maximum.accumulate(np.where(same, -1, index), axis=0)
+        run = np.where(change >= 0, index - change, self._run + index + 1)
+        self._run = run[-1]
+        long = (run * dt >= _FLAT_TIME) & (run >= _FLAT_TICKS)
+        for a in np.flatnonzero(long.any(axis=0)).tolist():
+            stuck = bool(self._varied[a]) and self._others_move(a, values)
+            if stuck or self._latched.get(a) == FLAT:
+                end = int(np.flatnonzero(long[:, a])[-1])
+                refused[max(int(change[end, a]), 0) : end + 1, a] = True
+                reasons[a] = FLAT
+                self._latched.setdefault(a, FLAT)
+                self._well[a] = 0.0
+        self._varied |= ~same.all(axis=0) & (self._age > 0.0)
+        for a in [n for n, reason in self._latched.items() if reason == FLAT]:
+            self._still_refused(a, len(values) * dt, not long[:, a].any(), refused, reasons)
+
+    def _others_move(self, a: int, values: Array) -> bool:
+        others = np.arange(len(self._accels)) != a
+        now = np.sum((values - self._mean) ** 2, axis=2).mean(axis=0)
+        size = np.sqrt(np.maximum(self._square, now)[others])
+        return bool(size.size and np.median(size) > _MOVING * self._noise[a])
+
+    def _jumps(
+        self, values: Array, steps: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], dt: float
+    ) -> None:
+        size = steps.max(axis=2) * valid
+        largest = size.max(axis=0)
+        seen = np.maximum(largest, self._others)
+        self._others = np.maximum(largest, self._others * np.exp(-len(values) * dt / 0.05))
+        if self._age >= _MEMORY and len(seen) > 1:
+            order = np.sort(seen)
+            others = np.where(seen >= order[-1], order[-2], order[-1])
+            threshold = _JUMP_OWN * np.sqrt(self._step_square) + _JUMP_OTHERS * others + _JUMP_NOISE * self._noise
+            for a in np.flatnonzero(largest > threshold):
+                at = np.flatnonzero(size[:, a] > threshold[a])
+                if self._hold[a] <= 0.0:
+                    self._before[a], self._jump[a], self._held[a] = self._mean[a], 0.0, 0.0
+                self._jump[a] = max(self._jump[a], float(largest[a]))
+                refused[max(int(at[0]) - _REACH, 0) :, a] = True
+                self._hold[a] = max(_HOLD, _REACH * dt)
+                self._others[a] = 0.0
+                reasons[int(a)] = JUMP
+        for a in np.flatnonzero(self._hold > 0.0):
+            refused[:, a] |= reasons.get(int(a)) != JUMP
+            reasons[int(a)] = JUMP
+            duration = len(values) * dt
+            self._hold[a] -= duration
+            self._held[a] += duration
+            away = float(np.abs(values[-1, a] - self._before[a]).max()) > 0.5 * self._jump[a]
+            if self._hold[a] <= 0.0 and away and self._held[a] < _LONGEST_HOLD:
+                self._hold[a] = duration
+
+    def _remember(self, values: Array, steps: Array, good: BoolArray, dt: float) -> None:
+        """Follow mean, size and step of every sensor over its good ticks."""
+        duration = len(values) * dt
+        gain = min(duration / min(_MEMORY, self._age + duration), 1.0)
+        whole = good.all(axis=0)
+        deviation = np.sum((values - self._mean) ** 2, axis=2).mean(axis=0)
+        self._square[whole] += gain * (deviation - self._square)[whole]
+        self._step_square[whole] += gain * (np.mean(steps.max(axis=2) ** 2, axis=0) - self._step_square)[whole]
+        self._mean[whole] += gain * (values.mean(axis=0) - self._mean)[whole]
+        self._age += duration
+
+    def _still_refused(self, a: int, duration: float, well: bool, refused: BoolArray, reasons: dict[int, str]) -> None:
+        """Keep a latched sensor out until it was well for long enough."""
+        self._well[a] = self._well[a] + duration if well else 0.0
+        if self._well[a] > _RECOVERY:
+            del self._latched[a]
+            self._well[a] = 0.0
+            return
+        refused[:, a] = True
+        reasons.setdefault(a, self._latched[a])
+
+    # -- against the others -----------------------------------------------------------------------------------------------
+
+    def _body(
+        self, values: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], rate: Array, dt: float
+    ) -> float:
+        """Judge the sensors of the body against one rigid body; return the factor on the motion's standard deviation."""
+        n = self._bodies
+        size = float(np.median(np.sqrt(self._square[:n]))) if n else 0.0
+        fit: BoolArray = np.asarray(valid[:, :n].all(axis=0) & ~refused[:, :n].any(axis=0))
+        residual = values[:, :n].reshape(len(values), 3 * n) - self._check.centripetal(rate)
+        for a in [k for k, reason in self._latched.items() if reason == BODY]:
+            well = bool(valid[:, a].all()) and self._check.agrees(residual, fit, a, size)
+            self._still_refused(a, len(values) * dt, well, refused, reasons)
+            fit[a] = False
+        blamed = frozenset(np.flatnonzero(self._blame[:n] < _BLAME).tolist())
+        found = self._check.judge(residual, fit, size, blamed)
+        self.suspects = tuple(self._sensors[self._accels[a]].name for a in found.suspects)
+        if found.ratio and size > _EXCITED:
+            self._compare(found.ratio, len(values) * dt)
+        for a in found.lasting:
+            self._latched[a] = BODY
+            self._well[a] = 0.0
+            refused[:, a] = True
+            reasons[a] = BODY
+        for a, ticks in found.single.items():
+            wide = np.convolve(ticks, np.ones(2 * _REACH + 1), mode="same") > 0
+            refused[:, a] |= wide[: len(values)]
+            reasons.setdefault(a, BODY)
+        return found.excess
+
+    def _compare(self, ratio: float, duration: float) -> None:
+        """Compare the residual of the last second with that of the run."""
+        if self._ratio_age > 4.0 * _NOW:  # a single bad block is no lasting change
+            ratio = min(ratio, _SINGLE_BLOCK * self._ratio_run)
+        self._ratio_now += min(duration / _NOW, 1.0) * (ratio - self._ratio_now)
+        self._ratio_age += duration
+        self._ratio_run += duration / min(self._ratio_age, _RUN) * (ratio - self._ratio_run)
+        over = np.sqrt(self._ratio_now / max(self._ratio_run, 1e-12))
+        matters = self._ratio_now > _MATTERS**2 and self._ratio_age > 4.0 * _NOW
+        self.unusual = bool(matters and over > (_USUAL if self.unusual else _UNUSUAL))
+
+    def _means(self, values: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], dt: float) -> None:
+        """Judge the slow mean of every sensor against the median of the body: they ride together."""
+        n = self._bodies
+        good = valid[:, :n].all(axis=0) & ~refused[:, :n].any(axis=0) & self._dc[:n]
+        if not good.any():
+            return
+        duration = len(values) * dt
+        mean = np.einsum("aij,aj->ai", self._rotation, values.mean(axis=0))
+        gain = 1.0 - np.exp(-duration / _SLOW)
+        away = (mean - np.median(mean[:n][good], axis=0)) * (valid.all(axis=0) & self._dc)[:, None]
+        self._slow[0] += gain * (away - self._slow[0])
+        self._slow[1] += gain * (self._slow[0] - self._slow[1])
+        size = np.linalg.norm(self._slow[1], axis=1)
+        for a in range(0 if good.sum() >= 3 else n, len(self._accels)):
+            latched = self._latched.get(a)
+            if latched is None and size[a] > _MEAN_LIMIT and (a >= n or self._check.dispensable(good, a)):
+                self._latched[a] = MEAN
+                self._well[a] = 0.0
+            if self._latched.get(a) == MEAN:
+                self._still_refused(a, duration, bool(size[a] < _MEAN_RELEASE), refused, reasons)
+
+    def _stuck_transducers(self, block: Block, result: BoolArray, reasons: dict[int, str], dt: float) -> None:
+        """Refuse displacement transducers that repeat exactly while the body moves."""
+        if not self._transducers:
+            return
+        values = block.values[:, self._transducer_columns]
+        first = values[:1] if self._displaced is None else self._displaced[None]
+        same = np.all(np.abs(np.diff(np.concatenate([first, values]), axis=0)) <= 1e-12, axis=0)
+        self._displaced = values[-1].copy()
+        self._displaced_run = np.where(same, self._displaced_run + len(values) * dt, 0.0)
+        size = np.sqrt(self._square)
+        moving = bool(len(size) and np.median(size / self._noise) > 4.0 * _MOVING)
+        for n in np.flatnonzero(self._displaced_run > _FLAT_TRANSDUCER):
+            if moving:
+                result[:, self._transducers[n]] = False
+                reasons[len(self._accels) + int(n)] = FLAT
+
+    def _count(self, lost: BoolArray, reasons: dict[int, str]) -> None:
+        streams = [*self._accels.tolist(), *self._transducers]
+        self.active = {}
+        for a, reason in reasons.items():
+            stream = streams[a]
+            ticks = int(lost[:, stream].sum())
+            if ticks:
+                self.active[stream] = reason
+                self.refused.setdefault(stream, Counter())[reason] += ticks
+
+    def messages(self) -> list[str]:
+        """Return one sentence per sensor that was refused, and one where it is open which sensor is wrong."""
+        found = []
+        for stream, counts in sorted(self.refused.items()):
+            text = "; ".join(f"{count} ticks {reason}" for reason, count in sorted(counts.items()))
+            now = " (now)" if stream in self.active else ""
+            found.append(f"{self._sensors[stream].name} was not used{now}: {text}")
+        if self.unusual:
+            found.append("the sensors of the body disagree clearly more than before in this run: nothing is learned meanwhile")
+        elif self.doubtful_ticks:
+            found.append(f"the sensors of the body were in doubt during {self.doubtful_ticks} ticks; nothing was learned there")
+        if self.suspects:
+            found.append(
+                f"one of {', '.join(self.suspects)} is wrong and nothing tells which: parameters are held, uncertainty is larger"
+            )
+        return found

@@ -1,0 +1,148 @@
+# Copyright 2026 ride_estimation contributors
+"""Sensors that fail during a run: the others carry on, the report names the culprit, nothing learned from it reads valid."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+from worlds.adapters import START_NS, arrivals, believed_vehicle
+from worlds.cab import drive, measure, random_sensors, random_vehicle
+from worlds.roads import Road
+
+from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.pipeline import Pipeline
+
+RATE = 250.0
+FROM, TO = 10.0, 13.0
+
+
+@functools.cache
+def world(seed: int):
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "air")
+    run = drive(cab, Road.random(rng), 16.0, seed, step=1e-3)
+    data = measure(run, random_sensors(cab, rng), RATE, seed, noise_share=0.01)
+    return cab, data, believed_vehicle(data, seed=seed)
+
+
+def broken(data, sensor, kind, seed=5):
+    """Return the measurement with one sensor broken between FROM and TO."""
+    values = data.data[sensor].copy()
+    where = (data.time >= FROM) & (data.time < TO)
+    first = int(np.flatnonzero(where)[0])
+    if kind == "stuck":
+        values[where] = values[first]
+    elif kind == "zero":
+        values[where] = 0.0
+    elif kind == "spikes":
+        rng = np.random.default_rng(seed)
+        at = rng.choice(np.flatnonzero(where), 12, replace=False)
+        values[at, 2] += 30.0 * rng.choice([-1.0, 1.0], 12)
+    elif kind == "swapped":
+        values[where] = values[where][:, [0, 2, 1]]
+    elif kind == "late":
+        values[where] = np.roll(values, round(0.02 * RATE), axis=0)[where]
+    elif kind == "full scale":
+        values[where] = np.clip(4.0 * values[where], -98.0, 98.0)
+        values[first + 40 : first + 60] = 98.0
+    return dataclasses.replace(data, data={**data.data, sensor: values})
+
+
+def run(pipeline, data):
+    blocks = []
+    for stamp, name, values in arrivals(data):
+        blocks += pipeline.observe(name, stamp, values.tolist())
+    return blocks + list(pipeline.finish())
+
+
+def joined(blocks, name):
+    return np.concatenate([getattr(b, name) for b in blocks])
+
+
+def force_errors(blocks, data):
+    """Return the vertical force errors and their standard deviation from the fault on, shape (N, M)."""
+    row = np.round((joined(blocks, "stamp_ns") - START_NS) * 1e-9 * RATE).astype(int)
+    row = np.clip(row, 0, len(data.time) - 1)
+    late = data.time[row] > FROM
+    error = (joined(blocks, "mount_force") - data.truth["mount_force"][row])[late]
+    return error, joined(blocks, "mount_force_std")[late]
+
+
+@functools.cache
+def clean(seed: int):
+    pipeline = Pipeline(world(seed)[2])
+    return pipeline, run(pipeline, world(seed)[1])
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_good_sensors_are_all_used(seed):
+    """16 s of road: not one sensor refused, no doubt, nothing taken back."""
+    pipeline, _ = clean(seed)
+    text = " ".join(pipeline.health().messages)
+    assert "not used" not in text
+    assert "doubt" not in text
+    assert "taken back" not in text
+
+
+@pytest.mark.parametrize(
+    ("sensor", "kind", "word"),
+    [
+        ("cab_front_right", "stuck", "stuck"),
+        ("chassis_rear_left", "stuck", "stuck"),
+        ("cab_rear_left", "spikes", "jumps"),
+        ("chassis_front_left", "spikes", "jumps"),
+        ("chassis_front_right", "swapped", "mean"),
+        ("cab_front_left", "swapped", "rigid body"),
+        ("chassis_rear_right", "zero", "mean"),
+        ("cab_rear_right", "zero", "rigid body"),
+        ("cab_front_left", "full scale", "full scale"),
+    ],
+)
+def test_a_broken_sensor_is_left_out_and_named(sensor, kind, word):
+    """Forces stay finite and within 3 times the largest error of the same run without the fault plus 5 std; the rest is used."""
+    cab, data, vehicle = world(1)
+    pipeline = Pipeline(vehicle)
+    blocks = run(pipeline, broken(data, sensor, kind))
+    for name in ("cg_accel", "mount_force", "mount_force_std", "mount_deflection", "inertial_load"):
+        assert np.isfinite(joined(blocks, name)).all(), name
+    error, std = force_errors(blocks, data)
+    usual, _ = force_errors(clean(1)[1], data)
+    assert np.all(np.abs(error) < 3.0 * np.abs(usual).max(axis=0) + 5.0 * std)
+    assert std.max() < cab.mass * 9.81
+    said = [m for m in pipeline.health().messages if m.startswith(f"{sensor} was not used")]
+    assert said
+    if kind not in ("zero", "full scale"):
+        assert word in said[0]
+    others = [m for m in pipeline.health().messages if "was not used" in m and not m.startswith(sensor)]
+    assert not others
+    for e in pipeline.parameters()[1:]:
+        mount, axis, what = e.name.split(".")
+        table = cab.stiffness if what == "stiffness" else cab.damping
+        true = table[cab.mount_names.index(mount), "xyz".index(axis)]
+        if e.status is Status.VALID:
+            assert abs(e.value - true) < 4.0 * e.std + 0.02 * true, e.name
+
+
+def test_a_sensor_that_recovers_is_used_again():
+    """Stuck from 10 s to 13 s: used again at the end; refused for 3 s and at most 1 s more."""
+    _, data, vehicle = world(1)
+    pipeline = Pipeline(vehicle)
+    run(pipeline, broken(data, "cab_front_right", "stuck"))
+    health = pipeline.health()
+    assert not any("(now)" in m for m in health.messages)
+    lost = next(m for m in health.messages if m.startswith("cab_front_right was not used"))
+    ticks = int(lost.split(": ")[1].split(" ")[0])
+    assert 2.8 * RATE < ticks < 4.0 * RATE
+
+
+def test_a_body_sensor_that_runs_late_stops_learning():
+    """20 ms late from 10 s on: nothing learned meanwhile, and it is said."""
+    _, data, vehicle = world(1)
+    pipeline = Pipeline(vehicle)
+    run(pipeline, broken(data, "cab_rear_right", "late"))
+    text = " ".join(pipeline.health().messages)
+    assert "in doubt" in text or "cab_rear_right was not used" in text
+    assert "taken back" in text
