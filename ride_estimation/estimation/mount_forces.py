@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.arrangement import Arrangement, relative_tilt_maps
 from ride_estimation.estimation.block_math import cross, low_pass
 from ride_estimation.estimation.deflection import DeflectionBlock
+from ride_estimation.estimation.frame_deformation import FrameDeformation
 from ride_estimation.estimation.mount_law import MountLaw
+from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
@@ -30,11 +32,8 @@ STATIC_SHARE = 0.003
 _MEMORY = 5.0
 #: time between two recomputations of the gains [s]
 _INTERVAL = 0.2
-#: memory of the residual of equilibrium against its covariance [s], smallest ratio it may reach
+#: memory of the residual of equilibrium against its covariance [s]
 _CONSISTENCY_MEMORY = 5.0
-_LEAST_RATIO = 0.01
-#: variance of deflection errors in the directions equilibrium does not see over those it sees; measured on worlds of their own
-_UNSEEN_TO_SEEN = np.array([0.4, 0.4, 0.8])
 #: rows of the wrench that judge horizontal and vertical deflections
 _ROWS = ((0, 1, 5), (2, 3, 4))
 #: corner below which the residual wrench is shared by stiffness [rad/s]
@@ -119,11 +118,22 @@ class MountForceEstimator:
         free = arrangement.free
         self._g = arrangement.wrench[free]
         self._free = free
+        # where every bracket is measured, deformation of the frame is told apart from rigid motion
+        self._frame: FrameDeformation | None = None
+        self._transducer = np.zeros(3 * count, dtype=bool)
+        for sensor in arrangement.transducers:
+            self._transducer[3 * arrangement.mount_names.index(sensor.mount) + AXES.index(sensor.axis)] = True
+        if arrangement.has_base_motion:
+            stated = [s.noise_std**2 for s in arrangement.base_sensors if s is not None]
+            maps = relative_tilt_maps(arrangement.mounts)
+            self._frame = FrameDeformation(self._g, np.array(stated), maps, arrangement.vehicle.gravity, arrangement.arms)
         self.reset()
 
     def reset(self) -> None:
         """Forget running statistics."""
         count = self._count
+        if self._frame is not None:
+            self._frame.reset()
         self._elastic_square = np.zeros((count, 3))
         self._viscous_square = np.zeros((count, 3))
         self._dynamic_square = np.zeros((count, 3))
@@ -169,9 +179,10 @@ class MountForceEstimator:
         """
         ticks, count = len(support), self._count
         turn = deflection.turn
+        value, rate = self._with_frame(deflection, turn_rate, dt)
         turn, turn_rate = self.follow * turn, self.follow * turn_rate
-        x = deflection.deflection + cross(turn, deflection.deflection)
-        v = deflection.rate + cross(turn, deflection.rate) + cross(turn_rate, deflection.deflection)
+        x = value + cross(turn, value)
+        v = rate + cross(turn, rate) + cross(turn_rate, value)
         x, v = x * self.known, v * self.known
         tension = self.law.tension(x, v, dt)
         in_mount_axes = self.static_force - tension
@@ -191,6 +202,20 @@ class MountForceEstimator:
         std = np.broadcast_to(self._std[:, None], (3, ticks, count, 3))
         spread = np.sqrt(self._elastic_square) if not self.known.all() else np.zeros((count, 3))
         return ForceBlock(force, std[0], std[1], std[2], x, v, np.where(self.known, deflection.std, spread))
+
+    def _with_frame(self, deflection: DeflectionBlock, turn_rate: Array, dt: float) -> tuple[Array, Array]:
+        """Return deflection and rate with the deformation of the frame as its own filter knows it, cab axes (K, M, 3)."""
+        if self._frame is None:
+            return deflection.deflection, deflection.rate
+        own = self._frame.observe(
+            deflection.relative, deflection.turn.mean(axis=1), turn_rate.mean(axis=1), self.law.stiffness, self.law.damping, dt
+        )  # fmt: skip
+        merged = []
+        for total, deformation in zip((deflection.deflection, deflection.rate), own, strict=True):
+            flat = total.reshape(len(total), -1)
+            new = flat - flat @ self._frame.projector.T + deformation.reshape(flat.shape)
+            merged.append(np.where(self._transducer, flat, new).reshape(total.shape))
+        return merged[0], merged[1]
 
     def _watch(self, x: Array, v: Array, support: Array, dt: float) -> None:
         ticks = len(support)
@@ -231,34 +256,45 @@ class MountForceEstimator:
         self._judge()
         self._update_static()
         count, k, c = self._count, self.law.stiffness, self.law.damping
-        variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2
-        variance += self.parameter_std[0] ** 2 * self._elastic_square + self.parameter_std[1] ** 2 * self._viscous_square
+        parameters = self.parameter_std[0] ** 2 * self._elastic_square + self.parameter_std[1] ** 2 * self._viscous_square
+        variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2 + parameters
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
-        scale = np.array([self._ratio[0], self._ratio[0], self._ratio[1]])
-        stated = variance
-        variance = np.where(self.known, variance * np.maximum(scale * _UNSEEN_TO_SEEN, _LEAST_RATIO), hidden)
+        seen = np.where(self.known, variance, hidden).ravel()
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
-        prior = variance.ravel() + 1e-6 * self._stiffness
+        model = prior = np.diag(seen + 1e-6 * self._stiffness)
         if not self.known.all():
-            prior = np.where(
-                self.known.ravel(), prior, self._stiffness * float(np.mean(hidden)) / float(np.mean(self._stiffness))
-            )
+            spread = float(np.mean(hidden)) / float(np.mean(self._stiffness))
+            prior = np.diag(np.where(self.known.ravel(), np.diag(prior), self._stiffness * spread))
+        elif self._frame is not None:
+            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(1e-6 * self._stiffness)
         g = self._g
-        innovation = g @ (prior[:, None] * g.T) + load_covariance[np.ix_(self._free, self._free)]
-        inverse = np.linalg.inv(innovation)
-        gain = prior[:, None] * (g.T @ inverse)
+        load = load_covariance[np.ix_(self._free, self._free)]
+        inverse = np.linalg.inv(g @ prior @ g.T + load)
+        gain = prior @ g.T @ inverse
         self._gain = np.zeros((3 * count, 6))
         self._gain[:, self._free] = gain
-        seen = np.where(self.known, stated, hidden).ravel()
         self._innovation = np.zeros(6)
         self._innovation[self._free] = np.einsum("ij,j,ij->i", g, seen, g) + np.diag(load_covariance)[self._free]
         rest = np.eye(3 * count) - gain @ g
-        model = np.einsum("ij,j,ij->i", rest, variance.ravel(), rest)
         static = STATIC_SHARE * np.abs(self.static_force).ravel()
-        model = model + np.einsum("ij,j,ij->i", rest, static**2, rest)
-        determined = np.einsum("ij,jk,ik->i", gain, load_covariance[np.ix_(self._free, self._free)], gain)
+        left = np.einsum("ij,jk,ik->i", rest, model + np.diag(static**2), rest)
+        determined = np.einsum("ij,jk,ik->i", gain, load, gain)
         determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
-        self._std = np.sqrt(np.stack([model + determined, determined, model])).reshape(3, count, 3)
+        self._std = np.sqrt(np.stack([left + determined, determined, left])).reshape(3, count, 3)
+
+    def _covariance(self, deflection: DeflectionBlock, frame: FrameDeformation, parameters: Array) -> Array:
+        """Return the covariance of the constitutive forces: rigid motion, deformation of the frame, parameters."""
+        k, c = self.law.stiffness.ravel(), self.law.damping.ravel()
+        rigid = np.eye(len(k)) - frame.projector
+        spread, rate_spread = deflection.std.ravel() ** 2, deflection.rate_std.ravel() ** 2
+        value, rate = frame.covariance()
+        value = value + (rigid * spread) @ rigid.T
+        rate = rate + (rigid * rate_spread) @ rigid.T
+        for total, measured in ((value, spread), (rate, rate_spread)):
+            total[self._transducer] = 0.0
+            total[:, self._transducer] = 0.0
+            total[self._transducer, self._transducer] = measured[self._transducer]
+        return np.asarray(k[:, None] * value * k + c[:, None] * rate * c + np.diag(parameters.ravel()))
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
@@ -277,7 +313,7 @@ class MountForceEstimator:
         return {
             **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
             "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
-            "parameter_std": self.parameter_std.tolist(),
+            "parameter_std": self.parameter_std.tolist(), "frame": self._frame.save() if self._frame is not None else None,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -295,6 +331,8 @@ class MountForceEstimator:
         ):
             own = getattr(self, "_" + name)
             setattr(self, "_" + name, np.array(saved[name], dtype=float).reshape(own.shape))
+        if self._frame is not None and saved.get("frame") is not None:
+            self._frame.load(saved["frame"])
         self._until, self._time = float(saved["until"]), float(saved["time"])
         self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
         self._stiffness = np.array(saved["stiffness"], dtype=float)
