@@ -5,12 +5,18 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from pathlib import Path
+from typing import Any
 
+from ride_estimation.cli.identify import add_reading_arguments, reading_options
 from ride_estimation.cli.progress import Progress
+from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.result import Diagnosis
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.bags import read_recording
+from ride_estimation.io.bench_records import read_bench_record
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
@@ -24,8 +30,12 @@ HELP = "find what the simulation of a recorded run gets wrong, name the cause, e
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
-    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file")
+    parser.add_argument(
+        "recording", metavar="RUN",
+        help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file; or a bench record (.csv, .txt, .tsv, .npz, .mat) of the "
+        "displacement and force of one mount",
+    )
+    parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file; not used for a bench record")
     parser.add_argument(
         "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
         help="further runs that neither fit nor select: the gain is measured on them",
@@ -34,10 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html"
     )
     parser.add_argument("--band", nargs=2, type=float, metavar=("LOW", "HIGH"), help="analysis band [Hz] (default: 0.4 40)")
-    parser.add_argument(
-        "--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor, 400 at most)"
-    )
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
+    # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)
+    add_reading_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -48,10 +57,18 @@ def run(options: argparse.Namespace) -> int:
         if not 0.0 < low < high:
             raise ConfigurationError(f"--band {low:g} {high:g}: two frequencies with 0 < LOW < HIGH are needed [Hz]")
         settings = dataclasses.replace(settings, band_hz=(low, high))
+    if Path(options.recording).suffix.lower() in _BENCH_SUFFIXES:
+        return _run_bench(options, settings)
+    if options.vehicle is None:
+        raise ConfigurationError(
+            f"{options.recording}: a run of a vehicle needs --vehicle V.yaml; only bench records "
+            f"({', '.join(_BENCH_SUFFIXES)}) do without"
+        )
     vehicle = load_vehicle(options.vehicle)
     folder = output_folder(options.out)
-    measured, checksum = _load(options.recording, vehicle, options.rate)
-    others = [_load(path, vehicle, options.rate)[0] for path in options.validate]
+    rate = options.rate if options.rate > 0.0 else None
+    measured, checksum = _load(options.recording, vehicle, rate)
+    others = [_load(path, vehicle, rate)[0] for path in options.validate]
     progress = Progress(1.0, "diagnose")
     shown = 0.0
 
@@ -62,14 +79,42 @@ def run(options: argparse.Namespace) -> int:
 
     answer = diagnose(vehicle, measured, others, settings, report)
     progress.close()
+    run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
+    return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
+
+
+_BENCH_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".mat")
+
+
+def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
+    """Diagnose one bench record."""
+    reading = reading_options(options)
+    samples, warnings = [], []
+    for path in (options.recording, *options.validate):
+        record = read_bench_record(Path(path), reading)
+        samples.append(BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force))
+        warnings += record.warnings
+    if options.vehicle is not None:
+        warnings.append(f"--vehicle {options.vehicle} is not used: the record is one mount on a bench")
+    folder = output_folder(options.out)
+    answer = diagnose_bench(samples[0], tuple(samples[1:]), settings, keep_band=options.band is not None)
+    answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
+    facts = {"path": str(options.recording), "checksum": "", "duration_s": len(samples[0].force) / samples[0].rate_hz}
+    return _write(answer, facts, {"name": answer.extended.name, "checksum": ""}, samples[0].name, folder, options)
+
+
+def _write(
+    answer: Diagnosis, run_facts: dict[str, Any], vehicle: dict[str, Any], name: str, folder: Path, options: argparse.Namespace
+) -> int:
+    """Write the files of an answer and say it."""
     document = answer.to_mapping()
     document["software"] = software()
-    document["run"] = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
-    document["vehicle"] = {"name": vehicle.name, "checksum": vehicle.checksum}
+    document["run"] = run_facts
+    document["vehicle"] = vehicle
     write_json(folder / "diagnosis.json", document)
     save_vehicle(answer.extended, folder / "vehicle_extended.yaml")
     if not options.no_report:
-        write_diagnosis_report(answer, measured.name, folder / "report.html")
+        write_diagnosis_report(answer, name, folder / "report.html")
     print(answer.sentence)
     for line in (*answer.remarks, *answer.warnings):
         print(f"  {line}")

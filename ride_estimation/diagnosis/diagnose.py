@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,7 @@ def diagnose(
     validation: Sequence[UniformRun] = (),
     settings: Settings | None = None,
     progress: Report | None = None,
+    causes: Collection[str] | None = None,
 ) -> Diagnosis:
     """Compare a measured run with a vehicle's model and explain the difference.
 
@@ -77,6 +78,8 @@ def diagnose(
         Band, thresholds, tolerances.
     progress
         Called with the share of the work done, 0 to 1.
+    causes
+        Ids that are considered; all of the library where None.
 
     Returns
     -------
@@ -94,7 +97,9 @@ def diagnose(
     report(0.15)
 
     def build(scene: Scene) -> list[Hypothesis]:
-        return [h for cause in library().values() for h in cause.hypotheses(scene)]
+        return [
+            h for name, cause in library().items() if causes is None or name in causes for h in cause.hypotheses(scene)
+        ]
 
     selector = Selector(calibrated, splits, build, settings, lambda share: report(0.15 + 0.6 * share))
     selection = selector.run()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
@@ -33,6 +34,29 @@ def test_a_band_upside_down_is_refused(tmp_path, capsys):
 def test_a_missing_run_is_refused(tmp_path, capsys):
     assert main(["diagnose", str(tmp_path / "nothing"), "--vehicle", VEHICLE, "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err
+
+
+def test_a_vehicle_run_without_vehicle_file_is_refused(tmp_path, capsys):
+    assert main(["diagnose", "bags/standing", "--out", str(tmp_path)]) == 2
+    assert "--vehicle" in capsys.readouterr().err
+
+
+def test_friction_in_a_bench_record_is_named_and_the_element_loads_again(tmp_path):
+    rng = np.random.default_rng(4)
+    time = np.arange(0.0, 30.0, 0.005)
+    tones = [(0.7, 3.0, 0.1), (1.9, 1.5, 1.0), (4.3, 0.6, 2.0), (7.1, 0.3, 4.0)]  # Hz, mm, rad
+    x = sum(a * np.sin(2 * np.pi * f * time + p) for f, a, p in tones)
+    v = sum(2 * np.pi * f * a * np.cos(2 * np.pi * f * time + p) for f, a, p in tones)
+    force = 120.0 * x + 2.0 * v + 40.0 * np.tanh(v / 2.0) + 0.5 * rng.standard_normal(time.size)
+    table = tmp_path / "bench.csv"
+    np.savetxt(table, np.stack([time, x, force], axis=1), delimiter=",", header="time_s,displacement_mm,force_n", comments="")
+    out = tmp_path / "out"
+    assert main(["diagnose", str(table), "--out", str(out)]) == 0
+    document = json.loads((out / "diagnosis.json").read_text())
+    assert document["verdict"] == "explained"
+    assert [(c["id"], c["location"], c["axis"]) for c in document["causes"]] == [("coulomb_friction", "mount", "z")]
+    assert load_vehicle(out / "vehicle_extended.yaml").mounts["mount"].elements["z"].KIND != "kelvin_voigt"
+    assert (out / "report.html").stat().st_size > 0
 
 
 @pytest.mark.slow
