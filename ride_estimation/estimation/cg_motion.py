@@ -40,6 +40,13 @@ _YAW_TIME = 3.0
 _MASKS = 64
 #: standard deviation of the angular rate from which on residuals count: before, centripetal terms are a guess [rad/s]
 _RATE_KNOWN = 0.03
+#: memory of the residual test [s]
+_TEST_MEMORY = 60.0
+#: what sensors in good order may differ by: constant offset (bias, and tilt of the mounting times gravity), share of the
+#: dynamic signal (gain and cross sensitivity) [m/s^2, 1], place [m]
+OFFSET_TOLERANCE, GAIN_TOLERANCE, PLACE_TOLERANCE = 0.05, 0.005, 0.005
+#: excess of the mean squared residual over noise and tolerances from which on it is worth a word
+MEANINGFUL = 1.2
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 
@@ -131,6 +138,10 @@ class CgMotionEstimator:
         self._cache: dict[tuple[bytes, float], Weights] = {}
         self._observed_tilt = bool(self._free[3] or self._free[4])
         self.residual_products = np.zeros((len(directions), len(directions)))
+        self.residual_mean = np.zeros(len(directions))
+        self.signal_square = np.zeros(len(directions))
+        self.signal_mean = np.zeros(len(directions))
+        self.turn_square = 0.0
         self.residual_count = 0.0
         self.reset()
 
@@ -255,10 +266,18 @@ class CgMotionEstimator:
         out.predicted[where] = self.predict(out.motion[where], out.rate[where])
         rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
         if weights.rank == needed and mask.all() and rate_known:
-            residual = y - out.predicted[where]
-            self.residual_products += residual.T @ residual
-            self.residual_count += len(y)
+            self._gather(y, y - out.predicted[where], out.motion[where], dt)
         return weights.covariance
+
+    def _gather(self, y: Array, residual: Array, motion: Array, dt: float) -> None:
+        """Add to the sums of the residual test; what is older than its memory fades."""
+        keep = float(np.exp(-len(y) * dt / _TEST_MEMORY))
+        self.residual_products = keep * self.residual_products + residual.T @ residual
+        self.residual_mean = keep * self.residual_mean + residual.sum(axis=0)
+        self.signal_square = keep * self.signal_square + np.sum(y**2, axis=0)
+        self.signal_mean = keep * self.signal_mean + y.sum(axis=0)
+        self.turn_square = keep * self.turn_square + float(np.sum(motion[:, 3:] ** 2))
+        self.residual_count = keep * self.residual_count + len(y)
 
     def _follow_slow_acceleration(self, motion: Array, tilt: Array, dt: float) -> None:
         """Follow how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)."""
@@ -311,7 +330,9 @@ class CgMotionEstimator:
         return {
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
             "variance": self.variance.tolist(), "residual_products": self.residual_products.tolist(),
-            "residual_count": self.residual_count, "slow": self._slow.tolist(), "slow_square": self._slow_square,
+            "residual_count": self.residual_count, "residual_mean": self.residual_mean.tolist(),
+            "signal_square": self.signal_square.tolist(), "signal_mean": self.signal_mean.tolist(),
+            "turn_square": self.turn_square, "slow": self._slow.tolist(), "slow_square": self._slow_square,
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
 
@@ -323,6 +344,10 @@ class CgMotionEstimator:
         self.variance = np.array(saved["variance"], dtype=float)
         self.residual_products = np.array(saved["residual_products"], dtype=float)
         self.residual_count = float(saved["residual_count"])
+        self.residual_mean = np.array(saved["residual_mean"], dtype=float)
+        self.signal_square = np.array(saved["signal_square"], dtype=float)
+        self.signal_mean = np.array(saved["signal_mean"], dtype=float)
+        self.turn_square = float(saved["turn_square"])
         self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
         self._last_good = np.array(saved["last_good"], dtype=float)
@@ -362,27 +387,51 @@ class ResidualTest:
         return self.ratio <= self.limit
 
 
-def residual_test(estimator: CgMotionEstimator, weights: Weights) -> ResidualTest:
-    """Compare the spare equations with the noise (document 000 has none; ride_models 4.4).
+def _tolerated(estimator: CgMotionEstimator) -> Array:
+    """Return the variance of a channel: stated noise plus gain and place tolerances times the motion, shape (C,)."""
+    count = estimator.residual_count
+    dynamic = np.maximum(estimator.signal_square / count - (estimator.signal_mean / count) ** 2, 0.0)
+    # cross sensitivity: a channel sees a share of what the other channels of its sensor see
+    shared = np.repeat(dynamic.reshape(-1, 3).mean(axis=1), 3)
+    turn = estimator.turn_square / (3.0 * count)
+    return np.asarray(estimator.variance + GAIN_TOLERANCE**2 * shared + PLACE_TOLERANCE**2 * turn)
 
-    With ``Q = R^-1 - R^-1 H S H^T R^-1`` the statistic is ``tr(Q C)``, C the mean product of the residuals, and a fault in
-    sensor s explains ``tr((E^T Q E)^+ E^T R^-1 C R^-1 E)`` of it.
+
+def residual_test(estimator: CgMotionEstimator, weights: Weights) -> ResidualTest:
+    """Compare the spare equations with noise and tolerances (document 000 has none; ride_models 4.4).
+
+    With ``Q = R^-1 - R^-1 H (H^T R^-1 H)^-1 H^T R^-1`` the statistic is ``tr(Q C)``, C the covariance of the residuals, and a
+    fault in sensor s explains ``tr((E^T Q E)^+ E^T R^-1 C R^-1 E)`` of it. Their mean has a tolerance of its own, that of bias
+    and mounting, and joins C in units of it. R holds the stated noise and what sensors in good order differ by.
     """
     count = 3 * len(estimator.sensors)
     spare = count - weights.rank
     empty = ResidualTest(1.0, np.inf, "", 0.0, (), np.ones(count))
     if spare <= 0 or estimator.residual_count < 50:
         return empty
-    inverse = np.diag(1.0 / estimator.variance)
+    variance = _tolerated(estimator)
+    inverse = np.diag(1.0 / variance)
     rows = estimator.rows[:count]
-    q = inverse - inverse @ rows @ weights.covariance @ rows.T @ inverse
-    c = estimator.residual_products / estimator.residual_count
+    free = rows[:, estimator._free]
+    covariance = np.linalg.pinv(free.T @ inverse @ free, hermitian=True)
+    q = inverse - inverse @ free @ covariance @ free.T @ inverse
+    mean = estimator.residual_mean / estimator.residual_count
+    c = estimator.residual_products / estimator.residual_count - np.outer(mean, mean)
+    # the residuals of the weighted least squares pass through Q's own projection, whatever weights made them
+    project = np.eye(count) - free @ covariance @ free.T @ inverse
+    c = project @ c @ project.T
+    offset = (project @ mean) * np.sqrt(variance / (variance + OFFSET_TOLERANCE**2))
+    # one draw of the mean with ``spare`` degrees of freedom: what chance and tolerance explain of it does not count
+    slack = float(stats.chi2.ppf(0.999, spare)) / spare
+    constant = float(offset @ inverse @ offset) / spare
+    c = c + np.outer(offset, offset) * max(1.0 - slack / max(constant, 1e-12), 0.0)
     ratio = float(np.sum(np.diag(inverse) * np.diag(c))) / spare
     # samples of an anti-alias filtered signal are not independent: count a quarter of them
-    freedom = spare * estimator.residual_count / 4.0
-    limit = 1.1 * float(stats.chi2.ppf(0.999, freedom) / freedom)
+    freedom = spare * max(estimator.residual_count, 50.0) / 4.0
+    limit = MEANINGFUL * float(stats.chi2.ppf(0.999, freedom) / freedom)
+    residual_variance = np.maximum(variance - np.einsum("ij,jk,ik->i", free, covariance, free), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        channel = np.sqrt(np.diag(c) / np.where(weights.residual_variance > 1e-12, weights.residual_variance, np.inf))
+        channel = np.sqrt(np.diag(c) / np.where(residual_variance > 1e-12, residual_variance, np.inf))
     if ratio <= limit:
         return dataclasses.replace(empty, ratio=ratio, limit=limit, channel_ratio=channel)
     explained = np.zeros(len(estimator.sensors))

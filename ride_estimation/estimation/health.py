@@ -94,7 +94,7 @@ def residual_message(test: ResidualTest) -> str:
     if test.passed:
         return ""
     size = np.sqrt(test.ratio)
-    text = f"the accelerometers of the body disagree with one rigid body {size:.1f} times more than their noise"
+    text = f"the accelerometers of the body disagree with one rigid body {size:.1f} times more than noise and tolerances explain"
     if test.explained < 0.5:
         return f"{text}; no single sensor explains it (a flexible body, a common delay, several wrong positions or rotations)"
     if test.rivals:

@@ -357,9 +357,11 @@ class Pipeline:
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
-        return (self._mass_estimate(), *(self._absolute(e) for e in self._parameters.estimates()))
+        test = self._motion.residual_test(self._dt or 0.002)
+        doubt = f"the sensors of the body contradict each other ({test.sensor} most)" if test.ratio > _CONTRADICTION**2 else ""
+        return (self._mass_estimate(), *(self._absolute(e, doubt) for e in self._parameters.estimates()))
 
-    def _absolute(self, estimate: Estimate) -> Estimate:
+    def _absolute(self, estimate: Estimate, doubt: str) -> Estimate:
         """Return an estimate for the present mass; its standard deviation knows that of the mass."""
         factor, relative = self._anchor.factor()
         value = estimate.value * factor
@@ -370,6 +372,8 @@ class Pipeline:
                 Status.NOT_IDENTIFIABLE,
                 "only its ratio to the mass can be told; the value holds for the file's mass",
             )
+        if doubt and status is Status.VALID:
+            status, reason = Status.SUSPECT, doubt
         return dataclasses.replace(estimate, value=value, std=std, status=status, reason=reason)
 
     def _mass_estimate(self) -> Estimate:
