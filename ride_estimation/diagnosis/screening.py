@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ride_estimation.diagnosis.baseline import MeanTable
 from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes, Sign
+from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import Scene
 
@@ -144,7 +145,20 @@ def screen(
         if batch and (total >= _BATCH or number == len(jobs) - 1):
             _score_batch(scene, table, projector, batch, samples, choices, best)
             batch, total = [], 0
-    return sorted(best.values(), key=lambda s: -s.penalised)
+    return sorted(_at_common_temper(scene, projector.regression.temper, best.values(), samples), key=lambda s: -s.penalised)
+
+
+def _at_common_temper(scene: Scene, temper: float, scores: Iterable[Score], samples: float) -> list[Score]:
+    """Return scores with gains weighed as after the best of them, as full fits are compared.
+
+    The temper of the model before the round counts all its misfit as model error. Gains divided by that shrink below every
+    price, and the order would be the order of the prices.
+    """
+    known = list(scores)
+    misfit = 1.0 + (temper - 1.0) / max(scene.inefficiency, 1.0)
+    largest = max((2.0 * temper * s.gain for s in known), default=0.0)
+    factor = temper / temper_of(max(misfit - largest / max(samples, 1.0), 1.0), scene.inefficiency)
+    return [dataclasses.replace(s, gain=factor * s.gain, penalised=factor * s.gain - (s.gain - s.penalised)) for s in known]
 
 
 def _jobs(hypotheses: Sequence[Hypothesis]) -> list[_Job]:

@@ -1,0 +1,46 @@
+# Copyright 2026 ride_estimation contributors
+"""Diagnosis of measured records: dry friction of a magnetorheological damper, refusal of a single IMU."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ride_estimation.cli.main import main
+
+SINGLE = Path(__file__).parents[2] / "config" / "vehicles" / "single_imu.yaml"
+READING = [
+    "--time", "Tout", "--displacement", "dist", "--force", "forc", "--displacement-unit", "mm", "--force-unit", "N",
+    "--zero", "mean", "--no-report",
+]  # fmt: skip
+#: record, another record of the same voltage, friction published for the voltage [N]
+DAMPER = [("ensaio5.1", "ensaio7.1", 50.2), ("ensaio5.2.2", "ensaio7.2.2", 209.7), ("ensaio.A.5", "ensaio.A.7", 562.1)]
+
+
+@pytest.mark.parametrize(("name", "other", "published"), DAMPER)
+def test_friction_of_the_damper_is_named_and_pays_on_another_stroke(real_data, tmp_path, name, other, published):
+    folder = real_data("mr_damper_loops_labcontrol")
+    arguments = ["diagnose", str(folder / f"{name}.mat"), "--validate", str(folder / f"{other}.mat"), *READING]
+    assert main([*arguments, "--out", str(tmp_path)]) == 0
+    document = json.loads((tmp_path / "diagnosis.json").read_text())
+    first = document["causes"][0]
+    assert (first["id"], first["location"], first["axis"]) == ("coulomb_friction", "mount", "z")
+    level = next(p for p in first["parameters"] if p["name"] == "friction level")
+    # the authors fit run by run with scatter of about 20 % between strokes
+    assert level["value"] == pytest.approx(published, rel=0.25)
+    gain = document["gain"]["validation"][0]
+    assert gain["extended"] < 0.6 * gain["baseline"]
+    # a damper of this kind is more than friction: what remains lies above the noise and is said
+    assert gain["extended"] > gain["noise_floor"]
+
+
+@pytest.mark.parametrize("bag", ["test1.bag", "test2.bag"])
+def test_one_imu_without_base_motion_is_refused_with_the_reason(real_data, tmp_path, bag):
+    run = real_data("ros1_bags_husky_jackal_robot_localization") / bag
+    assert main(["diagnose", str(run), "--vehicle", str(SINGLE), "--out", str(tmp_path), "--no-report"]) == 0
+    document = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert document["verdict"] == "insufficient_data"
+    assert document["causes"] == []
+    assert "base motion" in document["sentence"]
