@@ -6,9 +6,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
+from ride_estimation.diagnosis.oscillator import diagnose_oscillator
+from ride_estimation.io.bench_records import read_oscillator_record
 
 SINGLE = Path(__file__).parents[2] / "config" / "vehicles" / "single_imu.yaml"
 READING = [
@@ -44,3 +47,19 @@ def test_one_imu_without_base_motion_is_refused_with_the_reason(real_data, tmp_p
     assert document["verdict"] == "insufficient_data"
     assert document["causes"] == []
     assert "base motion" in document["sentence"]
+
+
+def test_the_spring_of_the_silverbox_is_named(real_data):
+    folder = real_data("silverbox_duffing_benchmark")
+    rate = 1e7 / 2**14  # Hz, a known fact of the benchmark
+    record, other = (
+        read_oscillator_record(folder / f"{name}.csv", "V1,V2", rate, "") for name in ("SNLS80mV", "Schroeder80mV")
+    )
+    answer = diagnose_oscillator(record, np.arange(record.u.size) >= 41200, [other])
+    assert answer.verdict == "explained"
+    assert [c.id for c in answer.causes] == ["stiffness_nonlinearity"]
+    assert answer.causes[0].parameters[0].value > 0.0  # hardens
+    for judged in answer.gain.validation:
+        assert judged.extended < judged.baseline / 20.0
+        assert 0.0 < judged.ci95[0] < judged.baseline - judged.extended < judged.ci95[1]
+    assert answer.to_mapping()["causes"][0]["confidence"] > 0.9
