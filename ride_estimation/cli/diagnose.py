@@ -89,7 +89,8 @@ _BENCH_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".mat")
 def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
     """Diagnose one bench record."""
     reading = reading_options(options)
-    samples, warnings = [], []
+    samples: list[BenchSample] = []
+    warnings: list[str] = []
     for path in (options.recording, *options.validate):
         record = read_bench_record(Path(path), reading)
         samples.append(BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force))
