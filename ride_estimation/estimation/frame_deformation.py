@@ -32,11 +32,13 @@ _OCTAVES = 0.2 * 2.0 ** np.arange(7)
 #: half the reciprocal quality of a section of the band-pass (one octave wide)
 _DAMPING = 0.36
 #: corners to choose from [Hz]
-_CORNERS = np.geomspace(0.1, 8.0, 36)
+_CORNERS = np.geomspace(0.2, 8.0, 36)
 #: memory of the spectrum [s]
 _MEMORY = 10.0
 #: memory of the constant bias [s]
 _BIAS_MEMORY = 8.0
+#: a corner w is allowed once w times the time since the start exceeds this: what the start left has then decayed
+_SETTLED = 8.0
 #: time between two choices of the corner [s]
 _INTERVAL = 0.2
 
@@ -231,13 +233,17 @@ class FrameDeformation:
         expected = share * expected
         excess = np.maximum(measured - expected * (1.0 + 2.0 * spread), 0.0) * self._used
         square = excess * whole / omega**4
-        w = 2.0 * np.pi * _CORNERS[_CORNERS * dt < 0.05][:, None]
+        allowed = (_CORNERS * dt < 0.05) & ((2.0 * np.pi * _CORNERS * self._time >= _SETTLED) | (_CORNERS[-1] == _CORNERS))
+        w = 2.0 * np.pi * _CORNERS[allowed][:, None]
         pole = (1j * omega) ** 2 + np.sqrt(2.0) * w * 1j * omega + w * w
         missing = np.abs((np.sqrt(2.0) * w * 1j * omega + w * w) / pole) ** 2
         missing_rate = np.abs(w * w / pole) ** 2 * omega**2
         passed = np.abs(1.0 / pole) ** 2
         density = share * self._base_variance * dt
+        # the running mean that stands for the bias follows what is slow; its error is integrated like an acceleration
+        drift = measured[0] / self._width[0] / (4.0 * min(_BIAS_MEMORY, self._time))
         variance = missing @ square + passed @ (share * tilt) + density / (2.0 * np.sqrt(2.0) * w[:, 0] ** 3)
+        variance += drift / w[:, 0] ** 4
         rate_variance = missing_rate @ square + 3.0 * density / (2.0 * np.sqrt(2.0) * w[:, 0])
         best = int(np.argmin(k2 * variance + c2 * rate_variance))
         self._corner[axis] = w[best, 0]
