@@ -233,8 +233,9 @@ class FrameDeformation:
         expected = share * expected
         excess = np.maximum(measured - expected * (1.0 + 2.0 * spread), 0.0) * self._used
         square = excess * whole / omega**4
-        allowed = (_CORNERS * dt < 0.05) & ((2.0 * np.pi * _CORNERS * self._time >= _SETTLED) | (_CORNERS[-1] == _CORNERS))
-        w = 2.0 * np.pi * _CORNERS[allowed][:, None]
+        resolved = _CORNERS[_CORNERS * dt < 0.05] if _CORNERS[0] * dt < 0.05 else _CORNERS[:1]
+        settled = resolved[2.0 * np.pi * resolved * self._time >= _SETTLED]
+        w = 2.0 * np.pi * (settled if settled.size else resolved[-1:])[:, None]
         pole = (1j * omega) ** 2 + np.sqrt(2.0) * w * 1j * omega + w * w
         missing = np.abs((np.sqrt(2.0) * w * 1j * omega + w * w) / pole) ** 2
         missing_rate = np.abs(w * w / pole) ** 2 * omega**2
