@@ -253,27 +253,34 @@ def test_the_cubic_coefficient_of_the_entry_is_zero() -> None:
 # --- J9, J10 -------------------------------------------------------------------------------------------------------
 
 
+def rms_ratio(error: Array, signal: Array) -> float:
+    return float(np.sqrt(np.mean(error**2) / np.mean(signal**2)))
+
+
 @pytest.mark.parametrize("product", [0.02, 0.1, 0.5, 2.0, 5.0])
 def test_bilinear_and_exact_step_against_the_analytic_sine(product: float) -> None:
-    # J9: 5 Hz at 1 ms, second half of the record: the bilinear form within 1e-4 of the amplitude (measured 4e-5 to 8e-5); the
-    # exact step takes the deflection as a polygon, which delays fast cells (Omega T > 1) a little: 1e-4 of k A
+    # J9: 5 Hz at 1 ms, second half of the record (the transient of Omega T = 0.02 has gone), rms over rms. The bilinear map
+    # takes w to (2 / T) tan(w T / 2): off by (w T)^2 / 12 = 8.2e-5 in frequency; 4e-5 to 8e-5 in the document
     h, k = 1e-3, 20e3
     corner, w = product / h, 2 * np.pi * 5.0
     t = np.arange(0, 4.0, h)
     analytic = np.imag(k * 1j * w / (corner + 1j * w) * 1e-3 * np.exp(1j * w * t))
     late = slice(t.size // 2, None)
-    size = np.max(np.abs(analytic))
     x = 1e-3 * np.sin(w * t)
-    assert np.max(np.abs(bilinear_response(x, h, k, corner) - analytic)[late]) < 1e-4 * size
-    assert np.max(np.abs(Maxwell(k, k / corner).response(t, x) - analytic)[late]) < 1e-4 * k * 1e-3
+    bilinear = rms_ratio((bilinear_response(x, h, k, corner) - analytic)[late], analytic[late])
+    assert 4e-5 < bilinear < 1.01 * (w * h) ** 2 / 12
+    # the exact step takes the deflection as a polygon: its rate is late by at most half a step, w T / 2 of the force
+    exact = rms_ratio((Maxwell(k, k / corner).response(t, x) - analytic)[late], analytic[late])
+    assert exact < 1.01 * w * h / 2
     # the transcribed sign of (14), +a, is 0.99 / 0.95 / 0.75 off at 0.02 / 0.1 / 0.5 and invisible at 2, where a = 0
     a, b = (product - 2) / (product + 2), 2 * k / (product + 2)
     wrong = np.zeros(t.size)
     for i in range(1, t.size):
         wrong[i] = a * wrong[i - 1] + b * (x[i] - x[i - 1])
-    error = np.max(np.abs(wrong - analytic)[late]) / size
-    if product in (0.02, 0.1, 0.5):
-        assert error > 0.7
+    error = rms_ratio((wrong - analytic)[late], analytic[late])
+    printed = {0.02: 0.99, 0.1: 0.95, 0.5: 0.75}
+    if product in printed:
+        assert error == pytest.approx(printed[product], abs=0.005)
     if product == 2.0:
         assert error < 1e-4
 
@@ -287,20 +294,24 @@ def explicit_euler(cell: Maxwell, x: Array, h: float) -> Array:
 
 
 def test_explicit_euler_bound_of_a_maxwell_cell() -> None:
-    # J10: at 1 ms stable below 2000 rad/s: rough at 0.5 (12 %), useless at 2.0, without limit at 5; exact step fine at all
-    h, k = 1e-3, 20e3
+    # J10: at 1 ms stable below 2000 rad/s. At 2.0 the start-up error (as large as the force) alternates in sign for ever and
+    # never fades: sqrt(2) of the force's rms, the 1.4 of the document; at 5 not a number. Below, at 0.5, the rate is early by
+    # half a step once the start has passed: w T / 2 = 1.6 %
+    h, k, w = 1e-3, 20e3, 2 * np.pi * 5.0
     t = np.arange(0, 2.0, h)
-    x = 1e-3 * np.sin(2 * np.pi * 5 * t)
+    x = 1e-3 * np.sin(w * t)
+    late = slice(t.size // 2, None)
     errors = {}
     for product in (0.5, 2.0, 5.0):
         cell = Maxwell(k, k * h / product)
-        exact = cell.response(t, x)
+        analytic = np.imag(k * 1j * w / (product / h + 1j * w) * 1e-3 * np.exp(1j * w * t))
         with np.errstate(over="ignore", invalid="ignore"):
-            errors[product] = np.max(np.abs(explicit_euler(cell, x, h) - exact)) / np.max(np.abs(exact))
+            errors[product] = rms_ratio((explicit_euler(cell, x, h) - analytic)[late], analytic[late])
         assert largest_explicit_step(cell, 0.0) == pytest.approx(2.0 * h / product)
-    assert errors[0.5] < 0.15
-    assert errors[2.0] > 0.9
-    assert not errors[5.0] < 1e100
+        assert rms_ratio((cell.response(t, x) - analytic)[late], analytic[late]) < 1.01 * w * h / 2
+    assert errors[0.5] < 1.01 * w * h / 2
+    assert errors[2.0] == pytest.approx(np.sqrt(2.0), abs=0.005)
+    assert np.isnan(errors[5.0])
     with pytest.raises(ConfigurationError, match="take a step below") as caught:
         require_explicit_step(Maxwell(k, k / 5000.0), h, 0.0)
     assert "5000 1/s" in str(caught.value)
