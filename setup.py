@@ -40,8 +40,12 @@ ROS = [
     'ros-rclpy[fastrtps]==7.1.6; platform_machine == "x86_64"',
     'ros-jazzy-common-interfaces; platform_machine == "x86_64"',
 ]
-DURABILITY = ["rainflow>=3.2"]
-TEST = ["pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2", *DURABILITY]
+# Import and export of measurement files: MDF4, TDMS, RPC III, Parquet. The newest pyarrow refuses numpy 1.26.
+FILES = ["asammdf>=8.1", "npTDMS>=1.9", "rpc3-file>=1.0.0rc6", "pyarrow>=15,<26"]
+FLEET = ["distributed>=2024.1"]
+COMPLETION = ["shtab>=1.6"]
+# rainflow and the readers of measurement files are oracles of tests; distributed and shtab are small.
+TEST = ["pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2", "rainflow>=3.2"]
 LINT = ["ruff>=0.6", "mypy>=1.11", "import-linter>=2.0", "types-PyYAML"]
 COLCON = ["colcon-common-extensions", "colcon-ros", "catkin_pkg", "setuptools<80"]
 
@@ -64,7 +68,9 @@ setup(
         "test": TEST,
         "lint": LINT,
         "colcon": COLCON,
-        "durability": DURABILITY,
+        "files": FILES,
+        "fleet": FLEET,
+        "completion": COMPLETION,
         "dev": TEST + LINT,
     },
     entry_points={

@@ -1,16 +1,24 @@
 # Copyright 2026 ride_estimation contributors
-"""Pseudo-damage of load signals by rainflow counting (ASTM E1049) and a power law; comparison of model and measurement."""
+"""Pseudo-damage of load signals by rainflow counting (ASTM E1049) and a power law: how much, when, how sure.
+
+Only ratios of pseudo-damage mean anything; the unit is the unit of the signal to the power of the slope.
+"""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ride_estimation.assessment.rainflow import Cycles, RainflowCounter, count_cycles
 from ride_estimation.errors import InputDataError
 
 Array = NDArray[np.float64]
 
 DEFAULT_SLOPE = 5.0  # exponent of the pseudo S-N line for welded and formed steel parts, the usual default in load comparison
+SLOPES = (1.0, 20.0)  # range of published S-N slopes, and beyond
+EQUIVALENT_RATE_HZ = 1.0  # cycles per second of the damage-equivalent load (the "1 Hz" convention of load comparison)
 
 
 def rainflow_ranges(values: ArrayLike) -> tuple[Array, Array]:
@@ -24,26 +32,33 @@ def rainflow_ranges(values: ArrayLike) -> tuple[Array, Array]:
     Raises
     ------
     InputDataError
-        Fewer than two samples, values not finite, or the ``rainflow`` library (extra ``durability``) is missing.
+        Fewer than two samples, or values not finite.
     """
-    y = np.asarray(values, dtype=float).ravel()
-    if y.size < 2 or not np.all(np.isfinite(y)):
-        raise InputDataError("rainflow counting needs at least two finite samples")
-    try:
-        import rainflow
-    except ImportError as error:
-        raise InputDataError("rainflow counting needs the extra 'durability': pip install ride_estimation[durability]") from error
-    cycles = [(r, c) for r, _, c, _, _ in rainflow.extract_cycles(y)]
-    if not cycles:
-        return np.zeros(0), np.zeros(0)
-    ranges, counts = np.array(cycles, dtype=float).T
-    return ranges, counts
+    cycles = count_cycles(values)
+    return cycles.ranges, cycles.count
+
+
+def cycle_damage(cycles: Cycles, slope: float = DEFAULT_SLOPE) -> Array:
+    """Return ``n range^slope`` of every cycle, shape (C,) [unit^slope].
+
+    Raises
+    ------
+    InputDataError
+        A slope outside :data:`SLOPES`.
+    """
+    return np.asarray(cycles.count * cycles.ranges ** checked_slope(slope))
+
+
+def checked_slope(slope: float) -> float:
+    """Return the slope, or say what is allowed."""
+    if not SLOPES[0] <= slope <= SLOPES[1]:
+        raise InputDataError(f"slope {slope!r} of the damage line; allowed: {SLOPES[0]:g} to {SLOPES[1]:g}")
+    return float(slope)
 
 
 def pseudo_damage(values: ArrayLike, slope: float = DEFAULT_SLOPE) -> float:
     """Return ``sum n_i range_i^slope`` [unit^slope]; only ratios of it mean anything."""
-    ranges, counts = rainflow_ranges(values)
-    return float(np.sum(counts * ranges**slope))
+    return float(np.sum(cycle_damage(count_cycles(values), slope)))
 
 
 def damage_ratio(measured: ArrayLike, modelled: ArrayLike, slope: float = DEFAULT_SLOPE) -> float:
@@ -54,23 +69,174 @@ def damage_ratio(measured: ArrayLike, modelled: ArrayLike, slope: float = DEFAUL
     return pseudo_damage(modelled, slope) / reference
 
 
-def relative_damage_share(values: ArrayLike, rate_hz: float, block_s: float, slope: float = DEFAULT_SLOPE) -> Array:
-    """Return the share of each time block in the summed block damages, shape (B,): which minute did it.
+def damage_over_time(cycles: Cycles, rate_hz: float, samples: int, block_s: float, slope: float = DEFAULT_SLOPE) -> Array:
+    """Return the share of each time block in the damage, shape (B,); the shares add up to one.
 
-    Cycles that span blocks are counted in no block, so shares rank blocks and do not add up to the damage of the run.
+    Every cycle gives half of its damage to each of its two turning points, so a cycle between two bumps belongs to both.
+
+    Parameters
+    ----------
+    cycles
+        Of the whole signal.
+    rate_hz
+        Sample rate [Hz].
+    samples
+        Length of the signal.
+    block_s
+        Length of a block [s]; the last one may be shorter.
     """
-    y = np.asarray(values, dtype=float).ravel()
     length = round(block_s * rate_hz)
-    if length < 2 or y.size < length:
-        raise InputDataError(f"blocks of {block_s:g} s do not fit a record of {y.size / rate_hz:g} s")
-    blocks = [pseudo_damage(y[i : i + length], slope) for i in range(0, y.size - length + 1, length)]
-    total = sum(blocks)
-    return np.array(blocks) / total if total > 0.0 else np.zeros(len(blocks))
+    if not 1 <= length <= samples:
+        raise InputDataError(f"blocks of {block_s:g} s do not fit a record of {samples / rate_hz:g} s")
+    damage = cycle_damage(cycles, slope)
+    share = np.zeros(-(-samples // length))
+    np.add.at(share, cycles.start_index // length, 0.5 * damage)
+    np.add.at(share, cycles.end_index // length, 0.5 * damage)
+    total = float(np.sum(damage))
+    return share / total if total > 0.0 else share
 
 
-def level_crossings(values: ArrayLike, levels: ArrayLike) -> NDArray[np.int64]:
-    """Return how often the signal crosses each level upwards, shape (L,)."""
-    y, level = np.asarray(values, dtype=float).ravel(), np.asarray(levels, dtype=float).ravel()
-    below = y[:-1, None] < level[None, :]
-    above = y[1:, None] >= level[None, :]
-    return np.asarray(np.sum(below & above, axis=0), dtype=np.int64)
+def equivalent_amplitude(damage: float, duration_s: float, slope: float = DEFAULT_SLOPE) -> float:
+    """Return the amplitude of the sine of :data:`EQUIVALENT_RATE_HZ` that does the same damage in the same time.
+
+    ``(D / (f T))^(1/slope) / 2`` [unit of the signal].
+    """
+    if not duration_s > 0.0:
+        raise InputDataError(f"duration {duration_s:g} s must be positive")
+    return float(0.5 * (damage / (EQUIVALENT_RATE_HZ * duration_s)) ** (1.0 / checked_slope(slope)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Damage:
+    """Pseudo-damage of one load signal.
+
+    Attributes
+    ----------
+    value
+        [unit^slope].
+    lower, upper
+        95 % interval from the uncertainty of the load; equal to ``value`` where none was given.
+    equivalent_amplitude, equivalent_lower, equivalent_upper
+        Of a 1 Hz sine with the same damage [unit].
+    relative_std
+        Standard deviation of the load over the rms of its dynamic part, the factor the interval stands for.
+    largest_range
+        Largest counted range [unit].
+    slope
+        Of the damage line.
+    duration_s
+        Of the signal [s].
+    """
+
+    value: float
+    lower: float
+    upper: float
+    equivalent_amplitude: float
+    equivalent_lower: float
+    equivalent_upper: float
+    relative_std: float
+    largest_range: float
+    slope: float
+    duration_s: float
+
+    @property
+    def known(self) -> bool:
+        """Return whether the load is known well enough for its damage to mean anything (lower bound above zero)."""
+        return self.lower > 0.0
+
+
+class DamageMeter:
+    """Damage of a load whose samples arrive in chunks, with the uncertainty of the load carried into it.
+
+    The standard deviation of the load is taken as that of one unknown factor on its dynamic part, the same for the whole
+    run: a wrong stiffness, damping or mass. That is the kind of error that changes damage most, because it shifts all
+    cycles the same way; errors that change from sample to sample average out, an offset changes no range. So the interval
+    is on the safe side: ``D (1 +- 2 s)^slope`` with ``s = rms(std) / rms(load - mean)``.
+
+    Parameters
+    ----------
+    rate_hz
+        Sample rate [Hz].
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        if not rate_hz > 0.0:
+            raise InputDataError(f"sample rate {rate_hz:g} Hz must be positive")
+        self._rate = rate_hz
+        self._counter = RainflowCounter()
+        self._sums = np.zeros(3)  # load, load^2, std^2
+        self._origin = 0.0
+
+    def feed(self, load: ArrayLike, std: ArrayLike | None = None) -> None:
+        """Take in the next samples.
+
+        Parameters
+        ----------
+        load
+            Shape (N,), any unit.
+        std
+            Standard deviation of the load, shape (N,), or None for an exact load.
+
+        Raises
+        ------
+        InputDataError
+            Shapes that differ, or values that are not finite.
+        """
+        y = np.asarray(load, dtype=float).ravel()
+        s = np.zeros_like(y) if std is None else np.asarray(std, dtype=float).ravel()
+        if s.shape != y.shape or not np.all(np.isfinite(s)):
+            raise InputDataError(f"standard deviation of a load: {s.size} finite values are needed for {y.size} samples")
+        if not y.size:
+            return
+        first = self._counter.samples == 0
+        self._counter.feed(y)
+        if first:
+            self._origin = float(y[0])
+        moved = y - self._origin
+        # cumulated one by one, so that the sums do not depend on the chunks
+        rows = np.concatenate([self._sums[None], np.column_stack([moved, moved**2, s**2])])
+        self._sums = np.cumsum(rows, axis=0)[-1]
+
+    @property
+    def cycles(self) -> Cycles:
+        """Return the cycles counted so far."""
+        return self._counter.cycles()
+
+    @property
+    def samples(self) -> int:
+        """Return the number of samples so far."""
+        return self._counter.samples
+
+    def damage(self, slope: float = DEFAULT_SLOPE) -> Damage:
+        """Return the damage so far.
+
+        Raises
+        ------
+        InputDataError
+            Fewer than two samples, or a slope outside :data:`SLOPES`.
+        """
+        n = self.samples
+        if n < 2:
+            raise InputDataError(f"damage needs at least two samples; given {n}")
+        cycles = self.cycles
+        value = float(np.sum(cycle_damage(cycles, slope)))
+        mean, square, spread = (float(v) / n for v in self._sums)
+        variance = max(square - mean**2, 0.0)
+        relative = float(np.sqrt(spread / variance)) if variance > 0.0 else 0.0
+        duration = n / self._rate
+        factors = (1.0, max(1.0 - 2.0 * relative, 0.0), 1.0 + 2.0 * relative)
+        middle, low, high = (value * factor**slope for factor in factors)
+        return Damage(
+            value=middle, lower=low, upper=high,
+            equivalent_amplitude=equivalent_amplitude(middle, duration, slope),
+            equivalent_lower=equivalent_amplitude(low, duration, slope),
+            equivalent_upper=equivalent_amplitude(high, duration, slope),
+            relative_std=relative, largest_range=float(np.max(cycles.ranges, initial=0.0)), slope=slope, duration_s=duration,
+        )  # fmt: skip
+
+
+def assess_load(load: ArrayLike, rate_hz: float, std: ArrayLike | None = None, slope: float = DEFAULT_SLOPE) -> Damage:
+    """Return the damage of a whole load signal; see :class:`DamageMeter` for how its uncertainty is carried along."""
+    meter = DamageMeter(rate_hz)
+    meter.feed(load, std)
+    return meter.damage(slope)

@@ -90,7 +90,7 @@ def score(run: MeasuredRun, modelled: Array) -> Score:
     try:
         damage: float | None = damage_ratio(first, model)
     except InputDataError:
-        damage = None  # the rainflow library is an extra
+        damage = None  # a constant measurement does no damage
     return Score(
         rmse_percent=100.0 * metrics.nrmse(run.measured, modelled),
         rmse_m_per_s2=metrics.rmse(run.measured, modelled),

@@ -74,8 +74,68 @@ def test_rates_below_400_hz_and_bad_shapes_are_refused():
         rc.WeightedSignal("Wk", 250.0)
     with pytest.raises(InputDataError, match="triaxial"):
         rc.assess(np.zeros((2000, 2)), 500.0, 3600.0, "seat")
+    with pytest.raises(InputDataError, match="60 Hz"):
+        rc.assess(np.zeros((2000, 3)), 50.0, 3600.0, "seat")
+    with pytest.raises(InputDataError, match="one second"):
+        rc.assess(np.zeros((100, 3)), 500.0, 3600.0, "seat")
+    with pytest.raises(InputDataError, match="86400"):
+        rc.assess(np.zeros((2000, 3)), 500.0, 1e6, "seat")
+    with pytest.raises(InputDataError, match="not finite"):
+        rc.assess(np.full((2000, 3), np.nan), 500.0, 3600.0, "seat")
     with pytest.raises(InputDataError, match="Wx"):
         rc.WeightedSignal("Wx", 500.0)
+
+
+@pytest.mark.parametrize("rate", [150.0, 500.0])
+@pytest.mark.parametrize("chunk", [1, 333])
+def test_the_meter_gives_the_same_bits_in_chunks(rate, chunk):
+    a = np.random.default_rng(2).standard_normal((700, 3)) + [0.0, 0.3, 9.81]
+    meter = rc.ComfortMeter(rate, "seat")
+    for i in range(0, len(a), chunk):
+        meter.feed(a[i : i + chunk])
+    assert meter.exposure(3600.0) == rc.assess(a, rate, 3600.0, "seat")
+
+
+@pytest.mark.parametrize("rate", [100.0, 200.0, 333.0])
+def test_slow_records_are_interpolated(rate):
+    t = np.arange(0, 60, 1 / rate)
+    a = np.zeros((t.size, 3))
+    a[:, 2] = 9.81 + np.sin(2 * np.pi * 0.3 * rate * t)
+    a[:, 0] = np.sin(2 * np.pi * 2.0 * t)
+    result = rc.assess(a, rate, 3600.0, "cab floor")
+    # 0.12 dB of the bilinear transform at 80 Hz, as much for the ripple of the interpolation (60 dB) and the ends
+    for axis, name, frequency in ((2, "Wk", 0.3 * rate), (0, "Wd", 2.0)):
+        expected = float(rc.WEIGHTINGS[name].gain(frequency)) / math.sqrt(2)
+        assert result.axes[axis].weighted_rms == pytest.approx(expected, rel=0.03)
+    assert result.highest_hz == pytest.approx(0.4 * rate)
+
+
+# 60 dB of image suppression leave 10 mm/s^2 of gravity at 500 Hz, the weighting hardly 1 % of that
+@pytest.mark.parametrize(("rate", "bound"), [(1000.0, 1e-9), (500.0, 1e-3)])
+def test_gravity_starts_no_transient(rate, bound):
+    a = np.tile([0.0, 0.0, 9.81], (1500, 1))
+    assert rc.assess(a, rate, 3600.0, "seat").axes[2].vibration_dose < bound
+
+
+def test_notes_say_what_limits_the_numbers():
+    rng = np.random.default_rng(0)
+    a = rng.standard_normal((3000, 3))
+    a[1500] *= 500.0
+    floor = " ".join(rc.assess(a, 100.0, 3600.0, "cab floor").notes())
+    assert "floor, not seat" in floor and "crest factor" in floor and "above 40 Hz" in floor and "30 s" in floor
+    assert rc.assess(rng.standard_normal((90_000, 3)), 450.0, 3600.0, "driver seat").notes() == ()
+
+
+def test_minutes_to_the_dose_values():
+    rate = 500.0
+    t = np.arange(0, 40, 1 / rate)
+    a = np.zeros((t.size, 3))
+    a[:, 2] = 2.0 * np.sin(2 * np.pi * 6.0 * t)
+    result = rc.assess(a, rate, rc.EXPOSURE_REFERENCE_S, "seat")
+    # VDV of that many minutes of the same vibration is the value itself
+    for minutes, value in ((result.dose_minutes_to_action, 9.1), (result.dose_minutes_to_limit, 21.0)):
+        assert result.dose * (60 * minutes / rc.EXPOSURE_REFERENCE_S) ** 0.25 == pytest.approx(value, rel=1e-9)
+    assert result.dose == pytest.approx(result.axes[2].vibration_dose * (28800 / 40) ** 0.25, rel=1e-12)
 
 
 def test_weightings_agree_with_a_public_table_where_it_is_present():
