@@ -128,18 +128,69 @@ def test_frequency_domain_is_exact_without_noise(norm):
     assert np.all(np.abs(fit.values / TRUTH - 1) < 0.0015), 100 * (fit.values / TRUTH - 1)
 
 
+def cramer_rao(points):
+    """Smallest standard deviations of unbiased parameters from K* whose noise is `force_std` over the amplitude, shape (8,)."""
+
+    def stiffness(values):
+        theta, coefficients = MODIFIED.searched(values)
+        return complex_stiffness(MODIFIED.layout, theta, coefficients, points.omega, points.amplitude)
+
+    rows = []
+    for i in range(TRUTH.size):
+        up, down = TRUTH.copy(), TRUTH.copy()
+        up[i] *= 1 + 1e-5
+        down[i] *= 1 - 1e-5
+        rows.append((stiffness(up) - stiffness(down)) / (2e-5 * TRUTH[i]) * points.amplitude / points.force_std)
+    jacobian = np.hstack([np.real(rows), np.imag(rows)])
+    return np.sqrt(np.diag(np.linalg.inv(jacobian @ jacobian.T)))
+
+
+def noisy_fits(noise, seeds, norm="complex_modulus"):
+    fits = [fit_frequency_domain(MODIFIED, measured_points(noise, seed), norm=norm) for seed in seeds]
+    return np.array([f.values / TRUTH - 1 for f in fits]), np.array([f.std for f in fits]) / np.abs(TRUTH)
+
+
+@pytest.mark.parametrize(
+    ("noise", "seeds"), [(1.0, range(400, 412)), pytest.param(15.0, range(300, 340), marks=pytest.mark.slow)]
+)
+def test_frequency_domain_reaches_the_cramer_rao_bound(noise, seeds):
+    # force noise 1 N and 15 N per sample, 1200 samples per test
+    bound = cramer_rao(measured_points(noise, 0)) / np.abs(TRUTH)
+    error, std = noisy_fits(noise, seeds)
+    # the bound is that of a linear problem: parameters it leaves undetermined by more than 5 % are not asked to keep it
+    # (at 15 N both cells: 9 to 95 %; at 1 N only the second spring, 6.4 %, where it still holds)
+    told = bound < 0.07
+    assert told.sum() == (8 if noise < 2.0 else 4)
+    # rms over n seeds scatters by 1/sqrt(2 n) of itself; three of those
+    ratio = np.sqrt(np.mean(error**2, axis=0)) / bound
+    assert np.all(ratio[told] < 1.0 + 3.0 / np.sqrt(2 * len(seeds))), ratio
+    # the stated standard deviation is neither too small (5 % of normal errors lie beyond two of it; 12.5 % of about a hundred
+    # correlated ones are three deviations of that count) nor useless (it contains the 0.01 % below which no cell is linear)
+    assert np.mean(np.abs(error[:, told]) > 2.0 * std[:, told]) <= 0.125
+    assert np.all(np.median(std, axis=0)[told] < 2.5 * bound[told])
+    # what the points cannot tell says so
+    assert np.all(np.median(std, axis=0)[~told] > 0.05)
+
+
+def test_second_cell_of_the_dma_plan_cannot_be_told_to_two_per_cent():
+    # the 2.3 % of the document notes (one seed) is below the bound for the second spring: 6.4 % for 1200 samples per test, and
+    # more for six cycles at 1 kHz, where the fast tests have the fewest samples; the other parameters can keep it
+    even = 100 * cramer_rao(measured_points(1.0)) / np.abs(TRUTH)
+    assert even[4] > 6.0 and even[5] > 3.0
+    assert np.all(np.delete(even, [4, 5]) < 1.1)
+    points = measured_points()
+    cycles = dataclasses.replace(points, force_std=np.sqrt(2 * points.omega / (2 * np.pi) / 6000.0))
+    at_1_khz = 100 * cramer_rao(cycles) / np.abs(TRUTH)
+    assert at_1_khz[4] > even[4]
+
+
 def test_repaired_weighting_is_less_hurt_by_noise_than_the_printed_one():
-    # 1 N force noise on 6 cycles of 200 samples, three paired seeds; errors as root mean square over the seeds
-    errors = {"complex_modulus": [], "printed": []}
-    for seed in range(3):
-        for norm, found in errors.items():
-            found.append(fit_frequency_domain(MODIFIED, measured_points(1.0, seed), norm=norm).values / TRUTH - 1)
-    size = {norm: np.sqrt(np.mean(np.square(e), axis=0)) for norm, e in errors.items()}
+    # 1 N force noise on 1200 samples per test, three paired seeds; errors as root mean square over the seeds
+    size = {n: np.sqrt(np.mean(noisy_fits(1.0, range(3), n)[0] ** 2, axis=0)) for n in ("complex_modulus", "printed")}
     # friction force and displacement, the two that document 003 Table 3 shows 30 % and 41 % apart
     assert np.all(size["complex_modulus"][6:] < 0.1 * size["printed"][6:]), size
-    # 2.3 % for all but the second cell's stiffness, which 35 points tell to 6 % only
-    assert np.all(np.delete(size["complex_modulus"], 4) < 0.023), size
-    assert size["complex_modulus"][4] < 0.12
+    # the 2.3 % of the document notes for all parameters but those of the second cell, see the test above
+    assert np.all(np.delete(size["complex_modulus"], [4, 5]) < 0.023), size
 
 
 def test_operating_points_are_found_in_a_test_record():

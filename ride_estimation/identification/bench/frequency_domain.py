@@ -4,8 +4,10 @@
 Norms, as named options:
 
 ``complex_modulus`` (default)
-    residual ``(K*_measured - K*) / sigma`` with ``sigma^2 = (1 % |K*|)^2 + (sigma_F / A)^2``: linear in the same
-    coefficients as the force, so variable projection applies, and tiny amplitudes whose force drowns in noise count less;
+    residual ``(K*_measured - K*) / sigma`` with ``sigma^2 = (r |K*|)^2 + (sigma_F / A)^2``: linear in the same
+    coefficients as the force, so variable projection applies, and tiny amplitudes whose force drowns in noise count less. The
+    mixture of both errors is estimated from the misfit by maximum likelihood, fit and mixture in turn
+    (:mod:`~ride_estimation.identification.bench.error_components`), from ``r = 1 %`` as a start;
 ``repaired``
     document 003 eq. (24) with the loss residual over ``pi A^2 K`` and the same de-weighting;
 ``printed``
@@ -15,12 +17,14 @@ Norms, as named options:
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.error_components import estimate_components
 from ride_estimation.identification.bench.harmonic_stiffness import complex_stiffness, harmonic_columns
 from ride_estimation.identification.bench.models import BenchModel
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints
@@ -32,6 +36,8 @@ Array = NDArray[np.float64]
 NORMS = ("complex_modulus", "repaired", "printed")
 #: error of a measured stiffness that does not fall with amplitude (load cell class, fixture)
 RELATIVE_FLOOR = 0.01
+#: rounds of fit and error mixture; the standard deviations then change by less than a tenth
+REWEIGHTINGS = 4
 #: weight of the stiffness against the loss in document 003 eq. (24)
 BETA = 0.97
 
@@ -54,6 +60,8 @@ class FrequencyDomainFit:
         Relative errors at the points: ``|K*| / |K*_measured| - 1`` and ``(W - W_measured) / (pi A^2 K_measured)``.
     norm
         Which norm was minimised.
+    sigma
+        Relative standard deviations of K* the fit was weighted with, shape (N,).
     bounds_hit
         Reported parameters at a bound.
     """
@@ -66,6 +74,7 @@ class FrequencyDomainFit:
     stiffness_error: Array
     loss_error: Array
     norm: str
+    sigma: Array
     bounds_hit: tuple[str, ...]
 
 
@@ -109,7 +118,7 @@ def fit_frequency_domain(
     beta
         Weight of the stiffness in ``repaired`` and ``printed``.
     force_noise
-        See :func:`relative_sigma`.
+        Standard deviation of the first force harmonic [N], taken as known; None: the error mixture is estimated.
     starts
         Number of start points.
 
@@ -127,7 +136,10 @@ def fit_frequency_domain(
             f"{model.name}: measure more frequencies and amplitudes"
         )
     sigma = relative_sigma(points, force_noise)
-    found = _project(model, points, sigma, starts)
+    lower, upper = _bounds(model, points)
+    found = _project(model, points, sigma, start_points(model.layout, lower, upper, starts))
+    if norm == "complex_modulus" and force_noise is None:
+        found, sigma = _reweighted(model, points, sigma, found)
     theta, coefficients = found.theta, found.coefficients
     if norm != "complex_modulus":
         theta, coefficients = _refine(model, points, sigma, theta, coefficients, norm, beta)
@@ -150,7 +162,22 @@ def _bounds(model: BenchModel, points: OperatingPoints) -> tuple[Array, Array]:
     return np.asarray(lower), np.asarray(upper)
 
 
-def _project(model: BenchModel, points: OperatingPoints, sigma: Array, starts: int) -> VariableProjectionResult:
+def _reweighted(
+    model: BenchModel, points: OperatingPoints, sigma: Array, found: VariableProjectionResult
+) -> tuple[VariableProjectionResult, Array]:
+    """Estimate the error mixture from the misfit and fit again, in turn."""
+    magnitude = np.abs(points.stiffness)
+    for _ in range(REWEIGHTINGS):
+        value = complex_stiffness(model.layout, found.theta, found.coefficients, points.omega, points.amplitude)
+        mixture = estimate_components(
+            magnitude, points.amplitude, points.force_std, value / points.stiffness - 1.0, model.parameter_count
+        )
+        sigma = mixture.relative_sigma(magnitude, points.amplitude, points.force_std)
+        found = _project(model, points, sigma, [found.theta])
+    return found, sigma
+
+
+def _project(model: BenchModel, points: OperatingPoints, sigma: Array, starts: Sequence[Array]) -> VariableProjectionResult:
     lower, upper = _bounds(model, points)
 
     def evaluate(theta: Array) -> Array:
@@ -160,7 +187,7 @@ def _project(model: BenchModel, points: OperatingPoints, sigma: Array, starts: i
 
     best: VariableProjectionResult | None = None
     free = np.zeros(model.layout.linear, dtype=bool)
-    for start in start_points(model.layout, lower, upper, starts):
+    for start in starts:
         found = minimise(evaluate, start, lower, upper, model.layout.linear, model.sensitivities, free)
         if np.any(found.coefficients[model.positive] < 0.0):
             found = minimise(evaluate, found.theta, lower, upper, model.layout.linear, model.sensitivities, model.positive)
@@ -235,5 +262,6 @@ def _finish(
         np.abs(value) / measured - 1.0,
         (value.imag - points.stiffness.imag) / measured,
         norm,
+        sigma,
         hit,
     )
