@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
         "Mount parameters": (PARAMETER_HEAD, parameters),
         f"Mount forces after {SETTLE_S:g} s": (FORCE_HEAD, forces),
     }
-    if "diagnose" in command.verbs() and not options.no_diagnosis:
+    if "diagnose" in command.verb_helps() and not options.no_diagnosis:
         head, rows, sentence = diagnose(out, vehicle)
         print(text_table(head, rows), "\n")
         print(sentence, "\n")

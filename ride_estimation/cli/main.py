@@ -1,45 +1,106 @@
 # Copyright 2026 ride_estimation contributors
-"""Entry point of the ``ride-estimation`` command; every module of this folder that has HELP is a verb."""
+"""Entry point of the ``ride-estimation`` command; every module of this folder that has HELP is a verb.
+
+Only the verb that is asked for is imported; the others are known by the HELP line of their source.
+"""
 
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib
 import pkgutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from types import ModuleType
 
 import ride_estimation
 import ride_estimation.cli as package
 from ride_estimation.errors import RideEstimationError
 
+#: verbs by what one wants to do, in the order of a first day; others follow under "more"
+TOPICS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("start here", ("demo", "plan", "calibrate", "replay", "diagnose")),
+    ("several runs", ("compare", "fleet")),
+    ("other files", ("import-file", "export-file")),
+)
+EPILOG = """\
+A first day, on the recordings that come with the package:
+  ride-estimation demo                                                  what it does, against known truth
+  ride-estimation plan --vehicle truck_cab                              what a sensor set will be able to tell
+  ride-estimation replay bags/nominal/bag --vehicle truck_cab --out out/nominal
+                                                                        then open out/nominal/report.html
+'ride-estimation VERB --help' says what a verb needs and gives; exit code 0 is success, 2 bad input with one message.
+"""
 
-def verbs() -> dict[str, ModuleType]:
-    """Return the verb modules by command name (underscores of the module become dashes)."""
-    found: dict[str, ModuleType] = {}
+
+def verb_helps() -> dict[str, str]:
+    """Return the one-line help by verb without importing the verbs (underscores of a module become dashes)."""
+    found: dict[str, str] = {}
     for info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{info.name}")
-        if hasattr(module, "HELP"):
-            found[info.name.replace("_", "-")] = module
+        source = Path(str(package.__path__[0])) / f"{info.name}.py"
+        for node in ast.parse(source.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Assign) and [getattr(t, "id", "") for t in node.targets] == ["HELP"]:
+                found[info.name.replace("_", "-")] = str(ast.literal_eval(node.value))
     return dict(sorted(found.items()))
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser with one sub-command per verb."""
-    parser = argparse.ArgumentParser(prog="ride-estimation", description=ride_estimation.__doc__)
+def verb_module(verb: str) -> ModuleType:
+    """Import and return the module of a verb."""
+    return importlib.import_module(f"{package.__name__}.{verb.replace('-', '_')}")
+
+
+def verbs() -> dict[str, ModuleType]:
+    """Return all verb modules by command name."""
+    return {name: verb_module(name) for name in verb_helps()}
+
+
+def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
+    """Return the parser with one sub-command per verb.
+
+    Parameters
+    ----------
+    only
+        Verbs whose options are wanted; all by default. The others are listed with their help but take no options.
+    """
+    helps = verb_helps()
+    wanted = set(helps if only is None else only)
+    parser = argparse.ArgumentParser(
+        prog="ride-estimation", description=_overview(helps), epilog=EPILOG, usage="%(prog)s [-h] [--version] VERB ...",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"ride_estimation {ride_estimation.__version__}")
-    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for name, module in verbs().items():
-        sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB", prog=parser.prog, help=argparse.SUPPRESS)
+    for name, text in helps.items():
+        if name not in wanted:
+            commands.add_parser(name, description=text)
+            continue
+        module = verb_module(name)
+        teach = getattr(module, "EXAMPLES", "")
+        sub = commands.add_parser(
+            name, description=f"{text[0].upper()}{text[1:]}.", epilog=f"examples:\n{teach}" if teach else "",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
         module.add_arguments(sub)
         sub.set_defaults(execute=module.run)
     return parser
 
 
+def _overview(helps: dict[str, str]) -> str:
+    named = {verb for _, group in TOPICS for verb in group}
+    groups = [*TOPICS, ("more", tuple(verb for verb in helps if verb not in named))]
+    lines = [str(ride_estimation.__doc__ or "").strip().splitlines()[0]]
+    for title, group in ((t, g) for t, g in groups if set(g) & set(helps)):
+        lines += ["", f"{title}:", *(f"  {verb:<16}{helps[verb]}" for verb in group if verb in helps)]
+    return "\n".join(lines)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; return 0 on success, 2 on bad input (one message on stderr)."""
-    options = build_parser().parse_args(arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    helps = verb_helps()
+    options = build_parser([word for word in given if word in helps][:1]).parse_args(given)
     try:
         return int(options.execute(options))
     except RideEstimationError as error:
