@@ -13,6 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.gate_kernel import residual_ratio
+
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -62,7 +64,7 @@ class RigidCheck:
 
     def __init__(self, rows: Array, directions: Array, points: Array, noise: Sequence[float]) -> None:
         self._rows = rows
-        self._directions, self._points = directions, points
+        self._directions, self._points = np.ascontiguousarray(directions), np.ascontiguousarray(points)
         self._along = np.sum(directions * points, axis=1)
         self._noise_square = float(np.mean(np.square(noise))) if len(noise) else 0.0
         self._cache: dict[bytes, _Projection] = {}
@@ -87,6 +89,9 @@ class RigidCheck:
             self._cache[key] = found
         return found
 
+    def _residual(self, samples: Array, rate: Array, p: _Projection) -> Array:
+        return np.asarray((samples[:, p.channels] - self.centripetal(rate)[p.channels]) @ p.matrix)
+
     def _tolerance(self, size: float) -> float:
         return self._noise_square + _OFFSET**2 + (_SHARE * size) ** 2
 
@@ -97,13 +102,15 @@ class RigidCheck:
         whole = np.linalg.matrix_rank(self._rows, tol=1e-6)
         return bool(rest.any() and np.linalg.matrix_rank(self._rows[np.repeat(rest, 3)], tol=1e-6) == whole)
 
-    def judge(self, samples: Array, fit: BoolArray, size: float, blamed: frozenset[int] = frozenset()) -> Found:
+    def judge(self, samples: Array, rate: Array, fit: BoolArray, size: float, blamed: frozenset[int] = frozenset()) -> Found:
         """Look for gross faults.
 
         Parameters
         ----------
         samples
-            Accelerometer channels without centripetal part, shape (K, 3 S).
+            Accelerometer channels, those of the body first, shape (K, 3 S or more).
+        rate
+            Angular rate of the body, shape (3,) [rad/s].
         fit
             Sensors that take part, shape (S,).
         size
@@ -115,12 +122,15 @@ class RigidCheck:
         if p.spare <= 0:
             return Found()
         tolerance = self._tolerance(size)
-        residual = samples[:, p.channels] @ p.matrix
-        ratio = np.einsum("ki,ki->k", residual, residual) / (p.spare * tolerance)
-        mean = float(ratio.mean())
-        bad = ratio > _SINGLE**2
-        if mean <= _LASTING**2 and not bad.any():
+        ratio = np.empty(len(samples))
+        scale = 1.0 / (p.spare * tolerance)
+        mean = float(
+            residual_ratio(samples, p.channels, rate, self._directions, self._points, p.matrix, scale, ratio)
+        )
+        if mean <= _LASTING**2 and ratio.max() <= _SINGLE**2:
             return Found(ratio=mean)
+        bad = ratio > _SINGLE**2
+        residual = self._residual(samples, rate, p)
         if int(bad.sum()) > len(ratio) // 2 or (mean > _LASTING**2 and not bad.any()):
             bad = np.ones(len(ratio), dtype=bool)
         parts = residual[bad].reshape(int(bad.sum()), len(p.sensors), 3)
@@ -133,7 +143,7 @@ class RigidCheck:
         if not tells:
             likely = [s for s, e in zip(p.sensors, explained) if s in blamed and e > _EXPLAINED]
             if len(likely) != 1 or not self.dispensable(fit, likely[0]):
-                return self._several(samples, fit, size, p, explained, excess)
+                return self._several(samples, rate, fit, size, p, explained, excess)
             sensor = likely[0]
         if not self.dispensable(fit, sensor):
             return Found(suspects=p.sensors, excess=excess)
@@ -142,20 +152,20 @@ class RigidCheck:
         return Found(single={sensor: bad})
 
     def _several(
-        self, samples: Array, fit: BoolArray, size: float, p: _Projection, explained: Array, excess: float
+        self, samples: Array, rate: Array, fit: BoolArray, size: float, p: _Projection, explained: Array, excess: float
     ) -> Found:
         """Try two faults at once; else name all that could be meant."""
         best = p.sensors[int(np.argmax(explained))]
         rest = fit.copy()
         rest[best] = False
         if explained.max() < _EXPLAINED and p.spare - int(p.ranks[int(np.argmax(explained))]) > 0:
-            second = self.judge(samples, rest, size)
+            second = self.judge(samples, rate, rest, size)
             if second.lasting and self.dispensable(rest, second.lasting[0]):
                 return Found(lasting=(best, *second.lasting))
         suspects = tuple(s for s, e in zip(p.sensors, explained) if e > _RIVAL * explained.max())
         return Found(suspects=suspects if len(suspects) > 1 else p.sensors, excess=excess)
 
-    def agrees(self, samples: Array, fit: BoolArray, sensor: int, size: float) -> bool:
+    def agrees(self, samples: Array, rate: Array, fit: BoolArray, sensor: int, size: float) -> bool:
         """Return whether a refused sensor agrees with the others again."""
         with_it = fit.copy()
         with_it[sensor] = True
@@ -163,7 +173,7 @@ class RigidCheck:
         place = p.sensors.index(sensor)
         if p.spare <= 0 or p.ranks[place] == 0:
             return True
-        residual = samples[:, p.channels] @ p.matrix
+        residual = self._residual(samples, rate, p)
         part = residual[:, 3 * place : 3 * place + 3]
         explained = float(np.einsum("ki,ij,kj->", part, p.inverse[place], part)) / len(part)
         return explained <= _AGAIN**2 * self._tolerance(size) * int(p.ranks[place])

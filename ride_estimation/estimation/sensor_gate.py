@@ -9,12 +9,23 @@ tolerances (bias, gain, mounting), not significance: small lasting errors are a 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.gate_kernel import (
+    DEVIATION,
+    LARGEST,
+    PEAK,
+    find_jumps,
+    median_root,
+    remember,
+    scan_block,
+    slow_means,
+)  # fmt: skip
 from ride_estimation.estimation.rigid_check import RigidCheck
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
@@ -33,7 +44,9 @@ _FLAT_TIME, _FLAT_TICKS, _FLAT_TRANSDUCER = 0.03, 4, 0.5
 #: motion of the others, in units of the noise, that makes an exact repetition impossible
 _MOVING = 5.0
 #: a jump: this many times its own usual step plus this many times the largest step of the others plus noise
-_JUMP_OWN, _JUMP_OTHERS, _JUMP_NOISE = 8.0, 4.0, 20.0
+_JUMP = np.array([8.0, 4.0, 20.0])
+#: time in which the largest step of a sensor is forgotten [s]
+_STEP_FADES = 0.05
 #: shortest and longest hold after a jump [s]
 _HOLD, _LONGEST_HOLD = 0.02, 0.5
 #: ticks beside a bad sample that interpolation reaches
@@ -82,6 +95,16 @@ class GateVerdict:
     excess: float
 
 
+@dataclasses.dataclass(frozen=True)
+class _Scan:
+    """What :func:`scan_block` found: repetitions and step sizes per tick (K, A), figures (4, A), mean (A, 3)."""
+
+    runs: NDArray[np.int64]
+    sizes: Array
+    figures: Array
+    mean: Array
+
+
 class SensorGate:
     """Judge every sensor, block by block.
 
@@ -118,7 +141,8 @@ class SensorGate:
         self._rotation = np.array([sensors[i].rotation for i in self._accels])
         self._dc = np.array([sensors[i].coupling == "dc" for i in self._accels])
         self._noise = np.array([sensors[i].noise_std for i in self._accels])
-        self._limit = 0.999 * np.array([sensors[i].full_scale for i in self._accels])
+        self._limit = 0.999 * np.array([sensors[i].reach for i in self._accels])
+        self._all = np.ones(len(self._accels), dtype=bool)
         self._transducers = tuple(transducers)
         self._transducer_columns = np.array([columns[i] for i in transducers], dtype=np.int64)
         #: stream -> reason -> ticks it was refused for it
@@ -131,7 +155,7 @@ class SensorGate:
     def reset(self) -> None:
         """Begin a new time base; counters stay."""
         count = len(self._accels)
-        self._last: Array | None = None
+        self._last, self._started = np.zeros((count, 3)), False
         self._run = np.zeros(count, dtype=np.int64)
         self._varied = np.zeros(count, dtype=bool)
         self._mean = np.zeros((count, 3))
@@ -167,85 +191,98 @@ class SensorGate:
             Tick [s].
         """
         valid = block.valid[:, self._accels]
-        values = block.values[:, self._columns]
-        first = values[:1] if self._last is None else self._last[None]
-        if self._last is None:
+        values = np.take(block.values, self._columns, axis=1)
+        if not self._started:
             self._mean = values[0].copy()
-        steps = np.abs(np.diff(np.concatenate([first, values]), axis=0))
+        duration = len(values) * dt
+        scan = self._scan(values, valid)
         refused = np.zeros(valid.shape, dtype=bool)
         reasons: dict[int, str] = {}
         before, usual = set(self._latched), not self.unusual
-        self._clipping(values, refused, reasons)
-        self._flat(values, steps, valid, refused, reasons, dt)
-        self._jumps(values, steps, valid, refused, reasons, dt)
-        excess = self._body(values, valid, refused, reasons, rate, dt)
-        self._means(values, valid, refused, reasons, dt)
-        self._remember(values, steps, valid & ~refused, dt)
-        self._last = values[-1].copy()
-        result = block.valid.copy()
-        result[:, self._accels] &= ~refused
-        self._stuck_transducers(block, result, reasons, dt)
-        self._count(block.valid & ~result, reasons)
+        self._clipping(values, scan, refused, reasons)
+        self._flat(scan, refused, reasons, duration, dt)
+        self._jumps(values, scan, refused, reasons, duration, dt)
+        # the normal case: every sample there and none refused
+        whole = bool(valid.all()) and not reasons
+        good = self._all if whole else np.asarray(valid.all(axis=0) & ~refused.any(axis=0))
+        excess = self._body(values, valid, good, refused, reasons, rate, duration)
+        if reasons:
+            good = np.asarray(valid.all(axis=0) & ~refused.any(axis=0))
+        self._means(valid, scan, good, refused, reasons, duration)
+        if reasons:
+            good = np.asarray(valid.all(axis=0) & ~refused.any(axis=0))
+        gain = min(duration / min(_MEMORY, self._age + duration), 1.0)
+        remember(scan.figures, scan.mean, good, gain, self._mean, self._square, self._step_square)
+        self._age += duration
+        self._last, self._started = values[-1].copy(), True
+        result = block.valid
+        if reasons:
+            result = block.valid.copy()
+            result[:, self._accels] &= ~refused
+        result = self._stuck_transducers(block, result, reasons, dt)
+        self._count(block.valid, result, reasons)
         new = tuple(int(self._accels[a]) for a in sorted(set(self._latched) - before))
         began = bool(new) or (usual and self.unusual)
-        self._blame += len(values) * dt
-        self._blame[refused.any(axis=0)] = 0.0
+        self._blame += duration
+        if reasons:
+            self._blame[refused.any(axis=0)] = 0.0
         if self.suspects or self.unusual:
             self.doubtful_ticks += len(values)
         return GateVerdict(result, began, new, self.suspects, self.unusual, excess)
 
+    def _scan(self, values: Array, valid: BoolArray) -> _Scan:
+        ticks, count = valid.shape
+        runs = np.empty((ticks, count), dtype=np.int64)
+        scan = _Scan(runs, np.empty((ticks, count)), np.empty((4, count)), np.empty((count, 3)))
+        scan_block(
+            values, valid, self._last, self._started, self._mean, self._run, scan.runs, scan.sizes, scan.figures, scan.mean
+        )
+        return scan
+
     # -- single sensors ---------------------------------------------------------------------------------------------------
 
-    def _clipping(self, values: Array, refused: BoolArray, reasons: dict[int, str]) -> None:
-        if np.all(np.abs(values).max(axis=(0, 2)) < self._limit):
+    def _clipping(self, values: Array, scan: _Scan, refused: BoolArray, reasons: dict[int, str]) -> None:
+        if not (scan.figures[PEAK] >= self._limit).any():
             return
         clipped = np.any(np.abs(values) >= self._limit[None, :, None], axis=2)
         refused |= clipped
         for a in np.flatnonzero(clipped.any(axis=0)):
             reasons[int(a)] = CLIPPED
 
-    def _flat(
-        self, values: Array, steps: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], dt: float
-    ) -> None:
-        same = np.all(steps <= 1e-9 * (1.0 + np.abs(values)), axis=2) & valid
-        if self._last is None:
-            same[0] = False
-        index = np.arange(len(values))[:, None]
-        change = np.maximum.accumulate(np.where(same, -1, index), axis=0)
-        run = np.where(change >= 0, index - change, self._run + index + 1)
-        self._run = run[-1]
-        long = (run * dt >= _FLAT_TIME) & (run >= _FLAT_TICKS)
-        for a in np.flatnonzero(long.any(axis=0)).tolist():
-            stuck = bool(self._varied[a]) and self._others_move(a, values)
-            if stuck or self._latched.get(a) == FLAT:
-                end = int(np.flatnonzero(long[:, a])[-1])
-                refused[max(int(change[end, a]), 0) : end + 1, a] = True
-                reasons[a] = FLAT
-                self._latched.setdefault(a, FLAT)
-                self._well[a] = 0.0
-        self._varied |= ~same.all(axis=0) & (self._age > 0.0)
+    def _flat(self, scan: _Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float) -> None:
+        longest = int(scan.runs.max(initial=0))
+        if longest * dt >= _FLAT_TIME and longest >= _FLAT_TICKS:
+            long = (scan.runs * dt >= _FLAT_TIME) & (scan.runs >= _FLAT_TICKS)
+            for a in np.flatnonzero(long.any(axis=0)).tolist():
+                stuck = bool(self._varied[a]) and self._others_move(a, scan)
+                if stuck or self._latched.get(a) == FLAT:
+                    end = int(np.flatnonzero(long[:, a])[-1])
+                    refused[max(end - int(scan.runs[end, a]), 0) : end + 1, a] = True
+                    reasons[a] = FLAT
+                    self._latched.setdefault(a, FLAT)
+                    self._well[a] = 0.0
+        else:
+            long = refused
+        if self._age > 0.0 and not self._varied.all():
+            self._varied |= (scan.runs == 0).any(axis=0)
         for a in [n for n, reason in self._latched.items() if reason == FLAT]:
-            self._still_refused(a, len(values) * dt, not long[:, a].any(), refused, reasons)
+            self._still_refused(a, duration, long is refused or not long[:, a].any(), refused, reasons)
 
-    def _others_move(self, a: int, values: Array) -> bool:
+    def _others_move(self, a: int, scan: _Scan) -> bool:
         others = np.arange(len(self._accels)) != a
-        now = np.sum((values - self._mean) ** 2, axis=2).mean(axis=0)
-        size = np.sqrt(np.maximum(self._square, now)[others])
+        size = np.sqrt(np.maximum(self._square, scan.figures[DEVIATION])[others])
         return bool(size.size and np.median(size) > _MOVING * self._noise[a])
 
     def _jumps(
-        self, values: Array, steps: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], dt: float
+        self, values: Array, scan: _Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float
     ) -> None:
-        size = steps.max(axis=2) * valid
-        largest = size.max(axis=0)
-        seen = np.maximum(largest, self._others)
-        self._others = np.maximum(largest, self._others * np.exp(-len(values) * dt / 0.05))
-        if self._age >= _MEMORY and len(seen) > 1:
-            order = np.sort(seen)
-            others = np.where(seen >= order[-1], order[-2], order[-1])
-            threshold = _JUMP_OWN * np.sqrt(self._step_square) + _JUMP_OTHERS * others + _JUMP_NOISE * self._noise
-            for a in np.flatnonzero(largest > threshold):
-                at = np.flatnonzero(size[:, a] > threshold[a])
+        limits, largest = np.empty(len(self._accels)), scan.figures[LARGEST]
+        found = find_jumps(
+            scan.figures, self._others, self._step_square, self._noise, _JUMP, math.exp(-duration / _STEP_FADES), limits
+        )
+        if found and self._age >= _MEMORY and len(limits) > 1:
+            for a in np.flatnonzero(largest > limits):
+                at = np.flatnonzero(scan.sizes[:, a] > limits[a])
                 if self._hold[a] <= 0.0:
                     self._before[a], self._jump[a], self._held[a] = self._mean[a], 0.0, 0.0
                 self._jump[a] = max(self._jump[a], float(largest[a]))
@@ -256,23 +293,11 @@ class SensorGate:
         for a in np.flatnonzero(self._hold > 0.0):
             refused[:, a] |= reasons.get(int(a)) != JUMP
             reasons[int(a)] = JUMP
-            duration = len(values) * dt
             self._hold[a] -= duration
             self._held[a] += duration
             away = float(np.abs(values[-1, a] - self._before[a]).max()) > 0.5 * self._jump[a]
             if self._hold[a] <= 0.0 and away and self._held[a] < _LONGEST_HOLD:
                 self._hold[a] = duration
-
-    def _remember(self, values: Array, steps: Array, good: BoolArray, dt: float) -> None:
-        """Follow mean, size and step of every sensor over its good ticks."""
-        duration = len(values) * dt
-        gain = min(duration / min(_MEMORY, self._age + duration), 1.0)
-        whole = good.all(axis=0)
-        deviation = np.sum((values - self._mean) ** 2, axis=2).mean(axis=0)
-        self._square[whole] += gain * (deviation - self._square)[whole]
-        self._step_square[whole] += gain * (np.mean(steps.max(axis=2) ** 2, axis=0) - self._step_square)[whole]
-        self._mean[whole] += gain * (values.mean(axis=0) - self._mean)[whole]
-        self._age += duration
 
     def _still_refused(self, a: int, duration: float, well: bool, refused: BoolArray, reasons: dict[int, str]) -> None:
         """Keep a latched sensor out until it was well for long enough."""
@@ -287,22 +312,23 @@ class SensorGate:
     # -- against the others -----------------------------------------------------------------------------------------------
 
     def _body(
-        self, values: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], rate: Array, dt: float
-    ) -> float:
+        self, values: Array, valid: BoolArray, good: BoolArray, refused: BoolArray, reasons: dict[int, str], rate: Array,
+        duration: float,
+    ) -> float:  # fmt: skip
         """Judge the sensors of the body against one rigid body; return the factor on the motion's standard deviation."""
         n = self._bodies
-        size = float(np.median(np.sqrt(self._square[:n]))) if n else 0.0
-        fit: BoolArray = np.asarray(valid[:, :n].all(axis=0) & ~refused[:, :n].any(axis=0))
-        residual = values[:, :n].reshape(len(values), 3 * n) - self._check.centripetal(rate)
+        size = float(median_root(self._square, n))
+        fit = good[:n].copy()
+        samples = values.reshape(len(values), -1)
         for a in [k for k, reason in self._latched.items() if reason == BODY]:
-            well = bool(valid[:, a].all()) and self._check.agrees(residual, fit, a, size)
-            self._still_refused(a, len(values) * dt, well, refused, reasons)
+            well = bool(valid[:, a].all()) and self._check.agrees(samples, rate, fit, a, size)
+            self._still_refused(a, duration, well, refused, reasons)
             fit[a] = False
         blamed = frozenset(np.flatnonzero(self._blame[:n] < _BLAME).tolist())
-        found = self._check.judge(residual, fit, size, blamed)
+        found = self._check.judge(samples, rate, fit, size, blamed)
         self.suspects = tuple(self._sensors[self._accels[a]].name for a in found.suspects)
         if found.ratio and size > _EXCITED:
-            self._compare(found.ratio, len(values) * dt)
+            self._compare(found.ratio, duration)
         for a in found.lasting:
             self._latched[a] = BODY
             self._well[a] = 0.0
@@ -321,35 +347,35 @@ class SensorGate:
         self._ratio_now += min(duration / _NOW, 1.0) * (ratio - self._ratio_now)
         self._ratio_age += duration
         self._ratio_run += duration / min(self._ratio_age, _RUN) * (ratio - self._ratio_run)
-        over = np.sqrt(self._ratio_now / max(self._ratio_run, 1e-12))
+        over = math.sqrt(self._ratio_now / max(self._ratio_run, 1e-12))
         matters = self._ratio_now > _MATTERS**2 and self._ratio_age > 4.0 * _NOW
         self.unusual = bool(matters and over > (_USUAL if self.unusual else _UNUSUAL))
 
-    def _means(self, values: Array, valid: BoolArray, refused: BoolArray, reasons: dict[int, str], dt: float) -> None:
+    def _means(
+        self, valid: BoolArray, scan: _Scan, good: BoolArray, refused: BoolArray, reasons: dict[int, str], duration: float
+    ) -> None:
         """Judge the slow mean of every sensor against the median of the body: they ride together."""
         n = self._bodies
-        good = valid[:, :n].all(axis=0) & ~refused[:, :n].any(axis=0) & self._dc[:n]
-        if not good.any():
+        part = good[:n] & self._dc[:n]
+        if not part.any():
             return
-        duration = len(values) * dt
-        mean = np.einsum("aij,aj->ai", self._rotation, values.mean(axis=0))
-        gain = 1.0 - np.exp(-duration / _SLOW)
-        away = (mean - np.median(mean[:n][good], axis=0)) * (valid.all(axis=0) & self._dc)[:, None]
-        self._slow[0] += gain * (away - self._slow[0])
-        self._slow[1] += gain * (self._slow[0] - self._slow[1])
+        follows = self._dc if good is self._all else valid.all(axis=0) & self._dc
+        largest = slow_means(scan.mean, self._rotation, part, follows, 1.0 - math.exp(-duration / _SLOW), self._slow)
+        if largest <= _MEAN_LIMIT and MEAN not in self._latched.values():
+            return
         size = np.linalg.norm(self._slow[1], axis=1)
-        for a in range(0 if good.sum() >= 3 else n, len(self._accels)):
+        for a in range(0 if part.sum() >= 3 else n, len(self._accels)):
             latched = self._latched.get(a)
-            if latched is None and size[a] > _MEAN_LIMIT and (a >= n or self._check.dispensable(good, a)):
+            if latched is None and size[a] > _MEAN_LIMIT and (a >= n or self._check.dispensable(part, a)):
                 self._latched[a] = MEAN
                 self._well[a] = 0.0
             if self._latched.get(a) == MEAN:
                 self._still_refused(a, duration, bool(size[a] < _MEAN_RELEASE), refused, reasons)
 
-    def _stuck_transducers(self, block: Block, result: BoolArray, reasons: dict[int, str], dt: float) -> None:
+    def _stuck_transducers(self, block: Block, result: BoolArray, reasons: dict[int, str], dt: float) -> BoolArray:
         """Refuse displacement transducers that repeat exactly while the body moves."""
         if not self._transducers:
-            return
+            return result
         values = block.values[:, self._transducer_columns]
         first = values[:1] if self._displaced is None else self._displaced[None]
         same = np.all(np.abs(np.diff(np.concatenate([first, values]), axis=0)) <= 1e-12, axis=0)
@@ -357,14 +383,21 @@ class SensorGate:
         self._displaced_run = np.where(same, self._displaced_run + len(values) * dt, 0.0)
         size = np.sqrt(self._square)
         moving = bool(len(size) and np.median(size / self._noise) > 4.0 * _MOVING)
-        for n in np.flatnonzero(self._displaced_run > _FLAT_TRANSDUCER):
-            if moving:
-                result[:, self._transducers[n]] = False
-                reasons[len(self._accels) + int(n)] = FLAT
+        stuck = np.flatnonzero(self._displaced_run > _FLAT_TRANSDUCER)
+        if not (moving and stuck.size):
+            return result
+        result = result.copy()
+        for n in stuck:
+            result[:, self._transducers[n]] = False
+            reasons[len(self._accels) + int(n)] = FLAT
+        return result
 
-    def _count(self, lost: BoolArray, reasons: dict[int, str]) -> None:
-        streams = [*self._accels.tolist(), *self._transducers]
+    def _count(self, there: BoolArray, used: BoolArray, reasons: dict[int, str]) -> None:
         self.active = {}
+        if not reasons:
+            return
+        lost = there & ~used
+        streams = [*self._accels.tolist(), *self._transducers]
         for a, reason in reasons.items():
             stream = streams[a]
             ticks = int(lost[:, stream].sum())
