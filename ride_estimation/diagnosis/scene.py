@@ -25,6 +25,7 @@ from ride_estimation.diagnosis.response import LinearResponse, respond
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import FrequencyGrid, edge_taper, make_grid
 from ride_estimation.frames import AXES
+from ride_estimation.signals.corrected_run import corrected_run
 from ride_estimation.signals.recording import UniformRun
 
 Array = NDArray[np.float64]
@@ -52,7 +53,8 @@ class Measurement:
 
 
 def measurement(plant: Plant, run: UniformRun) -> Measurement:
-    """Collect the plant's channels of a run; samples inside gaps are bridged linearly and marked invalid."""
+    """Collect the plant's channels of a run, corrections of the sensors applied; gaps are bridged linearly and marked invalid."""
+    run = corrected_run(run, {s: plant.vehicle.sensors[s].correction for s in plant.sensors})
     valid = np.ones(run.samples, dtype=bool)
     for sensor in plant.sensors:
         valid &= run.valid[sensor]

@@ -107,7 +107,7 @@ class Pipeline:
         self._apply()
 
     def _new_aligner(self) -> StampAligner:
-        specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu")) for s in self._sensors]
+        specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
         return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
 
     def _layout(self) -> None:
@@ -132,7 +132,7 @@ class Pipeline:
             [stream for _, stream, _, _ in self._base]
             + [self._index[s.name] for s in a.transducers if not a.has_base_motion], dtype=np.int64,
         )  # fmt: skip
-        self._limits = np.array([s.full_scale for s in self._sensors])
+        self._limits = np.array([s.reach for s in self._sensors])
         self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
 
     def _new_gate(self) -> SensorGate:

@@ -80,7 +80,7 @@ def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False)
         raise InputDataError(_missing_text(path, source, missing, ignored))
     recording = Recording(
         name=str(path),
-        channels={name: channels[name] for name in vehicle.sensors},
+        channels={name: dataclasses.replace(channels[name], correction=s.correction) for name, s in vehicle.sensors.items()},
         checksum=checksum_of(path),
         ignored=dict(ignored),
         warnings=(*source.warnings, *damage),

@@ -202,6 +202,12 @@ def _sensor_mapping(sensor: Sensor) -> dict[str, Any]:
     mapping["coupling"] = sensor.coupling
     if sensor.trust_despite_minus_one:
         mapping["trust_despite_minus_one"] = True
+    correction = sensor.correction
+    if correction.delay:
+        mapping["delay_s"] = float(correction.delay)
+    for key, values, neutral in (("gain", correction.gain, 1.0), (f"bias_{unit}", correction.bias, 0.0)):
+        if any(v != neutral for v in values):
+            mapping[key] = [float(v) for v in values] if len(values) > 1 else float(values[0])
     return mapping
 
 

@@ -14,6 +14,7 @@ from ride_estimation.frames import AXES, rotation_from_rpy
 from ride_estimation.io.document import Section, as_number
 from ride_estimation.io.vehicle_mechanics import FARTHEST
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
+from ride_estimation.signals.correction import Correction
 from ride_estimation.vehicles.vehicle import ForceReference, Mount
 
 Array = NDArray[np.float64]
@@ -26,6 +27,10 @@ _KIND_DEFAULTS: dict[str, tuple[str, float]] = {
     "speed": ("m/s", 0.1),
     "force": ("N", 20.0),
 }
+#: largest delay that is a correction and not another clock [s], range of a gain, largest bias by kind
+LONGEST_DELAY = 0.25
+GAIN_RANGE = (0.1, 10.0)
+_LARGEST_BIAS = {"accelerometer": 50.0, "imu": 50.0, "displacement": 0.5, "speed": 20.0, "force": 1e5}
 REFERENCE_KINDS = ("known_mass", "known_stiffness", "load_cell", "air_spring_pressure", "known_added_mass")
 
 
@@ -105,7 +110,38 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
         full_scale=float("inf") if full_scale is None else full_scale,
         coupling=coupling or "dc",
         trust_despite_minus_one=section.flag("trust_despite_minus_one", False),
+        correction=_read_correction(section, kind, unit),
     )
+
+
+def _read_correction(section: Section, kind: str, unit: str) -> Correction:
+    """Return what the file says is wrong with the readings; one number of a sensor with axes holds for all of them."""
+    delay = section.number("delay", "s", lower=-LONGEST_DELAY, upper=LONGEST_DELAY, meaning="how late the values are")
+    axes = 3 if SENSOR_KINDS[kind][0] >= 3 else 1
+    gain = _per_axis(section, "gain", section.raw("gain"), "", 1.0, axes)
+    if any(not GAIN_RANGE[0] <= g <= GAIN_RANGE[1] for g in gain):
+        section.note("gain", f"{list(gain)!r} is outside {GAIN_RANGE[0]:g} to {GAIN_RANGE[1]:g} (a turned axis is a rotation)")
+        gain = ()
+    located = section.unit_key("bias", unit)
+    bias = () if located is None else _per_axis(section, located[0], section.raw(located[0]), unit, located[1], axes)
+    largest = _LARGEST_BIAS[kind]
+    if located is not None and any(abs(b) > largest for b in bias):
+        section.note(located[0], f"{list(bias)!r} {unit} is outside {-largest:g} to {largest:g} {unit}")
+        bias = ()
+    right = all(g == 1.0 for g in gain) and all(b == 0.0 for b in bias)
+    return Correction(delay or 0.0, () if right else gain or (1.0,) * axes, () if right else bias or (0.0,) * axes)
+
+
+def _per_axis(section: Section, key: str, value: Any, unit: str, factor: float, axes: int) -> tuple[float, ...]:
+    """Return one number per axis from one number or a list, empty where absent or wrong."""
+    if value is None:
+        return ()
+    numbers = [as_number(v) for v in value] if isinstance(value, list) else [as_number(value)] * axes
+    if len(numbers) != axes or any(v is None for v in numbers):
+        allowed = "a finite number" + (f" or a list of {axes}" if axes > 1 else "")
+        section.note(key, f"{value!r} is not {allowed}{f' [{unit}]' if unit else ''}")
+        return ()
+    return tuple(v * factor for v in numbers if v is not None)
 
 
 def _read_body(section: Section, kind: str, mount: Mount | None, names: Names) -> str | None:

@@ -181,6 +181,8 @@ def measure(
 ) -> Channel:
     """Return the samples a sensor delivers, in order of arrival.
 
+    Known errors of the sensor (its correction) are built in, those the unit drew come on top.
+
     Parameters
     ----------
     ideal
@@ -198,15 +200,15 @@ def measure(
     """
     # own draws for the faults, so that planting one changes nothing else
     fault_generator = np.random.default_rng(generator.integers(2**63))
-    late = np.zeros(len(time))
+    late = np.full(len(time), sensor.correction.delay)
     for fault in faults:
         if fault.kind == "delay":
-            late[_window(fault, time)] = fault.size
+            late[_window(fault, time)] += fault.size
     signal = low_pass(ideal, rate_hz, errors.anti_alias) if errors.anti_alias > 0.0 else ideal
     if sensor.coupling == "ac":
         signal = signal - signal.mean(axis=0)
     values = CubicSpline(np.arange(len(signal)) / rate_hz, signal, axis=0)(np.maximum(time - late, 0.0))
-    values = _unit_errors(sensor, values, errors, unit, generator)
+    values = sensor.correction.reading(_unit_errors(sensor, values, errors, unit, generator))
     values = _value_faults(values, time, faults, fault_generator)
     values = np.clip(values, -sensor.full_scale, sensor.full_scale) if math.isfinite(sensor.full_scale) else values
     if errors.quantisation > 0.0:
@@ -315,5 +317,6 @@ def _transport_faults(
     index = np.repeat(np.arange(len(time)), repeat * keep)
     order = index[np.argsort(arrival_ns[index], kind="stable")]
     return Channel(
-        name=sensor.name, stamp_ns=stamp_ns[order], values=values[order], arrival_ns=arrival_ns[order], frame_id=sensor.name
+        name=sensor.name, stamp_ns=stamp_ns[order], values=values[order], arrival_ns=arrival_ns[order], frame_id=sensor.name,
+        correction=sensor.correction,
     )

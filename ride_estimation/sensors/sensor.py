@@ -8,6 +8,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.correction import NO_CORRECTION, Correction
+
 Array = NDArray[np.float64]
 
 #: kinds of sensor a vehicle file may declare -> (number of channels, unit of a sample)
@@ -44,15 +46,17 @@ class Sensor:
     rotation
         Shape (3, 3), takes sensor components to body components.
     noise_std
-        Standard deviation of one sample [unit of the kind] (acceleration for ``imu``).
+        Standard deviation of one corrected sample [unit of the kind] (acceleration for ``imu``).
     gyro_noise_std
         [rad/s], for ``imu``.
     full_scale
-        Largest magnitude the sensor can report [unit], ``inf`` where unknown.
+        Largest magnitude a reading can have [unit], ``inf`` where unknown.
     coupling
         ``dc`` (gravity is in the signal) or ``ac``.
     trust_despite_minus_one
         Use the data although the driver publishes covariance[0] == -1.
+    correction
+        What is known to be wrong with the readings: delay, gain, bias.
     """
 
     name: str
@@ -69,8 +73,14 @@ class Sensor:
     full_scale: float = float("inf")
     coupling: str = "dc"
     trust_despite_minus_one: bool = False
+    correction: Correction = NO_CORRECTION
 
     @property
     def channels(self) -> int:
         """Return the number of values in one sample."""
         return SENSOR_KINDS[self.kind][0]
+
+    @property
+    def reach(self) -> float:
+        """Return the magnitude of a corrected value [unit] from which on the reading may be cut at full scale."""
+        return self.correction.reach(self.full_scale)

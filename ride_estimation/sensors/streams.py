@@ -20,6 +20,9 @@ def stream_specs(sensors: Iterable[Sensor]) -> tuple[StreamSpec, ...]:
         Sensors of a vehicle file.
     """
     return tuple(
-        StreamSpec(s.name, s.channels, waited_for=s.kind != "speed", reference=s.kind in ("accelerometer", "imu"))
+        StreamSpec(
+            s.name, s.channels, waited_for=s.kind != "speed", reference=s.kind in ("accelerometer", "imu"),
+            correction=s.correction,
+        )
         for s in sensors
     )

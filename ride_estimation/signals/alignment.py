@@ -138,8 +138,11 @@ class StampAligner:
         return NANOSECONDS / step if step else 0.0
 
     def variance(self, index: int) -> Sequence[float] | None:
-        """Return the newest variance the messages of a stream stated [unit^2], or None."""
-        return self._streams[index].variance
+        """Return the newest variance the messages of a stream stated, of corrected values [unit^2], or None."""
+        stated, spec = self._streams[index].variance, self._streams[index].spec
+        if stated is None or not spec.correction.changes_values:
+            return stated
+        return [v / g**2 for v, g in zip(stated, spec.correction.gains(len(stated)).tolist())]
 
     def health(self) -> dict[str, StreamHealth]:
         """Return the counters of every stream by name."""
@@ -169,11 +172,13 @@ class StampAligner:
         stamp_ns
             Header stamp [ns].
         values
-            One sample, sensor axes, SI.
+            One sample, sensor axes, SI, as the sensor shows it: known errors of the stream are put right here.
         variance
             Its variance per value [unit^2] where the message states one.
         """
         s = self._streams[index]
+        if s.delay and stamp_ns > 0:
+            stamp_ns -= s.delay
         # the normal case, one step further in time, is decided here; everything else has a closer look
         if (
             0 < stamp_ns - s.last <= s.limit
@@ -367,6 +372,8 @@ class StampAligner:
                 as_samples(s.values, s.width) if s.stamps else np.zeros((0, s.width)),
                 self._next, self._step, widest, s.points, held, values[:, self.columns[i]], valid[:, i],
             )
+            if s.spec.correction.changes_values:
+                values[:, self.columns[i]] = s.spec.correction.apply(values[:, self.columns[i]])
             self._update_period(s)
             s.trim(self._next + ticks * self._step)
         self._ready.append(Block(self._next, self._step, values, valid, self._restart))
@@ -437,7 +444,7 @@ def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: flo
     """
     names = list(recording.channels)
     channels = [recording.channels[name] for name in names]
-    specs = [StreamSpec(name, channel.values.shape[1]) for name, channel in zip(names, channels)]
+    specs = [StreamSpec(name, channel.values.shape[1], correction=channel.correction) for name, channel in zip(names, channels)]
     aligner = StampAligner(specs, rate_hz, block_ticks=1000, max_wait_s=max_wait_s)
     blocks: list[Block] = []
     for index, stamp, values, _ in recording.in_order():
@@ -456,4 +463,5 @@ def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: flo
         start_ns=longest[0].start_ns,
         data={name: values_all[:, columns] for name, columns in zip(names, aligner.columns)},
         valid={name: valid[:, i] for i, name in enumerate(names)},
+        corrections={name: c.correction for name, c in zip(names, channels) if not c.correction.empty},
     )

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.correction import NO_CORRECTION, Correction
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -32,6 +34,8 @@ class Channel:
         Bag receive times, shape (N,), int64 [ns].
     order
         Place of every sample in the order of arrival of the whole run, shape (N,), or None: by ``arrival_ns``.
+    correction
+        Known errors of the sensor, still in stamps and values here; alignment puts them right.
     """
 
     name: str
@@ -41,6 +45,7 @@ class Channel:
     variance: Array | None = None
     frame_id: str = ""
     order: IntArray | None = None
+    correction: Correction = NO_CORRECTION
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,6 +105,8 @@ class UniformRun:
         Sensor name -> values, shape (N, C).
     valid
         Sensor name -> shape (N,) bool, False inside gaps.
+    corrections
+        Sensor name -> known errors of the sensor that were put right when the run was aligned.
     """
 
     name: str
@@ -107,6 +114,7 @@ class UniformRun:
     start_ns: int
     data: Mapping[str, Array]
     valid: Mapping[str, NDArray[np.bool_]]
+    corrections: Mapping[str, Correction] = dataclasses.field(default_factory=dict)
 
     @property
     def samples(self) -> int:

@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.correction import NO_CORRECTION, Correction
+
 Array = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
@@ -37,12 +39,15 @@ class StreamSpec:
         is held.
     reference
         Whether it may define rate and phase of the time base (accelerometers).
+    correction
+        Known errors of the sensor, put right on the way to the time base.
     """
 
     name: str
     channels: int
     waited_for: bool = True
     reference: bool = True
+    correction: Correction = NO_CORRECTION
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,14 +114,15 @@ class Stream:
     """Ring buffer and clock state of one stream."""
 
     __slots__ = (
-        "accepted", "after", "candidate", "candidate_from", "candidates", "end", "gaps", "last", "limit", "longest_gap", "need",
-        "newest", "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance", "was_silent",
-        "width",
+        "accepted", "after", "candidate", "candidate_from", "candidates", "delay", "end", "gaps", "last", "limit", "longest_gap",
+        "need", "newest", "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance",
+        "was_silent", "width",
     )
 
     def __init__(self, spec: StreamSpec) -> None:
         self.spec = spec
         self.width = spec.channels
+        self.delay = spec.correction.delay_ns
         self.rejected: Counter[str] = Counter()
         self.accepted = 0
         self.reordered = 0

@@ -13,7 +13,8 @@ from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sensor_column import axis_name
-from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.diagnosis.sensor_extension import offset_sensor
+from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -44,5 +45,6 @@ class SensorBias(Cause):
         return (Reported("offset", float(fitted.coefficients[0]), fitted.std(0), "m/s^2"),)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Leave the model alone: the sensor must be corrected."""
-        return note_correction(vehicle, fitted, "bias_m_per_s2", float(fitted.coefficients[0]))
+        """Write the offset into the correction of the sensor."""
+        h = fitted.hypothesis
+        return offset_sensor(vehicle, scene, h.location, (AXES.index(h.axis),), float(fitted.coefficients[0]))

@@ -12,7 +12,7 @@ from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sensor_column import axis_name
-from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.diagnosis.sensor_extension import limit_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -80,9 +80,9 @@ class SensorClipping(Cause):
         return (Reported("clipping level", level, 0.01 * level, "m/s^2"), *out) if levels else tuple(out)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Leave the model alone: samples at the level must be ignored."""
+        """Write the level as the range of the sensor: the estimator ignores samples there."""
         level = self.parameters(scene, fitted)[0]
-        return note_correction(vehicle, fitted, "full_scale_m_per_s2", level.value)
+        return limit_sensor(vehicle, fitted.hypothesis.location, level.value)
 
 
 def _cut(scene: Scene, from_input: bool, index: int, side: float, level: float) -> Effect:

@@ -12,7 +12,7 @@ from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sensor_column import sensor_column
-from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.diagnosis.sensor_extension import delay_sensors
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -47,8 +47,10 @@ class SensorDelay(Cause):
         return (Reported("delay", float(fitted.coefficients[0]), fitted.std(0), "s"),)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Leave the model alone: the stamps must be corrected."""
-        return note_correction(vehicle, fitted, "delay_s", float(fitted.coefficients[0]))
+        """Write the delay into the correction of the sensors."""
+        location = fitted.hypothesis.location
+        outputs = tuple(dict.fromkeys(s.sensor for s in scene.plant.outputs))
+        return delay_sensors(vehicle, outputs if location == "all" else (location,), float(fitted.coefficients[0]))
 
 
 def _delayed(scene: Scene, sensor: str, reference: float) -> Column:

@@ -10,7 +10,8 @@ from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sensor_column import axis_name, sensor_axes, sensor_column
-from ride_estimation.diagnosis.sensor_extension import note_correction
+from ride_estimation.diagnosis.sensor_extension import scale_sensor
+from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -47,5 +48,7 @@ class SensorGain(Cause):
         return (Reported("gain error", float(fitted.coefficients[0]), fitted.std(0), "-"),)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Leave the model alone: the sensor must be corrected."""
-        return note_correction(vehicle, fitted, "gain", 1.0 + float(fitted.coefficients[0]))
+        """Write the factor into the correction of the sensor; the value at rest stays."""
+        h = fitted.hypothesis
+        axes = (AXES.index(h.axis),) if h.axis else sensor_axes(scene, h.location)
+        return scale_sensor(vehicle, scene, h.location, axes, float(fitted.coefficients[0]))
