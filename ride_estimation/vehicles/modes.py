@@ -20,6 +20,8 @@ ComplexArray = NDArray[np.complex128]
 
 #: what engineers call a mode that is mostly this coordinate
 MODE_NAMES = {"x": "fore-aft", "y": "lateral", "z": "bounce", "roll": "roll", "pitch": "pitch", "yaw": "yaw"}
+#: slower than this a motion counts as not held [Hz]; a swing of this period takes a quarter of an hour
+NEUTRAL_HZ = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,6 +140,22 @@ def undamped_modes(model: LinearModel) -> tuple[Mode, ...]:
         _mode(model, v.astype(complex), float(np.sign(w) * math.sqrt(abs(w)) / (2.0 * math.pi)), 0.0)
         for w, v in zip(values, vectors.T)
     )
+
+
+def unheld_motions(assembly: Assembly) -> tuple[str, ...]:
+    """Return in words every motion at rest that nothing brings back: no stiffness, or gravity stronger than the mounts.
+
+    A body whose CG lies above its mounts topples where ``m g h`` exceeds their stiffness against tilting; bodies that rest on
+    one point topple always.
+    """
+    found = []
+    for mode in undamped_modes(linearise(assembly)):
+        if mode.frequency_hz < -NEUTRAL_HZ:
+            doubling = math.log(2.0) / (2.0 * math.pi * abs(mode.frequency_hz))
+            found.append(f"{mode.label} topples: gravity is stronger than the mounts and doubles a tilt every {doubling:.2g} s")
+        elif mode.frequency_hz < NEUTRAL_HZ:
+            found.append(f"{mode.label} is free: no mount holds it")
+    return tuple(found)
 
 
 def _mode(model: LinearModel, shape: ComplexArray, frequency_hz: float, damping_ratio: float) -> Mode:

@@ -1,23 +1,88 @@
 # Copyright 2026 ride_estimation contributors
 """End to end: ``ride-estimation plan``."""
 
+import re
 from pathlib import Path
+
+import pytest
 
 from ride_estimation.cli.main import main
 
-VEHICLE = str(Path(__file__).parents[2] / "config" / "vehicles" / "truck_cab.yaml")
+VEHICLES = Path(__file__).parents[2] / "config" / "vehicles"
+VEHICLE = str(VEHICLES / "truck_cab.yaml")
+TEXT = Path(VEHICLE).read_text(encoding="utf-8")
 
 
-def test_plan_prints_bounds_and_additions(capsys):
-    assert main(["plan", "--vehicle", VEHICLE]) == 0
+def planned(path, capsys, *options):
+    assert main(["plan", "--vehicle", str(path), *options]) == 0
     text = capsys.readouterr().out
+    assert "nan" not in text.lower().split()
+    return text
+
+
+def written(tmp_path, text):
+    path = tmp_path / "vehicle.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_plan_prints_bounds_no_better_than_the_scale_they_lean_on(capsys):
+    """The cab was weighed to 1 %, its inertia is known to 3 %: no stiffness is told to 0.01 %."""
+    text = planned(VEHICLE, capsys)
     assert "rank 24 of 24" in text
-    assert "load cell at" in text
+    assert "cab.mass (1 %), cab.inertia (3 %)" in text
+    bounds = [float(v) for v in re.findall(r"\.z\.stiffness +([\d.]+) %", text)]
+    assert len(bounds) == 4
+    assert all(0.9 < v < 1.0 for v in bounds)
+    assert "load cell at front_left: median bound 0.69 % instead of 0.95 %" in text
 
 
 def test_plan_without_an_anchor_says_what_scales_together(capsys):
-    assert main(["plan", "--vehicle", VEHICLE, "--unknown-mass", "--rigid-frame"]) == 0
-    assert "scale together" in capsys.readouterr().out
+    assert "scale together" in planned(VEHICLE, capsys, "--unknown-mass", "--rigid-frame")
+
+
+def test_accelerometers_only_tell_ratios_and_a_weight_or_scale_would_tell_the_rest(tmp_path, capsys):
+    text = planned(written(tmp_path, TEXT[: TEXT.index("force_references:")]), capsys)
+    assert "ratios to cab.mass are told" in text
+    assert re.search(r"front_left\.z\.stiffness +not identifiable +0\.0\d+ %", text)
+    for cure in ("a second run with 100 kg fastened to cab", "inertia of cab known (weigh it)", "load cell at rear_left"):
+        assert f"{cure}: 26 of 26 known or identifiable instead of 0" in text
+    assert re.search(r"no difference by itself: displacement transducers along x", text)
+
+
+@pytest.mark.parametrize("path", sorted(VEHICLES.glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_shipped_vehicle_can_be_planned(path, capsys):
+    text = planned(path, capsys)
+    assert "does not stand" not in text
+    if "sensors:" not in path.read_text(encoding="utf-8"):
+        assert "no accelerometer sits on a body" in text
+        assert "accelerometers on the bodies and at the mount bases: tells ratios" in text
+
+
+def test_degenerate_layouts_are_named(tmp_path, capsys):
+    on_a_line = TEXT.replace("[0.75, 0.60, -0.35]", "[0.75, 0, 0]").replace("[0.75, -0.60, -0.35]", "[0.1, 0, 0]")
+    on_a_line = on_a_line.replace("[-0.80, 0.60, -0.35]", "[-0.8, 0, 0]").replace("[-0.80, -0.60, 0.90]", "[-0.4, 0, 0]")
+    text = planned(written(tmp_path, on_a_line), capsys)
+    assert "replay and the live node refuse this layout" in text
+    assert "not determined: roll acceleration" in text
+    at_one_place = re.sub(r"position_m: \[\S+ \S+ -0.45\]\n", "position_m: [0.0, 0.0, -0.45]\n", TEXT)
+    text = planned(written(tmp_path, at_one_place), capsys)
+    assert "front_left and front_right, rear_left, rear_right sit at one place" in text
+    assert "does not stand: pitch topples" in text
+    assert "does not stand: yaw is free" in text
+    assert "rank 6 of 24" in text
+
+
+def test_a_declared_added_mass_and_a_load_cell_anchor_the_plan(tmp_path, capsys):
+    start = TEXT[: TEXT.index("force_references:")]
+    added = "force_references:\n  - {kind: known_added_mass, body: cab, mass_kg: 100.0, from_s: 30.0}\n"
+    assert "rank 26 of 26" in planned(written(tmp_path, start + added), capsys)
+    transducers = (VEHICLES / "truck_cab_transducers.yaml").read_text(encoding="utf-8")
+    assert "load_cell_front_left is no force reference" in planned(written(tmp_path, transducers), capsys)
+    cell = "force_references:\n  - {kind: load_cell, mount: front_left, sensor: load_cell_front_left}\n"
+    text = planned(written(tmp_path, transducers[: transducers.index("force_references:")] + cell), capsys)
+    assert "rank 26 of 26" in text
+    assert re.search(r"cab\.mass +1 %", text)  # the gain of the cell
 
 
 def test_bad_numbers_end_with_code_2(capsys):

@@ -1,6 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Identifiability of mount parameters (ride_models 4.5): ranks, the scale symmetry, bounds against an independent estimate."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.fisher import Excitation, identifiability
+from ride_estimation.identification.fisher import identifiability, judge
+from ride_estimation.identification.sensitivities import AddedMass, Excitation, sensitivities
 from ride_estimation.identification.sensor_plan import plan
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor
@@ -117,6 +119,75 @@ def test_mass_with_known_stiffness_is_identifiable_and_k_alone_is_not():
     assert free.null_directions == (
         "3 parameters scale together without changing any signal: every damping, every mass, every stiffness",
     )
+
+
+TRAVEL = Sensor("travel", "displacement", "", "body", "spring", "z", noise_std=1e-4)
+CELL = Sensor("cell", "force", "", "body", "spring", noise_std=50.0)
+ROAD = Excitation(speed=10.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "known", "rank", "mass"),
+    [
+        ((), {}, 2, math.inf),
+        ((TRAVEL,), {}, 2, math.inf),  # a deflection is k/m again
+        ((CELL,), {}, 3, 2.5e-4),
+        ((CELL,), {"cell.gain": 0.01}, 3, 0.01),
+        ((), {"spring.z.stiffness": 0.0}, 2, 3e-4),
+        ((), {"spring.z.stiffness": 0.05}, 2, 0.05),
+    ],
+    ids=["accelerations", "deflection", "force", "force with 1 % of gain error", "k known", "k known to 5 %"],
+)
+def test_what_tells_the_mass_and_how_well(more, known, rank, mass):
+    """Table 4.5: 60 s of class C, 0.02 m/s^2. Its bounds (0.025 %, 0.03 %) are of a noisier axle signal: reached or better."""
+    vehicle = one_mass()
+    result = identifiability(vehicle, [*vehicle.sensors.values(), *more], ROAD, known)
+    assert result.rank == rank
+    found = dict(zip(result.names, result.relative_std))["body.mass"]
+    if mass in (0.01, 0.05):
+        assert found == pytest.approx(mass, rel=0.01)  # no better than what it leans on
+    else:
+        assert found == mass if math.isinf(mass) else 0.2 * mass < found <= mass
+
+
+def test_a_known_added_mass_equals_the_combination_of_two_runs_by_hand():
+    """Each run tells ln k/m and ln c/m with a covariance; two masses that differ by a known weight tell all three."""
+    vehicle, weight = one_mass(), 200.0
+    sensors = list(vehicle.sensors.values())
+    runs = [sensitivities(vehicle, sensors, ROAD, w) for w in (None, AddedMass("body", weight))]
+    found = judge(runs, [s.name for s in sensors], ())
+    assert found.rank == 3
+    total, share = np.zeros((3, 3)), 2500.0 / (2500.0 + weight)
+    for mass, per_mass in ((2500.0, 1.0), (2500.0 + weight, share)):
+        one = one_mass(m=mass)
+        ratios = identifiability(one, list(one.sensors.values()), ROAD, ("body.mass",)).information
+        jacobian = np.array([[1.0, 0.0, -per_mass], [0.0, 1.0, -per_mass]])
+        total += jacobian.T @ ratios @ jacobian
+    by_hand = np.sqrt(np.diag(np.linalg.inv(total)))
+    np.testing.assert_allclose(found.relative_std, by_hand, rtol=1e-3)  # central differences of 1e-5
+    assert found.relative_std[2] < 0.0038  # ride_models 4.5: 0.38 % with noise on the axle too
+
+
+def test_several_bodies_lose_one_common_scale_only():
+    """Gravity stiffness belongs to the mass that makes it: with one factor on all masses a signal must not change."""
+    vehicle = load_vehicle(ROOT / "config" / "vehicles" / "half_car.yaml")
+    sensors = [Sensor(b.name, "imu", "", b.name, position=b.cg, noise_std=0.02) for b in vehicle.bodies.values()]
+    sensors += [
+        Sensor(f"base_{m.name}", "accelerometer", "", m.base, m.name, noise_std=0.02)
+        for m in vehicle.mounts.values() if m.base not in vehicle.bodies
+    ]  # fmt: skip
+    result = identifiability(vehicle, sensors, Excitation())
+    assert (result.rank, len(result.names)) == (11, 12)
+    assert "scale together" in result.null_directions[0]
+
+
+def test_a_gyro_adds_to_what_an_accelerometer_tells(truck):
+    sensors = [s for s in truck.sensors.values() if s.name == "cab_front_left" or s.body == "chassis"]
+    without = identifiability(truck, sensors, Excitation(), KNOWN).relative_std
+    imu = [dataclasses.replace(s, kind="imu", gyro_noise_std=0.002) if s.body == "cab" else s for s in sensors]
+    with_gyro = identifiability(truck, imu, Excitation(), KNOWN).relative_std
+    assert np.all(with_gyro <= without * (1 + 1e-9))
+    assert np.min(with_gyro / without) < 0.8
 
 
 def test_bad_plans_are_refused(truck):
