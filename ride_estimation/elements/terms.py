@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements import kernels_curve as curve
 from ride_estimation.elements import kernels_filter as filters
+from ride_estimation.elements import kernels_hysteresis as hysteresis
 from ride_estimation.elements import kernels_memory as memory
 from ride_estimation.elements import kernels_network as network
 from ride_estimation.elements import kernels_signal as signal
@@ -45,6 +46,8 @@ CURVE_DAMPER = 11  #: points, curve: ``f(v)``
 WEIGHTED_DAHL = 12  #: columns of :mod:`kernels_curve`
 RATE_FILTER = 13  #: a_1, a_0, c_1, c_0, d: filter of the rate, :mod:`kernels_filter`
 LOCAL_LINEAR = 14  #: columns of :mod:`kernels_network`
+BOUC_WEN = 15  #: f, k, exponent, share of the unloading slope, dead band
+RETURN_POINT = 16  #: f_max, x_2, dead band
 
 #: terms whose force depends on the momentary rate whatever their parameters
 _RATE_CODES = frozenset({POWER_DAMPER, ASYMMETRIC_DAMPER, STRIBECK, CURVE_DAMPER, LOCAL_LINEAR})
@@ -83,10 +86,11 @@ def pack_terms(terms: Iterable[Term]) -> tuple[Codes, Array]:
 def initial_states(codes: Codes, params: Array, x0: float = 0.0) -> Array:
     """Return the memories of terms that rest, without stored force, at the deflection x0 [m].
 
-    Shape (T, S) with S at least ``STATE_SIZE``; networks of many local models need more.
+    Shape (T, S) with S at least ``STATE_SIZE``; networks of many local models and stacks of turning points need more.
     """
     networks = params[codes == LOCAL_LINEAR, network.MODELS] if len(codes) else np.zeros(0)
-    width = max([STATE_SIZE, *(network.FIRST_STATE + int(m) for m in networks)])
+    stacks = [hysteresis.RETURN_POINT_STATE] if np.any(codes == RETURN_POINT) else []
+    width = max([STATE_SIZE, *stacks, *(network.FIRST_STATE + int(m) for m in networks)])
     states = np.zeros((len(codes), width))
     for i in range(len(codes)):
         rest_at(int(codes[i]), params, states, i, x0)
@@ -107,7 +111,7 @@ def rest_at(code: int, params: Array, states: Array, i: int, x0: float) -> None:
         states[i, _FRICTION_EXTREME_X] = states[i, 0]
     elif code == LOCAL_LINEAR:
         network.network_rest(params, states, i, x0)
-    elif code in (BERG_FRICTION, DAHL):
+    elif code in (BERG_FRICTION, DAHL, BOUC_WEN, RETURN_POINT):
         states[i, _FRICTION_TURN_X] = x0
         states[i, _FRICTION_EXTREME_X] = x0
 
@@ -154,6 +158,10 @@ def force_at(code: int, p: Array, s: Array, i: int, x: float, v: float, h: float
         return filters.filter_trial(p, s, i, x, v, h)
     if code == LOCAL_LINEAR:
         return network.network_trial(p, s, i, x, v, h)
+    if code == BOUC_WEN:
+        return hysteresis.bouc_wen_trial(s, i, x, p[i, 0], p[i, 1], p[i, 2], p[i, 3])
+    if code == RETURN_POINT:
+        return hysteresis.return_point_trial(s, i, x, p[i, 0], p[i, 1])
     return _memoryless(code, p, i, x, v)
 
 
@@ -182,6 +190,10 @@ def commit_at(code: int, p: Array, s: Array, i: int, x: float, v: float, h: floa
         return filters.filter_commit(p, s, i, x, v, h)
     if code == LOCAL_LINEAR:
         return network.network_commit(p, s, i, x, v, h)
+    if code == BOUC_WEN:
+        return hysteresis.bouc_wen_commit(s, i, x, v, p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4])
+    if code == RETURN_POINT:
+        return hysteresis.return_point_commit(s, i, x, v, p[i, 0], p[i, 1], p[i, 2])
     s[i, 0] = x
     s[i, 1] = v
     return _memoryless(code, p, i, x, v)

@@ -158,6 +158,41 @@ def band_filter(e) -> Array:  # type: ignore[no-untyped-def]
     return integrated(lambda t, y, s, y0: [k * (float(rate(t)) - y[0] / c - y[1]), y[0] / b], 2)[0]
 
 
+def bouc_wen(e) -> Array:  # type: ignore[no-untyped-def]
+    # in the usual letters: z' = A x' - beta |x'| |z|^(n-1) z - gamma x' |z|^n, F = z
+    both = e.slope / e.friction**e.exponent
+    beta, gamma = e.share * both, (1.0 - e.share) * both
+
+    def rates(t: float, z: Array, s: float, z0: Array) -> list[float]:
+        v, size = float(rate(t)), abs(z[0])
+        return [e.slope * v - beta * abs(v) * size ** (e.exponent - 1) * z[0] - gamma * v * size**e.exponent]
+
+    return integrated(rates)[0]
+
+
+def fractional(e) -> Array:  # type: ignore[no-untyped-def]
+    # derivative of order alpha by Gruenwald and Letnikov: at step h it is that of a time alpha h / 2 ago
+    h, n = H / 4, 4 * T.size
+    weights = np.cumprod(np.concatenate([[1.0], 1.0 - (e.order + 1.0) / np.arange(1, n)]))
+    ahead = np.concatenate([[0.0], deflection(np.arange(1, n) * h + 0.5 * e.order * h)])
+    size = 1 << (2 * n - 1).bit_length()
+    sums = np.fft.irfft(np.fft.rfft(weights, size) * np.fft.rfft(ahead, size), size)[:n:4]
+    return np.asarray(e.stiffness * (e.reference * h) ** -e.order * sums)
+
+
+def return_points(e) -> Array:  # type: ignore[no-untyped-def]
+    # many springs with dry sliders in parallel (Prandtl, Ishlinskii) have return points by themselves; their stiffnesses follow
+    # from the slope of the first loading, f x_2 / (x_2 + u)^2
+    edges = e.half_stroke * np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 3000)])
+    slope = e.friction * e.half_stroke / (e.half_stroke + edges) ** 2
+    stiffness, strokes = -np.diff(slope), 0.5 * (edges[1:] + edges[:-1])
+    stretch, found = np.zeros(strokes.size), np.zeros(T.size)
+    for k in range(1, T.size):
+        stretch = np.clip(stretch + X[k] - X[k - 1], -strokes, strokes)
+        found[k] = stiffness @ stretch
+    return found
+
+
 ORACLES: dict[str, Callable[..., Array]] = {
     "kelvin_voigt": lambda e: e.stiffness * X + e.damping * V,
     "cubic_spring": lambda e: e.stiffness * X + e.cubic * X**3,
@@ -189,6 +224,9 @@ ORACLES: dict[str, Callable[..., Array]] = {
     "jounce_bumper": jounce,
     "local_linear_network": network,
     "damping_filter": band_filter,
+    "bouc_wen": bouc_wen,
+    "fractional": fractional,
+    "return_point_friction": return_points,
     "sum": lambda e: sum(ORACLES[part.KIND](part) for part in e.elements),
 }
 
