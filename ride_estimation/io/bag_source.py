@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import heapq
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -19,7 +20,9 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.io.mcap_records import read_mcap, salvage_mcap
+from ride_estimation.io.bag_limits import check_unpacked_size
+from ride_estimation.io.bounded import allowance, unpack
+from ride_estimation.io.mcap_records import has_summary, read_mcap, salvage_mcap
 
 #: On broken files the readers and what they call raise nearly anything (seen: ReaderError, FileNotFoundError, KeyError,
 #: OverflowError, ZstdError, sqlite3.Error, struct.error); every use turns it into an InputDataError that quotes it.
@@ -91,6 +94,8 @@ def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
         warnings.append("metadata.yaml is missing; the file was read directly")
     try:
         source = _open_ros1(target) if target.suffix == ".bag" else _open_ros2(target)
+    except InputDataError:
+        raise
     except READER_ERRORS as error:
         if files[0].suffix == ".mcap" and len(files) == 1:
             return salvaged(path, files[0], salvage, _words(error))
@@ -136,22 +141,29 @@ def _words(error: BaseException) -> str:
 
 
 def _open_ros2(target: Path) -> BagSource:
+    files, mode = bag_files(target), _compression_mode(target)
+    if mode == "file":
+        raise InputDataError(f"{target}: its files are compressed as a whole; unpack them first (zstd -d) or convert the bag")
+    for file in files:
+        if file.suffix == ".mcap" and (len(files) > 1 or not has_summary(file)):
+            check_unpacked_size(file)
     with Ros2Reader(target) as reader:
         types = {c.topic: c.msgtype for c in reader.connections}
         counts: Counter[str] = Counter()
         for connection in reader.connections:
             counts[connection.topic] += connection.msgcount
-    files = bag_files(target)
 
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
-        if len(files) == 1 and _plain_mcap(files[0]):
+        if mode == "message":
+            # message by message compression is undone here, with a limit; rosbags knows none
+            parts = [_raw_messages(file, topics) for file in files]
+            limit = allowance(sum(file.stat().st_size for file in files))
+            for topic, stamp, packed in heapq.merge(*parts, key=lambda message: message[1]):
+                yield topic, stamp, unpack(packed, "zstd", limit)
+        elif len(files) == 1 and files[0].suffix == ".mcap":
             yield from read_mcap(files[0], topics)
-            return
-        with Ros2Reader(target) as opened:
-            chosen = [c for c in opened.connections if c.topic in topics]
-            if chosen:
-                for connection, stamp, raw in opened.messages(connections=chosen):
-                    yield connection.topic, stamp, bytes(raw)
+        else:
+            yield from _raw_messages(target, topics)
 
     store = type_store(Stores.ROS2_JAZZY)
     return BagSource(target, types, counts, messages, _cdr_reader(store.deserialize_cdr), True)
@@ -177,14 +189,26 @@ def _cdr_reader(deserialize: Callable[[bytes, str], Any]) -> Callable[[bytes, st
     return read
 
 
-def _plain_mcap(file: Path) -> bool:
-    """Return whether messages of an MCAP file are not compressed one by one (metadata beside it would say so)."""
-    metadata = file.parent / "metadata.yaml"
-    said = metadata.read_text(encoding="utf-8", errors="replace").lower() if metadata.exists() else ""
-    return file.suffix == ".mcap" and not re.search(r"compression_mode:\s*['\"]?(message|file)", said)
+def _raw_messages(target: Path, topics: Collection[str]) -> Iterator[RawMessage]:
+    with Ros2Reader(target) as opened:
+        chosen = [c for c in opened.connections if c.topic in topics]
+        if chosen:
+            for connection, stamp, raw in opened.messages(connections=chosen):
+                yield connection.topic, stamp, bytes(raw)
+
+
+def _compression_mode(target: Path) -> str:
+    """Return ``message``, ``file`` or nothing: what ``metadata.yaml`` says of a folder."""
+    metadata = target / "metadata.yaml"
+    if not target.is_dir() or not metadata.exists():
+        return ""
+    said = metadata.read_text(encoding="utf-8", errors="replace").lower()
+    found = re.search(r"compression_mode:\s*['\"]?(message|file)", said)
+    return found.group(1) if found else ""
 
 
 def _open_ros1(target: Path) -> BagSource:
+    check_unpacked_size(target)
     with Ros1Reader(target) as reader:
         types = {c.topic: c.msgtype for c in reader.connections}
         counts: Counter[str] = Counter()

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.bag_source import READER_ERRORS, open_bag
 
 Array = NDArray[np.float64]
 
@@ -38,13 +37,13 @@ def read_bag_columns(path: Path, mount: str, axis: str) -> dict[str, Array]:
     """
     joints: dict[str, list[tuple[int, float]]] = {}
     wrenches: dict[str, list[tuple[int, float, float, float]]] = {}
+    source = open_bag(path)
+    wanted = [topic for topic, kind in source.types.items() if kind.endswith(("/JointState", "/WrenchStamped"))]
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            wanted = [c for c in reader.connections if c.msgtype.endswith(("/JointState", "/WrenchStamped"))]
-            for connection, _, raw in reader.messages(connections=wanted):
-                _collect(connection, reader.deserialize(raw, connection.msgtype), joints, wrenches)
-    except (AnyReaderError, OSError, ValueError, KeyError) as error:
-        raise InputDataError(f"{path}: not a readable bag ({error})") from error
+        for topic, _, raw in source.messages(wanted):
+            _collect(topic, source.types[topic], source.deserialize(raw, source.types[topic]), joints, wrenches)
+    except READER_ERRORS as error:
+        raise InputDataError(f"{path}: not a readable bag ({error or type(error).__name__})") from error
     joint = _choose(path, "JointState joint", joints, f"{mount}_{axis}" if mount and axis else mount)
     topic = _choose(path, "WrenchStamped topic", wrenches, f"/{mount}/" if mount else "")
     component = "xyz".index(axis or (joint[-1] if joint[-2:] in ("_x", "_y", "_z") else "z"))
@@ -64,18 +63,19 @@ def read_bag_columns(path: Path, mount: str, axis: str) -> dict[str, Array]:
 
 
 def _collect(
-    connection: Any,
+    topic: str,
+    kind: str,
     message: Any,
     joints: dict[str, list[tuple[int, float]]],
     wrenches: dict[str, list[tuple[int, float, float, float]]],
 ) -> None:
     stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
-    if connection.msgtype.endswith("/JointState"):
+    if kind.endswith("/JointState"):
         for name, position in zip(message.name, message.position, strict=False):
             joints.setdefault(name, []).append((stamp, float(position)))
     else:
         f = message.wrench.force
-        wrenches.setdefault(connection.topic, []).append((stamp, float(f.x), float(f.y), float(f.z)))
+        wrenches.setdefault(topic, []).append((stamp, float(f.x), float(f.y), float(f.z)))
 
 
 def _choose(path: Path, what: str, found: dict[str, Any], wanted: str) -> str:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import re
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,6 +16,8 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.oscillator import OscillatorRecord
 from ride_estimation.identification.bench.record import BenchRecord, check_record
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints, operating_points
+from ride_estimation.io.bounded import read_arrays
+from ride_estimation.io.matlab_file import read_matlab
 from ride_estimation.units import SUFFIXES
 
 Array = NDArray[np.float64]
@@ -195,26 +196,11 @@ def read_oscillator_record(path: Path, names: str, rate_hz: float, time: str) ->
 
 
 def _npz_columns(path: Path) -> dict[str, Array]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {k: np.atleast_1d(archive[k]).astype(float).squeeze() for k in archive.files if archive[k].dtype.kind in "fiu"}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputDataError(f"{path}: not a readable npz file ({error})") from error
+    return {k: np.atleast_1d(v).astype(float).squeeze() for k, v in read_arrays(path).items() if v.dtype.kind in "fiu"}
 
 
 def _mat_columns(path: Path) -> dict[str, Array]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        content = loadmat(path)
-    except (OSError, ValueError, IndexError, TypeError, RuntimeError, MatReadError) as error:
-        raise InputDataError(f"{path}: not a readable MATLAB 5 file ({error})") from error
-    return {
-        k: v.astype(float).ravel()
-        for k, v in content.items()
-        if isinstance(v, np.ndarray) and v.dtype.kind in "fiu" and v.ndim == 2 and 1 in v.shape and v.size > 1
-    }
+    return {k: v.astype(float).ravel() for k, v in read_matlab(path).items() if v.ndim == 2 and 1 in v.shape and v.size > 1}
 
 
 def _csv_columns(path: Path) -> dict[str, Array]:
@@ -227,7 +213,10 @@ def _csv_columns(path: Path) -> dict[str, Array]:
         raise InputDataError(f"{path}: the file is empty")
     sample = lines[min(len(lines) - 1, 2)]
     delimiter = next((d for d in (";", "\t", ",") if d in sample), None)
-    rows = [line.split() for line in lines] if delimiter is None else list(csv.reader(lines, delimiter=delimiter))
+    try:
+        rows = [line.split() for line in lines] if delimiter is None else list(csv.reader(lines, delimiter=delimiter))
+    except csv.Error as error:
+        raise InputDataError(f"{path}: not a readable table ({error})") from error
     if delimiter == ";":
         rows = [[cell.replace(",", ".") for cell in row] for row in rows]
     header = [] if _is_numeric(rows[0]) else [cell.strip() for cell in rows[0]]

@@ -18,6 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.io.bounded import read_text
 from ride_estimation.units import si_unit, split_suffix, suffixes_of
 from ride_estimation.vehicles.vehicle import Prior
 
@@ -25,6 +26,9 @@ Array = NDArray[np.float64]
 
 #: the safe loader, in C where the installed PyYAML has it (fifteen times faster)
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+#: most values a document may have; the largest vehicle file has a thousandth of it
+LARGEST_DOCUMENT = 200_000
 
 
 def read_yaml(path: Path) -> Mapping[str, Any]:
@@ -36,21 +40,47 @@ def read_yaml(path: Path) -> Mapping[str, Any]:
         Missing or unreadable file, broken YAML, duplicate keys, or a document that is no mapping.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except FileNotFoundError:
         raise ConfigurationError("the file does not exist", where=str(path)) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"the file cannot be read: {error}", where=str(path)) from error
     try:
-        twice = list(_keys_given_twice(yaml.compose(text, Loader=_LOADER)))
+        root = yaml.compose(text, Loader=_LOADER)
+        _expanded(root, {})
+        twice = list(_keys_given_twice(root))
         document = yaml.load(text, Loader=_LOADER)
-    except (yaml.YAMLError, TypeError, ValueError) as error:
+    except RecursionError:
+        raise ConfigurationError("not valid YAML: nested too deeply", where=str(path)) from None
+    except (yaml.YAMLError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
         raise ConfigurationError(f"not valid YAML: {' '.join(str(error).split())}", where=str(path)) from error
     if twice:
         raise ConfigurationError(twice, where=str(path))
     if not isinstance(document, dict):
         raise ConfigurationError("the document must be a mapping of keys to values", where=str(path))
     return document
+
+
+def _expanded(node: Any, known: dict[int, int]) -> int:
+    """Return the number of values of a document with every alias written out.
+
+    Raises
+    ------
+    ValueError
+        An alias stands inside what it refers to, or there are more values than :data:`LARGEST_DOCUMENT`: a few lines of aliases
+        of aliases can stand for more values than fit into the memory.
+    """
+    if not isinstance(node, yaml.CollectionNode):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = 0
+        children = [child for pair in node.value for child in pair] if isinstance(node, yaml.MappingNode) else node.value
+        known[id(node)] = 1 + sum(_expanded(child, known) for child in children)
+    if known[id(node)] == 0:
+        raise ValueError("an alias refers to what it stands in")
+    if known[id(node)] > LARGEST_DOCUMENT:
+        raise ValueError(f"more than {LARGEST_DOCUMENT} values when aliases are written out")
+    return known[id(node)]
 
 
 def _keys_given_twice(node: Any) -> Iterator[str]:

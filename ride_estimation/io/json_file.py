@@ -3,14 +3,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import json
 import math
+import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.io.bounded import read_text
 
 
 def jsonable(value: Any) -> Any:
@@ -32,6 +38,66 @@ def jsonable(value: Any) -> Any:
     return value if value is None else str(value)
 
 
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the object a JSON file holds.
+
+    Raises
+    ------
+    InputDataError
+        No such file, not JSON, nested too deeply, or no object.
+    """
+    try:
+        document = json.loads(read_text(path))
+    except OSError as error:
+        raise InputDataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (ValueError, RecursionError) as error:
+        raise InputDataError(f"{path}: not a JSON file ({error})") from error
+    if not isinstance(document, dict):
+        raise InputDataError(f"{path}: not a JSON object but a {type(document).__name__}")
+    return document
+
+
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document as indented JSON with a final newline."""
-    path.write_text(json.dumps(jsonable(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    """Write a document as indented JSON with a final newline, completely or not at all."""
+    text = json.dumps(jsonable(document), indent=2, ensure_ascii=False, allow_nan=False)
+    write_atomically(path, text + "\n")
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace a text file so that whoever reads it, also after a power failure, finds the old or the new one, never a part.
+
+    The new text goes to the disk under another name in the same folder; then the name changes, and the folder is written too.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    text
+        Written as UTF-8; what cannot be written so (lone surrogates of names from outside) is written as ``?``.
+    """
+    data = text.encode("utf-8", "replace")
+    handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".tmp", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+        raise
+    with contextlib.suppress(OSError):  # some file systems cannot open folders
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _umask() -> int:
+    """Return the file mode mask; it can only be read by setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask

@@ -7,18 +7,22 @@ Source: MCAP specification (records 0x02 footer, 0x03 schema, 0x04 channel, 0x05
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import struct
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.bounded import SPARE_BYTES, allowance, unpack, unpack_what_is_there
 
-_MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
-_RECORD = struct.Struct("<BQ")
+#: how a file begins and ends
+MAGIC = b"\x89MCAP0\r\n"
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
+_FOOTER_SIZE = 37
+RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+#: what damaged records raise
+DAMAGE = (struct.error, UnicodeDecodeError, KeyError, ValueError, EOFError, RuntimeError)
 
 
 @dataclasses.dataclass
@@ -58,21 +62,25 @@ def read_mcap(path: Path, topics: Collection[str]) -> list[tuple[str, int, bytes
     """
     wanted: dict[int, str] = {}
     messages: list[tuple[str, int, bytes]] = []
+    limit = allowance(path.stat().st_size)
     with path.open("rb") as stream:
-        if stream.read(len(_MAGIC)) != _MAGIC:
+        if stream.read(len(MAGIC)) != MAGIC:
             raise ValueError("does not begin as an MCAP file")
         while True:
-            head = stream.read(_RECORD.size)
-            code, length = _RECORD.unpack(head)
+            head = stream.read(RECORD.size)
+            code, length = RECORD.unpack(head)
             if code in (_DATA_END, _FOOTER):
                 break
-            if code not in (_CHUNK, _CHANNEL, _MESSAGE):
+            if code not in (CHUNK, _CHANNEL, _MESSAGE):
                 stream.seek(length, 1)
                 continue
             body = stream.read(length)
             if len(body) != length:
                 raise ValueError(f"a record of {length} bytes is cut off after {len(body)}")
-            _pick(_unpacked(body) if code == _CHUNK else head + body, topics, wanted, messages)
+            if code == CHUNK:
+                body = unpacked(body, limit)
+                limit -= len(body)
+            _pick(body if code == CHUNK else head + body, topics, wanted, messages)
     messages.sort(key=lambda message: message[1])
     return messages
 
@@ -80,7 +88,7 @@ def read_mcap(path: Path, topics: Collection[str]) -> list[tuple[str, int, bytes
 def _pick(data: bytes, topics: Collection[str], wanted: dict[int, str], messages: list[tuple[str, int, bytes]]) -> None:
     """Add the messages of wanted channels in a run of records."""
     at, end = 0, len(data)
-    record, head, first = _RECORD.unpack_from, _MESSAGE_HEAD.unpack_from, _RECORD.size + _MESSAGE_HEAD.size
+    record, head, first = RECORD.unpack_from, _MESSAGE_HEAD.unpack_from, RECORD.size + _MESSAGE_HEAD.size
     while at < end:
         code, length = record(data, at)
         last = at + 9 + length
@@ -99,24 +107,35 @@ def _pick(data: bytes, topics: Collection[str], wanted: dict[int, str], messages
         at = last
 
 
-def _unpacked(body: bytes) -> bytes:
-    """Return the records of a chunk; damage is an error."""
+def unpacked(body: bytes, limit: int = SPARE_BYTES) -> bytes:
+    """Return the records of a chunk.
+
+    Parameters
+    ----------
+    body
+        Content of the chunk record.
+    limit
+        Largest result [bytes].
+
+    Raises
+    ------
+    ValueError, struct.error
+        Damaged, of an unknown compression, or larger than the limit.
+    """
     compression, at = _text(memoryview(body), 28)
     packed = body[at + 8 :]
-    if compression == "zstd":
-        return bytes(_zstd().decompress(packed))
-    if compression == "lz4":
-        return bytes(importlib.import_module("lz4.frame").decompress(packed))
-    if compression:
-        raise ValueError(f"compression {compression!r} is unknown")
-    return packed
+    return unpack(packed, compression, limit) if compression else packed
 
 
-def _zstd() -> Any:
-    try:
-        return importlib.import_module("compression.zstd")
-    except ImportError:
-        return importlib.import_module("backports.zstd")
+def has_summary(path: Path) -> bool:
+    """Return whether the footer of an MCAP file points to a summary, so that a reader need not unpack the chunks to know them."""
+    with path.open("rb") as stream:
+        stream.seek(0, 2)
+        if stream.tell() < _FOOTER_SIZE:
+            return False
+        stream.seek(-_FOOTER_SIZE, 2)
+        footer = stream.read(_FOOTER_SIZE)
+    return footer[0] == _FOOTER and footer.endswith(MAGIC) and int.from_bytes(footer[9:17], "little") > 0
 
 
 def salvage_mcap(path: Path) -> Salvaged:
@@ -133,32 +152,45 @@ def salvage_mcap(path: Path) -> Salvaged:
         The file does not begin as an MCAP file.
     """
     data = path.read_bytes()
-    if not data.startswith(_MAGIC):
+    if not data.startswith(MAGIC):
         raise InputDataError(f"{path}: does not begin as an MCAP file: it is no recording, or its beginning is lost")
     found = Salvaged()
-    _records(memoryview(data)[len(_MAGIC) :], found)
+    _records(memoryview(data)[len(MAGIC) :], found, allowance(len(data)))
     found.messages.sort(key=lambda message: message[1])
     return found
 
 
-def _records(data: memoryview, found: Salvaged) -> None:
-    """Add the records of a byte range; stop at the first that is not whole."""
+def _records(data: memoryview, found: Salvaged, limit: int) -> None:
+    """Add the records of a byte range, unpacked at most ``limit`` bytes; stop at the first that is not whole."""
     at = 0
     while at + 9 <= len(data):
         code, length = struct.unpack_from("<BQ", data, at)
         body = data[at + 9 : at + 9 + length]
         whole = len(body) == length
         try:
-            if code == _CHUNK:
-                _records(_decompressed(body), found)
+            if code == CHUNK:
+                inner = _decompressed(body, limit)
+                limit -= len(inner)
+                _records_of_chunk(inner, found)
             elif not whole:
                 return
             else:
                 _record(code, body, found)
-        except (struct.error, UnicodeDecodeError, KeyError, ValueError, EOFError, RuntimeError):
+        except DAMAGE:
             return
         if not whole:
             return
+        at += 9 + length
+
+
+def _records_of_chunk(data: memoryview, found: Salvaged) -> None:
+    """Add the records of a chunk, which holds no chunks itself, up to the first that is not whole."""
+    at = 0
+    while at + 9 <= len(data):
+        code, length = struct.unpack_from("<BQ", data, at)
+        if at + 9 + length > len(data):
+            return
+        _record(code, data[at + 9 : at + 9 + length], found)
         at += 9 + length
 
 
@@ -181,22 +213,8 @@ def _text(body: memoryview, at: int) -> tuple[str, int]:
     return bytes(body[at + 4 : at + 4 + length]).decode("utf-8"), at + 4 + length
 
 
-def _decompressed(body: memoryview) -> memoryview:
+def _decompressed(body: memoryview, limit: int) -> memoryview:
     """Return the records of a chunk, as far as they can be decompressed."""
     compression, at = _text(body, 28)
     packed = bytes(body[at + 8 :])
-    if compression == "zstd":
-        zstd = _zstd()
-        unpacker = zstd.ZstdDecompressor()
-        # byte by byte blocks: an error late in the chunk leaves what came before it
-        parts = []
-        for start in range(0, len(packed), 4096):
-            try:
-                parts.append(unpacker.decompress(packed[start : start + 4096]))
-            except (zstd.ZstdError, EOFError):
-                break
-        return memoryview(b"".join(parts))
-    if compression == "lz4":
-        lz4 = importlib.import_module("lz4.frame")
-        return memoryview(lz4.LZ4FrameDecompressor().decompress(packed))
-    return memoryview(packed)
+    return memoryview(unpack_what_is_there(packed, compression, limit) if compression else packed)

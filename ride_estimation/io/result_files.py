@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.bounded import read_arrays
+from ride_estimation.io.json_file import read_json
 from ride_estimation.io.results import RESULT_SCHEMA
 
 Array = NDArray[np.float64]
+
+DIAGNOSIS_SCHEMA = "ride_estimation/diagnosis/1"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,14 +49,72 @@ def read_replay(folder: str | Path) -> FinishedReplay:
     """
     folder = Path(folder)
     try:
-        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-        with np.load(folder / "signals.npz", allow_pickle=False) as signals:
-            arrays = {name: signals[name] for name in ("time_s", "valid", "cg_accel", "mount_force", "mount_names")}
-    except (OSError, ValueError, KeyError) as error:
-        raise InputDataError(f"{folder}: no results of a replay (result.json and signals.npz): {error}") from error
-    if not isinstance(result, dict) or result.get("schema") != RESULT_SCHEMA:
+        result = read_json(folder / "result.json")
+        signals = read_arrays(folder / "signals.npz")
+        arrays = {name: signals[name] for name in ("time_s", "valid", "cg_accel", "mount_force", "mount_names")}
+    except KeyError as error:
+        raise InputDataError(f"{folder}/signals.npz: the array {error} is missing: no results of a replay") from error
+    if result.get("schema") != RESULT_SCHEMA:
         raise InputDataError(f"{folder}/result.json: schema is not {RESULT_SCHEMA}")
+    problems = [*_result_problems(result), *_signal_problems(arrays)]
+    if problems:
+        raise InputDataError(f"{folder}: not the results of a replay: {'; '.join(problems[:5])}")
     return FinishedReplay(
         folder.name, result, tuple(str(n) for n in arrays["mount_names"]), arrays["time_s"], arrays["valid"], arrays["cg_accel"],
         arrays["mount_force"],
     )  # fmt: skip
+
+
+def _result_problems(result: Mapping[str, Any]) -> list[str]:
+    """Return what a report could not use of ``result.json``."""
+    wanted: dict[str, type | tuple[type, ...]] = {
+        "run": dict, "vehicle": dict, "warnings": list, "parameters": list, "digest": str,
+    }  # fmt: skip
+    problems = [f"{key} is missing or of another type" for key, kind in wanted.items() if not isinstance(result.get(key), kind)]
+    if problems:
+        return problems
+    for where, key, kind in (("run", "path", str), ("run", "duration_s", _NUMBER), ("vehicle", "name", str)):
+        if not _is(result[where].get(key), kind):
+            problems.append(f"{where}.{key} is missing or of another type")
+    for number, parameter in enumerate(result["parameters"]):
+        fields: dict[str, Any] = parameter if isinstance(parameter, dict) else {}
+        texts = all(isinstance(fields.get(key), str) for key in ("name", "unit", "status"))
+        if not (texts and _is(fields.get("value"), _NUMBER) and (fields.get("std") is None or _is(fields["std"], _NUMBER))):
+            problems.append(f"parameters[{number}] is no parameter with name, value, std, unit and status")
+    return problems
+
+
+_NUMBER = (int, float)
+
+
+def _is(value: Any, kind: type | tuple[type, ...]) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool) and not (isinstance(value, float) and not np.isfinite(value))
+
+
+def _signal_problems(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
+    """Return which arrays have a shape or type that cannot be."""
+    ticks, mounts = arrays["time_s"].shape[:1], arrays["mount_names"].shape[:1]
+    wanted = {
+        "time_s": (ticks, "f"), "valid": (ticks, "b"), "cg_accel": ((*ticks, 6), "f"), "mount_force": ((*ticks, *mounts, 3), "f"),
+        "mount_names": (mounts, "U"),
+    }  # fmt: skip
+    return [
+        f"{name} has shape {arrays[name].shape} and type {arrays[name].dtype}, or values that are not finite"
+        for name, (shape, kind) in wanted.items()
+        if arrays[name].shape != shape or arrays[name].dtype.kind != kind or not (kind == "U" or np.isfinite(arrays[name]).all())
+    ]
+
+
+def read_diagnosis(folder: str | Path) -> Mapping[str, Any]:
+    """Read ``diagnosis.json`` of the output folder of a diagnosis.
+
+    Raises
+    ------
+    InputDataError
+        Missing, unreadable or foreign file.
+    """
+    path = Path(folder) / "diagnosis.json"
+    document = read_json(path)
+    if document.get("schema") != DIAGNOSIS_SCHEMA:
+        raise InputDataError(f"{path}: no result of a diagnosis: schema is not {DIAGNOSIS_SCHEMA}")
+    return document

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 import ride_estimation
+from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.offline import OfflineRun
@@ -78,6 +79,7 @@ def result_document(
     quality: Mapping[str, ChannelQuality],
     warnings: tuple[str, ...],
     layout: tuple[str, ...],
+    assessment: RunAssessment,
 ) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     channels = {}
@@ -103,6 +105,7 @@ def result_document(
         "layout": list(layout),
         "identifiability": run.identifiability,
         "fit": channel_fit(run),
+        **assessment.document(),
         "digest": run.digest,
         "warnings": list(warnings),
     }

@@ -1,22 +1,37 @@
 # Copyright 2026 ride_estimation contributors
-"""What the estimator has learned, on disk: a state that continues after a restart and a vehicle file with the values."""
+"""What the estimator has learned, on disk: a state that continues after a restart and a vehicle file with the values.
+
+A saved state says which vehicle and which version it is of and carries a checksum. It is used only if all of that is right, if it
+has the form a state of this vehicle has, and if the parameters it leads to are numbers within their bounds.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-import os
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+import ride_estimation
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.io.vehicle_file import save_vehicle
+from ride_estimation.io.json_file import read_json, write_atomically
+from ride_estimation.io.vehicle_file import vehicle_to_mapping
 from ride_estimation.vehicles.identified import with_identified
+from ride_estimation.vehicles.vehicle import Vehicle
 
+SAVED_SCHEMA = "ride_estimation/saved_state/1"
 #: estimates with one of these are written as values; the others stay what the vehicle file says
 IDENTIFIED = (Status.VALID, Status.ESTIMATING)
+#: what a state that is not one may raise while it is taken up
+_MISFITS = (KeyError, TypeError, ValueError, IndexError, AttributeError, ArithmeticError)
+_LONGEST_NAME = 100
 
 
 def save_results(folder: str | Path, pipeline: Pipeline) -> tuple[Path, Path]:
@@ -25,7 +40,7 @@ def save_results(folder: str | Path, pipeline: Pipeline) -> tuple[Path, Path]:
     Parameters
     ----------
     folder
-        Created where it does not exist.
+        Created where it does not exist; nothing is written elsewhere, whatever the vehicle is called.
     pipeline
         The estimator.
 
@@ -36,38 +51,167 @@ def save_results(folder: str | Path, pipeline: Pipeline) -> tuple[Path, Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    name = pipeline.vehicle.name or "vehicle"
+    name = file_name(pipeline.vehicle.name)
     vehicle_file = folder / f"{name}_identified.yaml"
-    state_file = folder / f"{name}_state.json"
     values = {
         e.name: (e.value, e.std)
         for e in pipeline.parameters()
         if e.status in IDENTIFIED and math.isfinite(e.value) and math.isfinite(e.std) and e.std > 0.0
     }
-    temporary = vehicle_file.with_suffix(".tmp")
-    save_vehicle(with_identified(pipeline.vehicle, values, "identified by ride_estimation"), temporary)
-    os.replace(temporary, vehicle_file)
-    temporary = state_file.with_suffix(".tmp")
-    temporary.write_text(json.dumps(pipeline.save_state(), allow_nan=False, indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, state_file)
-    return vehicle_file, state_file
+    identified = vehicle_to_mapping(with_identified(pipeline.vehicle, values, "identified by ride_estimation"))
+    write_atomically(vehicle_file, yaml.safe_dump(identified, sort_keys=False, allow_unicode=True, width=120))
+    return vehicle_file, save_state(folder / f"{name}_state.json", pipeline)
+
+
+def save_state(path: str | Path, pipeline: Pipeline) -> Path:
+    """Write the state of an estimator, completely or not at all; return the path.
+
+    Parameters
+    ----------
+    path
+        File; its folder is created where it does not exist.
+    pipeline
+        The estimator.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    state = json.loads(_text(pipeline.save_state()))
+    document = {
+        "schema": SAVED_SCHEMA,
+        "software": ride_estimation.__version__,
+        "vehicle": {"name": pipeline.vehicle.name, "fingerprint": fingerprint(pipeline.vehicle)},
+        "sha256": _digest(state),
+        "state": state,
+    }
+    write_atomically(path, json.dumps(document, allow_nan=False, indent=1) + "\n")
+    return path
 
 
 def load_state(path: str | Path) -> dict[str, Any]:
-    """Read a state written by :func:`save_results`.
+    """Read a state written by :func:`save_state`.
 
     Raises
     ------
     InputDataError
-        The file is missing or not such a state; whether it fits the vehicle is checked by the pipeline.
+        The file is missing, damaged, or not such a state; whether it fits the vehicle is checked by :func:`restore_state`.
     """
     path = Path(path)
     try:
-        state = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputDataError(f"{path}: saved state cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise InputDataError(f"{path}: not a saved state ({error}); delete it to start from the vehicle file") from error
-    if not isinstance(state, dict) or "schema" not in state:
-        raise InputDataError(f"{path}: not a saved state (no schema); delete it to start from the vehicle file")
-    return state
+        document = read_json(path)
+    except InputDataError as error:
+        raise InputDataError(f"saved state {error}; delete it to start from the vehicle file") from error
+    if document.get("schema") != SAVED_SCHEMA or not isinstance(document.get("state"), dict):
+        raise InputDataError(
+            f"{path}: not a saved state (schema is {document.get('schema')!r}, not {SAVED_SCHEMA!r}); delete it to start from "
+            "the vehicle file"
+        )
+    if document.get("sha256") != _digest(document["state"]):
+        raise InputDataError(
+            f"{path}: the saved state is damaged (its checksum is wrong); delete it to start from the vehicle file"
+        )
+    return document
+
+
+def restore_state(path: str | Path, pipeline: Pipeline) -> None:
+    """Let an estimator continue from a saved state; where the state cannot be used, the estimator stays as it is.
+
+    Parameters
+    ----------
+    path
+        File written by :func:`save_state`.
+    pipeline
+        A fresh estimator.
+
+    Raises
+    ------
+    InputDataError
+        As :func:`load_state`; or the state is of another vehicle or version, or has numbers that cannot be.
+    """
+    path = Path(path)
+    document = load_state(path)
+    given, own = document.get("software"), ride_estimation.__version__
+    if not isinstance(given, str) or given.split(".")[:2] != own.split(".")[:2]:
+        raise InputDataError(
+            f"{path}: the saved state is of version {given!r}, this is {own}; delete it to start from the vehicle file"
+        )
+    vehicle = document.get("vehicle")
+    if not isinstance(vehicle, dict) or vehicle.get("fingerprint") != fingerprint(pipeline.vehicle):
+        name = vehicle.get("name") if isinstance(vehicle, dict) else None
+        raise InputDataError(
+            f"{path}: the saved state is of the vehicle {name!r} as its file was then; {pipeline.vehicle.name!r} is another or "
+            "its file has changed since. Delete the state to start from the vehicle file"
+        )
+    trial = Pipeline(pipeline.vehicle, pipeline.settings)
+    try:
+        trial.load_state(document["state"])
+        problem = _problem(document["state"], trial)
+    except InputDataError:
+        raise
+    except _MISFITS as error:
+        problem = f"it has not the form of a state ({type(error).__name__}: {error})"
+    if problem:
+        raise InputDataError(f"{path}: the saved state cannot be used: {problem}; delete it to start from the vehicle file")
+    pipeline.load_state(document["state"])
+
+
+def fingerprint(vehicle: Vehicle) -> str:
+    """Return the SHA-256 of what a vehicle file means: comments, order of keys and texts that describe do not count."""
+    return hashlib.sha256(_text(_meaning(vehicle_to_mapping(vehicle))).encode()).hexdigest()
+
+
+def file_name(text: str) -> str:
+    """Return a name from outside as part of a file name: letters, digits, ``_``, ``-`` and inner dots, never a path.
+
+    Parameters
+    ----------
+    text
+        Name of a vehicle, a topic or a run.
+    """
+    return re.sub(r"[^\w.-]+", "_", text).strip(".")[:_LONGEST_NAME] or "vehicle"
+
+
+def _meaning(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _meaning(v) for k, v in value.items() if k not in ("description", "source")}
+    return [_meaning(v) for v in value] if isinstance(value, (list, tuple)) else value
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, sort_keys=True, separators=(",", ":"))
+
+
+def _digest(state: Any) -> str:
+    """Return the checksum of a state, empty where it holds what no state holds (NaN)."""
+    try:
+        return hashlib.sha256(_text(state).encode()).hexdigest()
+    except (ValueError, RecursionError):
+        return ""
+
+
+def _problem(state: Mapping[str, Any], loaded: Pipeline) -> str:
+    """Return what is wrong with the numbers of a state, empty where nothing is."""
+    shape = _different(loaded.save_state(), state, "state")
+    if shape:
+        return shape
+    for e in loaded.parameters():
+        if not (math.isfinite(e.value) and math.isfinite(e.std) and e.value > 0.0 and e.std >= 0.0):
+            return f"{e.name} would be {e.value:g} with standard deviation {e.std:g}"
+        if e.prior > 0.0 and not 1e-4 < e.value / e.prior < 1e4:
+            return f"{e.name} would be {e.value:g}, the vehicle file says {e.prior:g}"
+    return ""
+
+
+def _different(back: Any, given: Any, where: str) -> str:
+    """Return where what an estimator took up differs in form from what it was given, empty where it does not."""
+    if isinstance(back, Mapping):
+        if not isinstance(given, Mapping) or {str(k) for k in back} != set(given):
+            return f"{where} has other entries"
+        return next((t for t in (_different(v, given[str(k)], f"{where}.{k}") for k, v in back.items()) if t), "")
+    if isinstance(back, (list, tuple)):
+        if not isinstance(given, list) or len(given) != len(back):
+            return f"{where} has another length"
+        return next((t for t in (_different(b, g, f"{where}[{i}]") for i, (b, g) in enumerate(zip(back, given))) if t), "")
+    if isinstance(back, float) and not math.isfinite(back):
+        return f"{where} is not finite"
+    numbers = isinstance(back, (int, float)) and isinstance(given, (int, float))
+    return "" if numbers or type(back) is type(given) else f"{where} is {given!r}"

@@ -26,7 +26,7 @@ def read_table(path: Path) -> dict[str, Array]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = [row for row in csv.reader(stream) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputDataError(f"{path}: cannot be read as a table: {error}") from error
     if len(rows) < 2:
         raise InputDataError(f"{path}: a header line and at least one row are needed")

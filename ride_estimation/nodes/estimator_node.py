@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.io.state_file import load_state, save_results
+from ride_estimation.io.state_file import restore_state, save_results
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
 from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, pipeline_settings
@@ -108,7 +108,7 @@ class EstimatorNode(LifecycleNode):
             session = Session(vehicle, pipeline_settings(given))
             state_file = Path(str(given["state_file"])).expanduser()
             if given["state_file"] and state_file.exists():
-                session.pipeline.load_state(load_state(state_file))
+                restore_state(state_file, session.pipeline)
                 self.get_logger().info(f"continuing from {state_file}")
             elif given["state_file"]:
                 self.get_logger().warning(f"state_file {state_file} does not exist yet; starting from the vehicle file")
