@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
+from diagnosis_runs import GRAVITY, quarter_car, quarter_car_run
 
 from ride_estimation.cli.main import main
-from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.bag_writer import write_bag
+from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
+from ride_estimation.signals.recording import Channel, Recording
 
 VEHICLE = "config/vehicles/truck_cab.yaml"
 
@@ -80,3 +85,47 @@ def test_hidden_friction_is_found_at_its_mount_and_the_gain_is_measured_on_the_o
     assert "stribeck" in str(extended.mounts["front_left"].elements["z"]) .lower() or "dahl" in str(
         extended.mounts["front_left"].elements["z"]
     ).lower()
+
+
+def _twin_sensor_run(folder, seed, late_s, gain):
+    """Write a bag of a quarter car with a second body sensor that is late and reads its motion times a factor."""
+    clean = quarter_car_run(seed, seconds=40.0, noise=0.0)
+    rng = np.random.default_rng([seed, 1])
+    vertical = {name: values[:, 2] for name, values in clean.data.items()}
+    f = np.fft.rfftfreq(clean.samples, 1.0 / clean.rate_hz)
+    moving = vertical["body"] - GRAVITY
+    shifted = np.fft.irfft(np.fft.rfft(moving) * np.exp(-2j * np.pi * f * late_s), clean.samples)
+    vertical["twin"] = gain * shifted + GRAVITY
+    stamps = 1_000_000_000 + np.arange(clean.samples, dtype=np.int64) * 10_000_000
+    channels = {}
+    for name, z in vertical.items():
+        values = 0.005 * rng.standard_normal((len(z), 3)) + np.stack([0.0 * z, 0.0 * z, z], axis=1)
+        channels[name] = Channel(name, stamps, values, stamps)
+    vehicle = quarter_car()
+    twin = dataclasses.replace(vehicle.sensors["body"], name="twin", topic="/twin")
+    vehicle = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "twin": twin})
+    save_vehicle(vehicle, folder / "vehicle.yaml")
+    write_bag(folder / f"run{seed}", Recording(f"run{seed}", channels), vehicle.sensors)
+    return str(folder / f"run{seed}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cause", "late_s", "gain"), [("sensor_delay", 0.008, 1.0), ("sensor_gain", 0.0, 1.08)])
+def test_a_found_sensor_error_is_corrected_by_the_extended_file_on_the_next_run(tmp_path, cause, late_s, gain):
+    first, second = (_twin_sensor_run(tmp_path, seed, late_s, gain) for seed in (1, 2))
+    before, after = tmp_path / "before", tmp_path / "after"
+    reading = ["--no-report", "--vehicle"]
+    assert main(["diagnose", first, *reading, str(tmp_path / "vehicle.yaml"), "--out", str(before)]) == 0
+    document = json.loads((before / "diagnosis.json").read_text())
+    assert [(c["id"], c["location"]) for c in document["causes"]] == [(cause, "twin")]
+    extended = load_vehicle(before / "vehicle_extended.yaml")
+    correction = extended.sensors["twin"].correction
+    # 40 s of motion 200 times the noise: both far better than a tenth of the error
+    assert correction.delay == pytest.approx(late_s, abs=4e-4)
+    assert correction.gains(3)[2] == pytest.approx(gain, abs=4e-3)
+    # at rest the sensor reads what it read before
+    assert correction.gains(3)[2] * GRAVITY + correction.biases(3)[2] == pytest.approx(GRAVITY, abs=1e-9)
+    assert main(["diagnose", second, *reading, str(before / "vehicle_extended.yaml"), "--out", str(after)]) == 0
+    again = json.loads((after / "diagnosis.json").read_text())
+    assert (again["verdict"], again["causes"]) == ("no_discrepancy", [])
+    assert Pipeline(extended).vehicle.sensors["twin"].correction == correction

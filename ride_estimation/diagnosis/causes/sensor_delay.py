@@ -8,12 +8,14 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sensor_column import sensor_column
 from ride_estimation.diagnosis.sensor_extension import delay_sensors
 from ride_estimation.vehicles.vehicle import Vehicle
+
+_LONGEST = 0.06  # reference of the search [s]
 
 
 @final
@@ -39,7 +41,9 @@ class SensorDelay(Cause):
 
             location = group[0] if len(group) == 1 else "all"
             grid = tuple({"delay": d} for d in (1e-4, 4e-3))
-            out.append(Hypothesis(self.ID, location, "", columns, grid))
+            # the coefficient is the delay; the reference only says at which delay its column is exact and costs nothing
+            shapes = (Shape("delay", 4e-3, -_LONGEST, _LONGEST, step=2e-3),)
+            out.append(Hypothesis(self.ID, location, "", columns, grid, shapes, complexity=-1.0))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
@@ -56,7 +60,7 @@ class SensorDelay(Cause):
 def _delayed(scene: Scene, sensor: str, reference: float) -> Column:
     """Return the change of a reading per second of delay, exact at a reference delay [s]."""
     iw = 1j * scene.grid.omega
-    factor = (np.exp(-iw * reference) - 1.0) / (-iw * reference)
+    factor = -np.expm1(-iw * reference) / (iw * reference) if abs(reference) > 1e-7 else np.ones_like(iw)
     out = []
     for effect in sensor_column(scene, sensor, "delay", 0):
         if effect.where is not Where.MEAN:
