@@ -8,11 +8,13 @@ lost, so the deflection of that mount is only known to a share of its usual size
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.block_math import follow_scatter, follow_squares
 from ride_estimation.estimation.deflection import DeflectionBlock
 from ride_estimation.estimation.mount_forces import ForceBlock
 
@@ -38,6 +40,7 @@ class BaseFill:
         place = np.array([m.position for m in arrangement.mounts]).reshape(-1, 3)
         self._place = place - place.mean(axis=0) if len(place) else place
         self._has = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
+        self._complete = bool(self._has.all())
         self._maps: dict[bytes, Array] = {}
         self.reset()
 
@@ -64,7 +67,9 @@ class BaseFill:
 
     def fill(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
         """Replace missing ticks; return the signals (K, M, 3) and which ticks have one (K, M)."""
-        self._doubt *= float(np.exp(-duration / _FADES))
+        self._doubt *= math.exp(-duration / _FADES)
+        if self._complete and ok.all():
+            return base, ok
         missing = self._has & ~ok.all(axis=0)
         there = self._has & ~missing
         if not missing.any() or not there.any():
@@ -80,9 +85,9 @@ class BaseFill:
 
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
-        gain = min(duration / _MEMORY, 1.0) * (self._doubt < 0.05)[:, None]
-        self._square += gain * (np.mean(block.deflection**2, axis=0) - self._square)
-        self._rate_square += gain * (np.mean(block.rate**2, axis=0) - self._rate_square)
+        gain = min(duration / _MEMORY, 1.0) * (self._doubt < 0.05)
+        follow_squares(block.deflection, gain, self._square)
+        follow_squares(block.rate, gain, self._rate_square)
         if self._doubt.max(initial=0.0) < 0.05:
             return block
         share = (_UNKNOWN_SHARE * self._doubt)[:, None]
@@ -98,8 +103,7 @@ class BaseFill:
         if doubt < 0.05:
             self._age += duration
             gain = duration / min(max(self._age, duration), _MEMORY)
-            self._force += gain * (block.force.mean(axis=0) - self._force)
-            self._force_square += gain * (np.mean((block.force - self._force) ** 2, axis=0) - self._force_square)
+            follow_scatter(block.force, gain, self._force, self._force_square)
             return block
         open_square = (_UNKNOWN_FORCE * doubt) ** 2 * self._force_square
         model = np.sqrt(block.std_model**2 + open_square)

@@ -9,15 +9,33 @@ from numpy.typing import NDArray
 from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross product along the last axis (``numpy.cross`` costs several times as much for short blocks)."""
-    result = np.empty(np.broadcast(a, b).shape)
-    result[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    result[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    result[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return result
+    """Return the cross product along the last axis of arrays of up to three dimensions, shapes as for broadcasting.
+
+    ``numpy.cross`` costs many times as much for short blocks.
+    """
+    first = a if a.ndim == 3 else a.reshape((1,) * (3 - a.ndim) + a.shape)
+    second = b if b.ndim == 3 else b.reshape((1,) * (3 - b.ndim) + b.shape)
+    shape = (max(len(first), len(second)), max(first.shape[1], second.shape[1]), 3)
+    result = np.empty(shape)
+    _cross(first, second, result)
+    return result.reshape(shape[3 - max(a.ndim, b.ndim) :])
+
+
+@compile_kernel
+def _cross(a: Array, b: Array, out: Array) -> None:
+    """Write the cross product; an axis of length one of ``a`` or ``b`` is repeated."""
+    for k in range(out.shape[0]):
+        ka, kb = k if a.shape[0] > 1 else 0, k if b.shape[0] > 1 else 0
+        for m in range(out.shape[1]):
+            ma, mb = m if a.shape[1] > 1 else 0, m if b.shape[1] > 1 else 0
+            out[k, m, 0] = a[ka, ma, 1] * b[kb, mb, 2] - a[ka, ma, 2] * b[kb, mb, 1]
+            out[k, m, 1] = a[ka, ma, 2] * b[kb, mb, 0] - a[ka, ma, 0] * b[kb, mb, 2]
+            out[k, m, 2] = a[ka, ma, 0] * b[kb, mb, 1] - a[ka, ma, 1] * b[kb, mb, 0]
 
 
 @compile_kernel
@@ -29,3 +47,86 @@ def low_pass(signals: Array, share: float, state: Array) -> Array:
             state[n] += share * (signals[k, n] - state[n])
             out[k, n] = state[n]
     return out
+
+
+@compile_kernel
+def follow_squares(signals: Array, gain: Array, square: Array) -> None:
+    """Let ``square`` (M, 3) follow the mean square of ``signals`` (K, M, 3) with a gain per row (M,), in place."""
+    ticks = signals.shape[0]
+    for m in range(square.shape[0]):
+        for a in range(3):
+            total = 0.0
+            for k in range(ticks):
+                total += signals[k, m, a] * signals[k, m, a]
+            square[m, a] += gain[m] * (total / ticks - square[m, a])
+
+
+@compile_kernel
+def follow_scatter(signals: Array, gain: float, mean: Array, square: Array) -> None:
+    """Let ``mean`` and ``square`` (M, 3) follow the mean of ``signals`` (K, M, 3) and the mean square about it, in place."""
+    ticks = signals.shape[0]
+    for m in range(mean.shape[0]):
+        for a in range(3):
+            total, scatter = 0.0, 0.0
+            for k in range(ticks):
+                total += signals[k, m, a]
+            mean[m, a] += gain * (total / ticks - mean[m, a])
+            for k in range(ticks):
+                away = signals[k, m, a] - mean[m, a]
+                scatter += away * away
+            square[m, a] += gain * (scatter / ticks - square[m, a])
+
+
+@compile_kernel
+def turn_channels(
+    values: Array, valid: BoolArray, streams: IntArray, starts: IntArray, places: IntArray, rotations: Array, out: Array,
+    there: BoolArray,
+) -> None:  # fmt: skip
+    """Pick triaxial sensors out of an aligned block and turn them into the axes of the body.
+
+    Parameters
+    ----------
+    values, valid
+        Of the block, shapes (K, C) and (K, S).
+    streams, starts, places
+        Per sensor its stream, its first column and its row in the result, shape (N,).
+    rotations
+        Sensor to body, shape (N, 3, 3).
+    out, there
+        Outputs, shapes (K, M, 3) and (K, M); rows of no sensor stay as they are.
+    """
+    for n in range(streams.shape[0]):
+        stream, start, place = streams[n], starts[n], places[n]
+        for k in range(values.shape[0]):
+            there[k, place] = valid[k, stream]
+            x, y, z = values[k, start], values[k, start + 1], values[k, start + 2]
+            for a in range(3):
+                out[k, place, a] = rotations[n, a, 0] * x + rotations[n, a, 1] * y + rotations[n, a, 2] * z
+
+
+@compile_kernel
+def count_unfit(
+    values: Array, valid: BoolArray, starts: IntArray, stops: IntArray, limits: Array, invalid: IntArray, clipped: IntArray
+) -> None:
+    """Count per stream the ticks without a sample and those at full scale, in place.
+
+    Parameters
+    ----------
+    values, valid
+        Of a block, shapes (K, C) and (K, S).
+    starts, stops
+        Columns of every stream that have a full scale, shape (S,).
+    limits
+        Magnitude that counts as full scale, shape (S,).
+    invalid, clipped
+        Counters, shape (S,).
+    """
+    for s in range(starts.shape[0]):
+        for k in range(values.shape[0]):
+            if not valid[k, s]:
+                invalid[s] += 1
+                continue
+            for c in range(starts[s], stops[s]):
+                if abs(values[k, c]) >= limits[s]:
+                    clipped[s] += 1
+                    break

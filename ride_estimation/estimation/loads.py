@@ -8,8 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.block_math import cross
-from ride_estimation.frames import skew
+from ride_estimation.jit import compile_kernel
 from ride_estimation.vehicles.vehicle import Body
 
 Array = NDArray[np.float64]
@@ -52,9 +51,8 @@ class InertialLoads:
         rate
             Angular rate [rad/s], shape (K, 3).
         """
-        load = np.empty_like(accel)
-        load[:, :3] = self.mass * accel[:, :3]
-        load[:, 3:] = accel[:, 3:] @ self.inertia.T + cross(rate, rate @ self.inertia.T)
+        load = np.empty((len(accel), 6))
+        _load(accel, rate, self.mass, self.inertia, load)
         return load
 
     def covariance(self, accel_covariance: Array, accel: Array, rate: Array, rate_variance: float = 0.0) -> Array:
@@ -69,14 +67,74 @@ class InertialLoads:
         rate_variance
             Variance of each component of the angular rate [(rad/s)^2].
         """
-        mass_matrix = np.zeros((6, 6))
-        mass_matrix[:3, :3] = self.mass * np.eye(3)
-        mass_matrix[3:, 3:] = self.inertia
-        result = mass_matrix @ accel_covariance @ mass_matrix.T
-        result[:3, :3] += self.mass_std**2 * np.outer(accel[:3], accel[:3])
-        moment = self.inertia @ accel[3:]
-        result[3:, 3:] += self.inertia_relative_std**2 * np.outer(moment, moment)
-        if rate_variance > 0.0:
-            jacobian = skew(rate) @ self.inertia - skew(self.inertia @ rate)
-            result[3:, 3:] += rate_variance * jacobian @ jacobian.T
-        return np.asarray(0.5 * (result + result.T))
+        result = np.empty((6, 6))
+        spread = np.array([self.mass_std**2, self.inertia_relative_std**2, rate_variance])
+        _load_covariance(accel_covariance, accel, rate, self.mass, self.inertia, spread, result)
+        return result
+
+
+@compile_kernel
+def _load(accel: Array, rate: Array, mass: float, inertia: Array, load: Array) -> None:
+    """Write force and moment (K, 6) of a motion; see :meth:`InertialLoads.load`."""
+    momentum = np.empty(3)
+    for k in range(accel.shape[0]):
+        for i in range(3):
+            load[k, i] = mass * accel[k, i]
+            momentum[i] = inertia[i, 0] * rate[k, 0] + inertia[i, 1] * rate[k, 1] + inertia[i, 2] * rate[k, 2]
+            load[k, 3 + i] = inertia[i, 0] * accel[k, 3] + inertia[i, 1] * accel[k, 4] + inertia[i, 2] * accel[k, 5]
+        for i in range(3):
+            j, n = (i + 1) % 3, (i + 2) % 3
+            load[k, 3 + i] += rate[k, j] * momentum[n] - rate[k, n] * momentum[j]
+
+
+@compile_kernel
+def _load_covariance(
+    covariance: Array, accel: Array, rate: Array, mass: float, inertia: Array, spread: Array, result: Array
+) -> None:
+    """Write the covariance (6, 6) of a load.
+
+    Parameters
+    ----------
+    covariance, accel, rate, mass, inertia
+        As for :meth:`InertialLoads.covariance`.
+    spread
+        Variance of the mass, relative variance of the inertia, variance of the rate.
+    result
+        Output.
+    """
+    matrix = np.zeros((6, 6))
+    moment, momentum = np.zeros(3), np.zeros(3)
+    for i in range(3):
+        matrix[i, i] = mass
+        for j in range(3):
+            matrix[3 + i, 3 + j] = inertia[i, j]
+            moment[i] += inertia[i, j] * accel[3 + j]
+            momentum[i] += inertia[i, j] * rate[j]
+    half = np.zeros((6, 6))
+    for i in range(6):
+        for j in range(6):
+            for n in range(6):
+                half[i, j] += matrix[i, n] * covariance[n, j]
+    # d (omega x J omega) / d omega = skew(omega) J - skew(J omega)
+    jacobian = np.empty((3, 3))
+    for c in range(3):
+        for i in range(3):
+            j, n = (i + 1) % 3, (i + 2) % 3
+            jacobian[i, c] = rate[j] * inertia[n, c] - rate[n] * inertia[j, c]
+            if c == n:
+                jacobian[i, c] -= momentum[j]
+            elif c == j:
+                jacobian[i, c] += momentum[n]
+    for i in range(6):
+        for j in range(i, 6):
+            total = 0.0
+            for n in range(6):
+                total += 0.5 * (half[i, n] * matrix[j, n] + half[j, n] * matrix[i, n])
+            if j < 3:
+                total += spread[0] * accel[i] * accel[j]
+            elif i >= 3:
+                total += spread[1] * moment[i - 3] * moment[j - 3]
+                for n in range(3):
+                    total += spread[2] * jacobian[i - 3, n] * jacobian[j - 3, n]
+            result[i, j] = total
+            result[j, i] = total

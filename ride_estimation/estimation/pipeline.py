@@ -19,6 +19,7 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_fill import BaseFill
+from ride_estimation.estimation.block_math import count_unfit, turn_channels
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
@@ -122,6 +123,12 @@ class Pipeline:
             (i, self._index[s.name], columns[self._index[s.name]].start, s.rotation)
             for i, s in enumerate(a.base_sensors) if s is not None
         ]  # fmt: skip
+        self._base_layout = (
+            np.array([stream for _, stream, _, _ in self._base], dtype=np.int64),
+            np.array([start for _, _, start, _ in self._base], dtype=np.int64),
+            np.array([i for i, _, _, _ in self._base], dtype=np.int64),
+            np.array([rotation for _, _, _, rotation in self._base], dtype=float).reshape(-1, 3, 3),
+        )
         self._transducers = [
             (a.mount_names.index(s.mount), AXES.index(s.axis), self._index[s.name], columns[self._index[s.name]].start)
             for s in a.transducers
@@ -132,8 +139,9 @@ class Pipeline:
             [stream for _, stream, _, _ in self._base]
             + [self._index[s.name] for s in a.transducers if not a.has_base_motion], dtype=np.int64,
         )  # fmt: skip
-        self._limits = np.array([s.reach for s in self._sensors])
-        self._accel_columns = [slice(c.start, c.start + min(3, s.channels)) for s, c in zip(self._sensors, columns)]
+        first = np.array([c.start for c in columns], dtype=np.int64)
+        last = first + np.minimum(3, [s.channels for s in self._sensors])
+        self._full_scale = (first, last, 0.999 * np.array([s.reach for s in self._sensors]))
 
     def _new_gate(self) -> SensorGate:
         m, a = self._motion, self.arrangement
@@ -207,7 +215,8 @@ class Pipeline:
         ticks = len(block.values)
         self._watch_input(block, dt)
         verdict = self._gate.judge(block, self._rate, dt)
-        block = dataclasses.replace(block, valid=verdict.valid)
+        if verdict.valid is not block.valid:
+            block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
             self._take_back(verdict)
         gyro = block.values[:, self._gyro_columns]
@@ -219,8 +228,7 @@ class Pipeline:
         inertial = self._loads.load(accel, motion.rate)
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         # an error of the mass scales all forces alike and is no reason to doubt equilibrium
-        for_given_mass = dataclasses.replace(self._loads, mass_std=0.0)
-        own_covariance = for_given_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        own_covariance = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         deflection = self._observe_deflection(block, motion, support, dt)
         forces = self._observe_forces(deflection, support, own_covariance, motion, dt)
         for name, i, stream, start in self._cells:
@@ -280,12 +288,7 @@ class Pipeline:
             self._apply()
 
     def _watch_input(self, block: Block, dt: float) -> None:
-        self._invalid += len(block.valid) - block.valid.sum(axis=0)
-        largest = np.abs(block.values).max(axis=0)
-        for i, columns in enumerate(self._accel_columns):
-            if largest[columns].max() >= 0.999 * self._limits[i]:
-                clipped = np.any(np.abs(block.values[:, columns]) >= 0.999 * self._limits[i], axis=1)
-                self._clipped[i] += int(np.sum(clipped & block.valid[:, i]))
+        count_unfit(block.values, block.valid, *self._full_scale, self._invalid, self._clipped)
         self._since_variance += len(block.values) * dt
         if self._since_variance >= 1.0 or self._ticks == 0:
             self._since_variance = 0.0
@@ -297,9 +300,7 @@ class Pipeline:
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
-        for i, stream, start, rotation in self._base:
-            base[:, i] = block.values[:, start : start + 3] @ rotation.T
-            base_ok[:, i] = block.valid[:, stream]
+        turn_channels(block.values, block.valid, *self._base_layout, base, base_ok)
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._transducers:
@@ -347,6 +348,7 @@ class Pipeline:
             body.mass.value * self._factor, body.mass.value * self._factor * relative, np.asarray(body.inertia) * self._factor,
             body.inertia_relative_std or 0.0,
         )  # fmt: skip
+        self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
         self._forces.mass, self._forces.mass_relative_std = self._loads.mass, relative
         self._forces.follow = self._parameters.follow
