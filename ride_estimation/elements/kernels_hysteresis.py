@@ -28,7 +28,7 @@ _TIP_X = 5
 _TIP_F = 6
 FIRST_TURN = 7
 #: turning points kept, pairs of deflection and force
-DEPTH = 20
+DEPTH = 32
 #: floats of memory of friction with return points
 RETURN_POINT_STATE = FIRST_TURN + 2 * DEPTH
 
@@ -141,13 +141,26 @@ def return_point_trial(s: Array, i: int, x: float, limit: float, half_stroke: fl
 
 
 @compile_lean_kernel
+def _forget_loop(s: Array, i: int, depth: int) -> None:
+    """Remove from a full memory the two turning points in a row whose forces differ least from their neighbours'."""
+    best, least = 1, np.inf
+    for j in range(1, depth - 2):
+        k = FIRST_TURN + 2 * j + 1
+        change = abs(s[i, k] - s[i, k + 4]) + abs(s[i, k - 2] - s[i, k + 2])
+        if change < least:
+            best, least = j, change
+    for k in range(FIRST_TURN + 2 * best, FIRST_TURN + 2 * (depth - 2)):
+        s[i, k] = s[i, k + 4]
+
+
+@compile_lean_kernel
 def return_point_commit(
     s: Array, i: int, x: float, v: float, limit: float, half_stroke: float, dead_band: float
 ) -> float:
     """Accept a point of friction with return points and return its force.
 
     A reversal counts once the way back from the tip is longer than the dead band; the turning point is the tip. Of more than
-    ``DEPTH`` nested turning points the two innermost are forgotten.
+    ``DEPTH`` nested turning points the two are forgotten that matter least.
     """
     force = return_point_trial(s, i, x, limit, half_stroke)
     direction, depth = s[i, _DIRECTION], int(s[i, _DEPTH])
@@ -161,6 +174,7 @@ def return_point_commit(
         moved = True
     elif abs(x - s[i, _TIP_X]) > dead_band:
         if depth == DEPTH:
+            _forget_loop(s, i, depth)
             depth -= 2
         s[i, FIRST_TURN + 2 * depth] = s[i, _TIP_X]
         s[i, FIRST_TURN + 2 * depth + 1] = s[i, _TIP_F]

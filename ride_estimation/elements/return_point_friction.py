@@ -26,8 +26,8 @@ class ReturnPointFriction(ForceElement):
     record of small loops on a large stroke.
 
     A way back shorter than the dead band makes no turning point. Noise of a measured deflection costs no more than its
-    own slope here, with or without dead band, because the loops it makes close again. Up to 20 nested turning points are kept;
-    beyond that the two innermost are forgotten.
+    own slope here, with or without dead band, because the loops it makes close again. Up to 32 nested turning points are kept;
+    beyond that the loop whose forces differ least from its neighbours' is forgotten.
 
     Source: Masing 1926; Berg's backbone document 003 eq. (9).
     """
