@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
+from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, assess_run
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.offline import OfflineRun, run_offline
@@ -15,10 +18,14 @@ from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json
+from ride_estimation.io.result_files import read_diagnosis
 from ride_estimation.io.results import output_folder, result_document, write_signals
 from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
-from ride_estimation.reporting.replay_report import write_replay_report
+from ride_estimation.reporting.formats import write_page
+from ride_estimation.reporting.replay_report import replay_page
+from ride_estimation.reporting.replay_spectra import tick_rate
+from ride_estimation.reporting.side_signals import side_signals
 from ride_estimation.resources import shared_path
 from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.quality import judge_sensors
@@ -27,45 +34,154 @@ from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
 HELP = "estimate motion, loads, mount parameters and attachment forces from a recorded run"
+EXAMPLES = """\
+  ride-estimation replay bags/nominal/bag --vehicle truck_cab --out out/nominal
+  ride-estimation replay run.mcap --vehicle my_truck.yaml --out out/run --slope 4 --daily-hours 6 --format html pdf
+  ride-estimation replay run.mcap --vehicle my_truck.yaml --out out/run --without cab_rear_left   (a broken sensor)
+"""
+FORMATS = ("html", "pdf", "png", "none")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
-    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for result.json, signals.npz, report.html")
+    add_replay_arguments(parser)
+    parser.add_argument("--diagnosis", metavar="DIR", help="folder of a diagnosis of this run, to report its ladder of models")
+    parser.add_argument(
+        "--format", nargs="+", choices=FORMATS, default=["html"], metavar="F",
+        help=f"of the report: {', '.join(FORMATS)} (default html; png writes one file per picture)",
+    )  # fmt: skip
+    parser.add_argument("--no-report", action="store_true", help="write no report, as --format none")
+
+
+def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that every command has that replays."""
+    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
     parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
     parser.add_argument("--settings", metavar="P.yaml", help="parameter file of the node, to replay with what ran live")
     parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")
     parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
-    parser.add_argument("--no-report", action="store_true", help="write no report.html")
+    parser.add_argument("--slope", type=float, default=DEFAULT_SLOPE, metavar="K", help="of the damage line [-] (default 5)")
+    parser.add_argument(
+        "--daily-hours", type=float, default=8.0, metavar="H", help="hours a day of this vibration, for A(8) and VDV (default 8)"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayJob:
+    """Everything a replay needs beside the recording; one object serves many runs.
+
+    Attributes
+    ----------
+    vehicle, settings
+        What is known, how to estimate.
+    salvage
+        Use what is readable of a damaged file.
+    slope
+        Of the damage line.
+    daily_exposure_s
+        For A(8) and VDV [s].
+    formats
+        Of the report, of :data:`FORMATS`.
+    """
+
+    vehicle: Vehicle
+    settings: PipelineSettings
+    salvage: bool = False
+    slope: float = DEFAULT_SLOPE
+    daily_exposure_s: float = EIGHT_HOURS_S
+    formats: tuple[str, ...] = ("html",)
+
+    @classmethod
+    def of(cls, options: argparse.Namespace, formats: Sequence[str]) -> ReplayJob:
+        """Return the job of a command line.
+
+        Raises
+        ------
+        ConfigurationError
+            Mistakes in the vehicle file, the settings or the numbers given.
+        """
+        vehicle = without_sensors(load_vehicle(vehicle_file(options.vehicle)), options.without)
+        settings = load_settings(options.settings) if options.settings else PipelineSettings()
+        if options.rate is not None:
+            settings = dataclasses.replace(settings, rate_hz=options.rate)
+        if not 0.0 < options.daily_hours <= 24.0:
+            raise ConfigurationError(f"--daily-hours {options.daily_hours:g}; allowed: more than 0, at most 24")
+        chosen = tuple(f for f in dict.fromkeys(formats) if f != "none")
+        return cls(vehicle, settings, options.salvage, checked_slope(options.slope), 3600.0 * options.daily_hours, chosen)
 
 
 def run(options: argparse.Namespace) -> int:
     """Replay one run; see :data:`HELP`."""
-    vehicle = without_sensors(load_vehicle(vehicle_file(options.vehicle)), options.without)
-    settings = load_settings(options.settings) if options.settings else PipelineSettings()
-    if options.rate is not None:
-        settings = dataclasses.replace(settings, rate_hz=options.rate)
-    pipeline = Pipeline(vehicle, settings)
-    require_layout(vehicle, pipeline)
+    job = ReplayJob.of(options, ("none",) if options.no_report else options.format)
+    diagnosis = read_diagnosis(options.diagnosis) if options.diagnosis else None
+    require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
     folder = output_folder(options.out)
-    recording = read_recording(options.recording, vehicle, salvage=options.salvage)
+    progress: list[Progress] = []
+
+    def advance(done: int, total: int) -> None:
+        if not progress:
+            progress.append(Progress(total, "replay"))
+        progress[0].update(done)
+
+    _, text, written = replay_run(options.recording, job, folder, diagnosis, advance)
+    if progress:
+        progress[0].close()
+    print(text)
+    print(f"written to {folder}: {', '.join(written)}")
+    return 0
+
+
+def replay_run(
+    path: str | Path,
+    job: ReplayJob,
+    folder: Path,
+    diagnosis: Mapping[str, Any] | None = None,
+    advance: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[dict[str, Any], str, list[str]]:
+    """Replay a recording and write the results.
+
+    Parameters
+    ----------
+    path
+        Recording.
+    job
+        What to do with it.
+    folder
+        Existing folder for the results.
+    diagnosis
+        Content of a ``diagnosis.json``.
+    advance
+        Called with samples done since the last call and samples in all.
+
+    Returns
+    -------
+    tuple
+        Content of ``result.json``, the summary in words, names of the files written.
+    """
+    vehicle = job.vehicle
+    pipeline = Pipeline(vehicle, job.settings)
+    require_layout(vehicle, pipeline)
+    recording = read_recording(path, vehicle, salvage=job.salvage)
     quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
-    progress = Progress(samples, "replay")
-    result = run_offline(recording, pipeline, progress.update)
-    progress.close()
+    result = run_offline(recording, pipeline, lambda done: advance(done, samples))
     warnings = all_warnings(recording, vehicle, quality, result)
     layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
-    document = result_document(recording, vehicle, result, quality, warnings, (layout,))
+    side = side_signals(recording, vehicle, result)
+    assessment = assess_run(
+        result.mount_names, result.signals["mount_force"], result.signals["mount_force_std"], result.valid, tick_rate(result),
+        side.accelerations, side.cells, job.slope, job.daily_exposure_s,
+    )  # fmt: skip
+    document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment)
     write_json(folder / "result.json", document)
     write_signals(folder / "signals.npz", result)
-    if not options.no_report:
-        write_replay_report(folder / "report.html", recording, vehicle, result, quality, document)
-    print(summary(recording, result, (*warnings,), layout))
-    print(f"written to {folder}: result.json, signals.npz{'' if options.no_report else ', report.html'}")
-    return 0
+    written = ["result.json", "signals.npz"]
+    if job.formats:
+        page = replay_page(recording, vehicle, result, quality, document, side, assessment, diagnosis)
+        written += write_page(page, folder, job.formats)
+    return document, summary(recording, result, (*warnings,), layout), written
 
 
 def vehicle_file(given: str) -> Path:

@@ -15,7 +15,7 @@ from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
-MEASURED, MODEL, BAND = "#57606a", "#0969da", "#9ec5fe"
+MEASURED, MODEL, BAND, RESIDUAL = "#57606a", "#0969da", "#9ec5fe", "#cf222e"
 _POINTS = 3000
 
 
@@ -60,13 +60,16 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
         left, right = axes[i]
         left.plot(time[first:last], measured[first:last, i], color=MEASURED, linewidth=1.2, label="measured")
         left.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label="rigid body")
+        residual = measured - predicted
+        about = float(np.mean(measured[first:last, i])) + residual[first:last, i]
+        left.plot(time[first:last], about, color=RESIDUAL, linewidth=0.6, label="difference, about the mean")
         left.set_ylabel(f"{axis} [m/s²]")
-        for values, colour in ((measured, MEASURED), (measured - predicted, "#cf222e")):
+        for values, colour in ((measured, MEASURED), (residual, RESIDUAL)):
             frequency, density = spectrum(values[run.valid, i], time)
             right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
         right.minorticks_off()
-        right.set_ylabel("m/s²/√Hz")
-    axes[0][0].legend(loc="upper right", fontsize=8)
+        right.set_ylabel("[m/s²/√Hz]")
+    axes[0][0].legend(loc="upper right", fontsize=8, ncols=3)
     axes[0][1].set_title("spectrum: measured (grey), difference (red)", fontsize=9)
     axes[2][0].set_xlabel("time [s]")
     axes[2][1].set_xlabel("frequency [Hz]")
@@ -156,7 +159,7 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
         axis.fill_between(time, value - 2.0 * std, value + 2.0 * std, color=line.get_color(), alpha=0.12, linewidth=0.0)
     axis.axhline(1.0, color=MEASURED, linewidth=0.6, linestyle=":")
     axis.set_ylim(*_limits(history.value, history.names, names, prior))
-    axis.set_ylabel(f"{label} / prior")
+    axis.set_ylabel(f"{label} / prior [-]")
     axis.set_xlabel("time [s]")
     axis.legend(fontsize=7, ncols=4, loc="upper right")
     figure.subplots_adjust(left=0.08, right=0.98, bottom=0.16, top=0.95, hspace=0.28, wspace=0.22)

@@ -1,5 +1,8 @@
 # Copyright 2026 ride_estimation contributors
-"""The report of a replay: data quality first, then motion, loads, forces and parameters with their uncertainty."""
+"""The report of a replay: data quality first, then motion, loads, forces and parameters with their uncertainty.
+
+Pages that other programs call fatigue, ride comfort and spectra follow; :mod:`ride_estimation.reporting.replay_sections`.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
+from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.side_signals import SideSignals
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -23,24 +29,28 @@ _STATUS_WORDS = {
 }
 
 
-def write_replay_report(
-    path: Path,
+def replay_page(
     recording: Recording,
     vehicle: Vehicle,
     run: OfflineRun,
     quality: Mapping[str, ChannelQuality],
     result: Mapping[str, Any],
-) -> None:
-    """Write ``report.html``.
+    side: SideSignals,
+    assessment: RunAssessment,
+    diagnosis: Mapping[str, Any] | None = None,
+) -> Page:
+    """Return the report of a replay.
 
     Parameters
     ----------
-    path
-        File to write.
     recording, vehicle, run, quality
         What was read, what was known, what was found, how good the data are.
     result
         Content of ``result.json``.
+    side, assessment
+        Signals beside the estimates; durability and comfort.
+    diagnosis
+        Content of ``diagnosis.json`` of the same run, for the ladder of models.
     """
     page = Page(f"Replay of {Path(recording.name).name} with {vehicle.name}")
     _head(page, recording, vehicle, run, result)
@@ -49,10 +59,15 @@ def write_replay_report(
     page.heading("Motion and inertial load of the body")
     page.text("At the centre of gravity, gravity removed; the load is m a and I alpha + omega x I omega.")
     _signal_table(page, run)
-    page.figure(plots.motion_and_load(run), "Acceleration of the CG and inertial load over the run")
+    page.figure(plots.motion_and_load(run), "Acceleration of the CG and inertial load over the run", tight=False)
     _forces(page, run)
+    sections.spectra(page, run, side)
+    sections.mounts(page, run, side)
+    sections.durability(page, run, assessment)
+    sections.comfort(page, assessment)
     _parameters(page, run, result)
-    page.write(path)
+    sections.ladder(page, diagnosis, recording.checksum)
+    return page
 
 
 def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, result: Mapping[str, Any]) -> None:
@@ -104,7 +119,8 @@ def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
         rows.append([sensor, *("constant" if v is None else float(v) for v in values)])
     page.table(["sensor", "x", "y", "z"], rows)
     for sensor in run.measured:
-        page.figure(plots.measured_against_model(run, sensor), f"{sensor}, sensor axes: busiest 5 s; spectra of the whole run")
+        caption = f"{sensor}, sensor axes: busiest 5 s; spectra of the whole run"
+        page.figure(plots.measured_against_model(run, sensor), caption, tight=False)
 
 
 def _signal_table(page: Page, run: OfflineRun) -> None:
@@ -146,7 +162,7 @@ def _forces(page: Page, run: OfflineRun) -> None:
         "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", "std [N]", "of it equilibrium", "of it model",
     ], rows)  # fmt: skip
     for m, mount in enumerate(run.mount_names):
-        page.figure(plots.mount_forces(run, m), f"Force on the body by mount {mount}")
+        page.figure(plots.mount_forces(run, m), f"Force on the body by mount {mount}", tight=False)
 
 
 def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
@@ -158,7 +174,7 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
     for kind in dict.fromkeys(p.name.rsplit(".", 1)[-1] for p in run.parameters):
         names = [p.name for p in run.parameters if p.name.rsplit(".", 1)[-1] == kind]
-        page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std")
+        page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
     page.heading("What these data can and cannot tell")
     for key, value in result["identifiability"].items():
         text = "; ".join(str(v) for v in value) if isinstance(value, (list, tuple)) else str(value)

@@ -1,0 +1,194 @@
+# Copyright 2026 ride_estimation contributors
+"""Sections of the replay report beside motion and parameters: spectra, mounts, durability, comfort, ladder of models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ride_estimation.assessment.durability import EQUIVALENT_RATE_HZ
+from ride_estimation.assessment.ride_comfort import ACTION_VALUE_A8, ACTION_VALUE_VDV, LIMIT_VALUE_A8, LIMIT_VALUE_VDV
+from ride_estimation.assessment.run_assessment import RunAssessment
+from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.frames import AXES
+from ride_estimation.reporting import damage_plots, replay_mounts, replay_spectra
+from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.side_signals import SideSignals
+
+
+def spectra(page: Page, run: OfflineRun, side: SideSignals) -> None:
+    """Add power spectra, spectrogram and transmissibility."""
+    page.heading("Spectra and transmissibility")
+    if not replay_spectra.block_of(run):
+        page.text("The run is too short for a spectrum.")
+        return
+    page.text(f"Spectra: {replay_spectra.spectrum_words(run)}.")
+    page.figure(replay_spectra.power_spectra(run), "Power spectral density of the CG acceleration", tight=False)
+    page.figure(replay_spectra.spectrogram(run), "Spectrogram of the vertical CG acceleration", tight=False)
+    functions = replay_spectra.transmissibilities(run, side.offsets, side.base)
+    if not functions:
+        page.text(
+            "No transmissibility: it needs accelerometers at the mount bases (sensors with mount: in the vehicle file) and a run "
+            f"of at least {0.5 * (replay_spectra.LEAST_AVERAGES + 1) * replay_spectra.BLOCK_S:g} s."
+        )
+        return
+    averages = next(iter(functions.values())).averages
+    page.figure(
+        replay_spectra.transmissibility_plot(functions),
+        f"Frequency response from base to body, vertical, at each mount (H1, {averages} averages); heave is mean base to CG",
+        tight=False,
+    )
+    page.text(
+        "Every curve takes one base as the only input. Where other mounts move the body too the coherence falls below one, and "
+        "magnitude and phase of that curve mean little there; heave is the least disturbed by that."
+    )
+
+
+def mounts(page: Page, run: OfflineRun, side: SideSignals) -> None:
+    """Add hysteresis loops and dynamic stiffness by amplitude."""
+    if not run.mount_names:
+        return
+    page.heading("Mounts: hysteresis and dynamic stiffness")
+    cells = "Grey is a load cell. " if side.cells else "Without a load cell the estimate rests on equilibrium and the law. "
+    page.text(
+        f"Tension over deflection, both about their mean, busiest seconds of each mount. {cells}"
+        "The law is that of the vehicle file with the stiffness and damping found in this run."
+    )
+    curves = {
+        (m, a): replay_mounts.mount_curves(run, m, a, side.elements.get((m, a)), _cell(side, name, a))
+        for m, name in enumerate(run.mount_names) for a in range(3) if (m, a) in side.elements
+    }  # fmt: skip
+    if any(a == 2 for _, a in curves):
+        caption = "Hysteresis loops, measured or estimated against law"
+        page.figure(replay_mounts.loops(run, run.mount_names, curves), caption, tight=False)
+    rate = replay_spectra.tick_rate(run)
+    for m, name in enumerate(run.mount_names):
+        if (m, 2) not in curves:
+            continue
+        curve = curves[m, 2]
+        force = curve.estimated if curve.measured is None else curve.measured
+        classes = replay_mounts.stiffness_by_amplitude(curve.deflection, force, run.valid, rate)
+        if any(len(one.frequency_hz) for one in classes):
+            source = "estimated force" if curve.measured is None else "measured force"
+            page.figure(
+                replay_mounts.stiffness_plot(f"{name} z", classes, source),
+                f"Dynamic stiffness and loss angle of {name} by frequency and amplitude, K(f, A); coherence of at least 0.8",
+                tight=False,
+            )
+
+
+def _cell(side: SideSignals, mount: str, axis: int) -> Any:
+    cell = side.cells.get(mount)
+    return None if cell is None else cell[:, axis]
+
+
+def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
+    """Add damage per mount and axis, rainflow matrices, range pairs and damage over time."""
+    if not run.mount_names:
+        return
+    page.heading("Durability of the attachment forces")
+    for note in assessment.notes:
+        page.text(note)
+    if not assessment.damages:
+        return
+    page.text(
+        f"Rainflow counting after ASTM E1049, pseudo-damage = sum of range^{assessment.slope:g}; only its ratios mean anything. "
+        f"The equivalent amplitude is that of a sine of {EQUIVALENT_RATE_HZ:g} Hz that does the same damage in the same time. "
+        "The interval (95 %) takes the stated uncertainty of the force as one unknown factor for the whole run, the kind of "
+        "error that changes damage most; where its lower end is zero the damage is not known."
+    )
+    measured = any(d.measured is not None for d in assessment.damages)
+    rows = []
+    for d in assessment.damages:
+        e = d.estimated
+        row: list[object] = [
+            d.mount, d.axis, f"{e.equivalent_amplitude:.4g}", f"{e.equivalent_lower:.3g} to {e.equivalent_upper:.3g}",
+            e.largest_range, f"{e.value:.3g}", f"{e.lower:.3g} to {e.upper:.3g}" if e.known else "not known",
+        ]  # fmt: skip
+        rows.append([*row, "" if d.ratio is None else float(d.ratio)] if measured else row)
+    unit = f"N^{assessment.slope:g}"
+    heads = [
+        "mount", "axis", "equivalent amplitude [N]", "95 % [N]", "largest range [N]", f"damage [{unit}]", f"95 % [{unit}]",
+    ]  # fmt: skip
+    page.table([*heads, "estimated / measured"] if measured else heads, rows)
+    worst = damage_plots.worst(assessment.damages)
+    leading = max(worst.values(), key=lambda d: d.estimated.value)
+    force = run.signals["mount_force"][run.valid, run.mount_names.index(leading.mount), AXES.index(leading.axis)]
+    page.figure(
+        damage_plots.matrix_plot(leading, force), f"Most damaged force, {leading.mount} {leading.axis}: rainflow and crossings",
+        tight=False,
+    )  # fmt: skip
+    page.figure(damage_plots.range_pair_plot(list(worst.values())), "Range pairs, most damaged axis of each mount", tight=False)
+    page.figure(
+        damage_plots.damage_time_plot(list(worst.values()), run.time_s[run.valid], replay_spectra.tick_rate(run)),
+        "Share of every second in the damage: which second did it", tight=False,
+    )  # fmt: skip
+
+
+def comfort(page: Page, assessment: RunAssessment) -> None:
+    """Add the exposure to whole-body vibration at every accelerometer of the body."""
+    page.heading("Ride comfort (ISO 2631-1, Directive 2002/44/EC)")
+    if not assessment.exposures:
+        page.text("; ".join(assessment.notes) or "No accelerometer on the body could be assessed.")
+        return
+    hours = assessment.daily_exposure_s / 3600.0
+    page.text(
+        f"Wd on x and y, Wk on z. A(8) and VDV are for {hours:g} h a day of this vibration, dominant axis of 1.4 x, 1.4 y, z. "
+        f"Action value A(8) {ACTION_VALUE_A8} m/s² or VDV {ACTION_VALUE_VDV} m/s^1.75, limit {LIMIT_VALUE_A8} m/s² or "
+        f"{LIMIT_VALUE_VDV:g} m/s^1.75."
+    )
+    page.table(
+        [
+            "place", "a_w x [m/s²]", "a_w y [m/s²]", "a_w z [m/s²]", "a_v [m/s²]", "MTVV z [m/s²]", "crest factor z [-]",
+            "VDV z [m/s^1.75]", "A(8) [m/s²]", "VDV day [m/s^1.75]", "to action [min]", "to limit [min]",
+        ],
+        [
+            [
+                e.location, *(a.weighted_rms for a in e.axes), e.vector_sum, e.axes[2].maximum_transient, e.axes[2].crest_factor,
+                e.axes[2].vibration_dose, e.a8, e.dose, _minutes(e.minutes_to_action), _minutes(e.minutes_to_limit),
+            ]
+            for e in assessment.exposures
+        ],
+    )  # fmt: skip
+    for note in dict.fromkeys(note for e in assessment.exposures for note in e.notes()):
+        page.text(f"{note[0].upper()}{note[1:]}.")
+
+
+def _minutes(value: float) -> object:
+    if not math.isfinite(value) or value > 1440.0:
+        return "more than 24 h"
+    return float(value)
+
+
+def ladder(page: Page, diagnosis: Mapping[str, Any] | None, checksum: str) -> None:
+    """Add the ladder of models of a diagnosis of the same run, or how to get one."""
+    page.heading("Ladder of models")
+    if diagnosis is None:
+        page.text("Which extended model would explain what is left: ride-estimation diagnose, then replay --diagnosis DIR.")
+        return
+    if diagnosis.get("run", {}).get("checksum") != checksum:
+        page.warning("The diagnosis is of another recording than this replay.")
+    page.verdict(str(diagnosis.get("sentence", "")))
+    page.table(
+        ["model", "NRMSE [%]", "misfit (1 = noise)", "gain over the model before [nat]"],
+        [
+            [str(step.get("model", "")), *(_number(step.get(key), factor) for key, factor in (
+                ("nrmse", 100.0), ("misfit_per_degree", 1.0), ("log_likelihood", 1.0)
+            ))]
+            for step in diagnosis.get("ladder", [])
+        ],
+    )  # fmt: skip
+    for cause in diagnosis.get("causes", []):
+        values = ", ".join(
+            f"{p.get('name')} {_number(p.get('value'), 1.0)} ± {_number(p.get('std'), 1.0)} {p.get('unit')}"
+            for p in cause.get("parameters", [])
+        )
+        place = " ".join(str(cause.get(key) or "") for key in ("location", "axis")).strip()
+        page.text(f"Named cause: {str(cause.get('id', '')).replace('_', ' ')} at {place}: {values}.")
+
+
+def _number(value: object, factor: float) -> object:
+    return f"{factor * value:.4g}" if isinstance(value, (int, float)) and np.isfinite(value) else "-"
