@@ -8,15 +8,18 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ride_estimation.cli.identify import add_reading_arguments, reading_options
 from ride_estimation.cli.progress import Progress
 from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
 from ride_estimation.diagnosis.result import Diagnosis
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.bench_records import read_bench_record
+from ride_estimation.io.bench_records import read_bench_record, read_oscillator_record
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
@@ -33,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "recording", metavar="RUN",
         help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file; or a bench record (.csv, .txt, .tsv, .npz, .mat) of the "
-        "displacement and force of one mount",
+        "displacement and force of one mount, or with --oscillator of the excitation and response of one mass",
     )
     parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file; not used for a bench record")
     parser.add_argument(
@@ -44,6 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html"
     )
     parser.add_argument("--band", nargs=2, type=float, metavar=("LOW", "HIGH"), help="analysis band [Hz] (default: 0.4 40)")
+    parser.add_argument(
+        "--oscillator", default="", metavar="INPUT,OUTPUT",
+        help="RUN is a record of a driven oscillator: columns of excitation and response (any units)",
+    )
+    parser.add_argument(
+        "--fit-range", nargs=2, type=float, metavar=("FROM", "TO"),
+        help="seconds of an --oscillator record that are fitted (default: the first half); the rest chooses and judges",
+    )
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
     # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)
     add_reading_arguments(parser)
@@ -57,6 +68,10 @@ def run(options: argparse.Namespace) -> int:
         if not 0.0 < low < high:
             raise ConfigurationError(f"--band {low:g} {high:g}: two frequencies with 0 < LOW < HIGH are needed [Hz]")
         settings = dataclasses.replace(settings, band_hz=(low, high))
+    if options.oscillator:
+        return _run_oscillator(options)
+    if options.fit_range is not None:
+        raise ConfigurationError("--fit-range: only with --oscillator INPUT,OUTPUT")
     if Path(options.recording).suffix.lower() in _BENCH_SUFFIXES:
         return _run_bench(options, settings)
     if options.vehicle is None:
@@ -92,7 +107,11 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
     samples: list[BenchSample] = []
     warnings: list[str] = []
     for path in (options.recording, *options.validate):
-        record = read_bench_record(Path(path), reading)
+        try:
+            record = read_bench_record(Path(path), reading)
+        except InputDataError as error:
+            words = "; excitation and response of a driven oscillator are read with --oscillator INPUT,OUTPUT"
+            raise InputDataError(f"{error}{words if 'looks like it' in str(error) else ''}") from error
         samples.append(BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force))
         warnings += record.warnings
     if options.vehicle is not None:
@@ -102,6 +121,34 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
     answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
     facts = {"path": str(options.recording), "checksum": "", "duration_s": len(samples[0].force) / samples[0].rate_hz}
     return _write(answer, facts, {"name": answer.extended.name, "checksum": ""}, samples[0].name, folder, options)
+
+
+def _run_oscillator(options: argparse.Namespace) -> int:
+    """Diagnose one record of a driven oscillator."""
+    record, *others = [
+        read_oscillator_record(Path(path), options.oscillator, options.rate, options.time)
+        for path in (options.recording, *options.validate)
+    ]
+    duration = record.u.size * record.step_s
+    fit = default_fit(record.u.size)
+    if options.fit_range is not None:
+        begin, end = options.fit_range
+        if not 0.0 <= begin < end <= duration:
+            raise ConfigurationError(f"--fit-range {begin:g} {end:g}: allowed are times with 0 <= FROM < TO <= {duration:.6g} s")
+        time = np.arange(record.u.size) * record.step_s
+        fit = (time >= begin) & (time < end)
+        if np.mean(fit) > _MOST_FITTED:
+            raise ConfigurationError(
+                f"--fit-range {begin:g} {end:g}: {100 * np.mean(fit):.0f} % of the record; at most {100 * _MOST_FITTED:.0f} %, "
+                "the rest chooses the model and judges it"
+            )
+    folder = output_folder(options.out)
+    answer = diagnose_oscillator(record, fit, others)
+    facts = {"path": str(options.recording), "checksum": "", "duration_s": duration}
+    return _write(answer, facts, {"name": answer.extended.name, "checksum": ""}, record.name, folder, options)
+
+
+_MOST_FITTED = 0.8  # share of an oscillator record
 
 
 def _write(

@@ -2,20 +2,24 @@
 """An oscillator driven by a known excitation, as a diagnosis: is its spring linear.
 
 The mass cannot be told from excitation and response, so everything is per unit mass and in units of the response. The ladder
-of :mod:`ride_estimation.identification.bench.oscillator` is fitted by simulation error and compared on held-out samples.
+of :mod:`ride_estimation.identification.bench.oscillator` is fitted by simulation error on one part of the record, chosen on a
+second and judged on a third and on further records.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.bench import incoherent_noise
 from ride_estimation.diagnosis.hypothesis import Reported
 from ride_estimation.diagnosis.prediction import bootstrap_interval
 from ride_estimation.diagnosis.result import (
     EXPLAINED,
+    INSUFFICIENT,
     NO_DISCREPANCY,
     UNEXPLAINED,
     Diagnosis,
@@ -24,9 +28,11 @@ from ride_estimation.diagnosis.result import (
     Step,
     ValidationGain,
 )
+from ride_estimation.diagnosis.verdict import describe
 from ride_estimation.elements.cubic_spring import CubicSpring
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.sum_of_elements import SumOfElements
+from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.oscillator import (
     OscillatorRecord,
     OscillatorRung,
@@ -35,14 +41,26 @@ from ride_estimation.identification.bench.oscillator import (
 )
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
 
+BoolArray = NDArray[np.bool_]
+
 _UNKNOWN = 0.01  # probability that the cause is none of the ladder
 _SETTLING_PERIODS = 30  # left out at the start of a simulation
 _BLOCKS = 20  # resampled for intervals
 _REMAINS = 0.25  # share of the linear model's squared error that may remain
+_MOSTLY = 0.5  # share from which on naming the best rung would mislead
+_ABOVE_NOISE = 2.0  # error over the noise floor from which on a model is not the whole truth
+_LEAST_SAMPLES = 3000  # 1000 to fit and as many to choose and to judge
+_UNRELATED = 0.95  # error of every model, as a share of the response, from which on the excitation does not explain it
+_METRIC = "NRMSE of the response simulated from the excitation alone (rms error over rms of the measured response)"
+
+
+def default_fit(count: int) -> BoolArray:
+    """Return the samples to fit of a record: its first half, shape (count,)."""
+    return np.arange(count) < count // 2
 
 
 def diagnose_oscillator(
-    record: OscillatorRecord, fit: NDArray[np.bool_], validation: Sequence[OscillatorRecord] = ()
+    record: OscillatorRecord, fit: BoolArray | None = None, validation: Sequence[OscillatorRecord] = ()
 ) -> Diagnosis:
     """Compare the linear oscillator with bent springs on data that were not fitted.
 
@@ -51,76 +69,160 @@ def diagnose_oscillator(
     record
         Excitation and response.
     fit
-        Samples that are fitted; the others judge, shape (N,).
+        Samples that are fitted, shape (N,); of the others every second block of a twentieth chooses the model and the rest
+        judges. The first half where None.
     validation
         Further records that only judge.
+
+    Returns
+    -------
+    Diagnosis
+        Never raises for poor data: the verdict is then ``insufficient_data`` with the reason.
 
     Raises
     ------
     InputDataError
-        What :func:`identify_oscillator` refuses.
+        Values that are not finite, another sample rate.
     """
-    rungs, index = identify_oscillator(record, fit, validation)
+    for item in (record, *validation):
+        _check(item, record)
+    fit = default_fit(record.u.size) if fit is None else fit
+    choose, judge = _held_out(fit)
+    try:
+        if record.u.size < _LEAST_SAMPLES:
+            raise InputDataError(f"the record has {record.u.size} samples; at least {_LEAST_SAMPLES} are needed")
+        rungs, index = identify_oscillator(record, fit, (), choose)
+    except InputDataError as error:
+        return _insufficient(str(error))
     linear, best = rungs[0], rungs[index]
-    remaining = best.mse / max(linear.mse, 1e-300)
-    weights = np.exp(np.clip(-0.5 * np.array([r.criterion - best.criterion for r in rungs]), -700.0, 0.0))
-    confidence = (1.0 - _UNKNOWN) * float(weights[1:].sum() / weights.sum()) * (1.0 - remaining)
-    bent = index > 0
-    verdict = NO_DISCREPANCY if not bent else EXPLAINED if remaining < _REMAINS else UNEXPLAINED
-    judged = [(record, ~fit)] if np.any(~fit) else []
-    judged += [(other, np.ones(other.u.size, dtype=bool)) for other in validation]
-    gains = tuple(_gain(item, keep, linear, best) for item, keep in judged)
-    causes = (_cause(best, max(confidence, 0.0)),) if bent else ()
-    words = (
-        f"The best oscillator ({best.name}) leaves {100 * best.mse**0.5:.2f} % of the held-out response, the linear one "
-        f"{100 * linear.mse**0.5:.2f} %."
-    )
+    if best.mse**0.5 > _UNRELATED:
+        return _insufficient(
+            f"no oscillator explains the response of {record.name} from its excitation: the best one leaves "
+            f"{100 * best.mse**0.5:.0f} % of what was not fitted"
+        )
+    gains = tuple(_gain(item, keep, linear, best) for item, keep in [(record, judge), *((v, _all(v)) for v in validation)])
+    own = gains[0]
+    remaining = _remaining(own)
+    bent = index > 0 and own.ci95[0] > 0.0
+    missed = max(own.baseline, own.extended) > _ABOVE_NOISE * own.noise_floor
+    verdict = (EXPLAINED if remaining < _REMAINS else UNEXPLAINED) if bent else UNEXPLAINED if missed else NO_DISCREPANCY
+    causes = (_cause(rungs, best, remaining),) if bent and remaining < _MOSTLY else ()
+    shown = (*gains[1:], own)
+    gain = Gain(_METRIC, own.baseline, own.extended if bent else own.baseline, own.noise_floor, shown)
     return Diagnosis(
-        verdict,
-        f"The spring is {'not ' if bent else ''}linear. {words}",
-        causes,
-        Gain("NRMSE of the simulated response", linear.mse**0.5, best.mse**0.5, 0.0, gains),
-        {"words": words, "share": remaining},
-        ("noise floor not known: one response channel", "mass not identifiable: unit mass assumed"),
-        _vehicle(best),
-        tuple(Step(r.name, r.mse**0.5, float("nan"), -0.5 * (r.criterion - linear.criterion)) for r in rungs),
-    )
+        verdict, describe(verdict, causes, gain, remaining), causes, gain,
+        {"words": _words(own, best, bent, remaining), "share": remaining if bent else 1.0},
+        ("mass not identifiable from excitation and response: the vehicle file has a unit mass",),
+        _vehicle(best if bent else linear),
+        tuple(Step(r.name.replace("_", " "), r.mse**0.5, float("nan"), -0.5 * (r.criterion - linear.criterion)) for r in rungs),
+        remarks=_remarks(best) if bent else (),
+    )  # fmt: skip
 
 
-def _gain(record: OscillatorRecord, keep: NDArray[np.bool_], linear: OscillatorRung, best: OscillatorRung) -> ValidationGain:
+def _check(item: OscillatorRecord, record: OscillatorRecord) -> None:
+    if not (np.all(np.isfinite(item.u)) and np.all(np.isfinite(item.y))):
+        raise InputDataError(f"record {item.name}: values that are not finite")
+    if abs(item.step_s / record.step_s - 1.0) > 1e-3:
+        raise InputDataError(
+            f"record {item.name}: sampled at {1.0 / item.step_s:g} Hz, {record.name} at {1.0 / record.step_s:g} Hz"
+        )
+
+
+def _held_out(fit: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """Return what chooses and what judges of the samples that are not fitted."""
+    choose, judge = np.zeros(fit.size, dtype=bool), np.zeros(fit.size, dtype=bool)
+    for number, part in enumerate(np.array_split(np.flatnonzero(~fit), _BLOCKS)):
+        (judge if number % 2 else choose)[part] = True
+    return choose, judge
+
+
+def _all(record: OscillatorRecord) -> BoolArray:
+    return np.ones(record.u.size, dtype=bool)
+
+
+def _remaining(gain: ValidationGain) -> float:
+    """Return the share of the linear model's squared error above the noise that the best model leaves."""
+    above = max(gain.baseline**2 - gain.noise_floor**2, 1e-300)
+    return float(np.clip((gain.extended**2 - gain.noise_floor**2) / above, 0.0, 1.0))
+
+
+def _gain(item: OscillatorRecord, keep: BoolArray, linear: OscillatorRung, best: OscillatorRung) -> ValidationGain:
     """Return the gain on samples that were not fitted, with the interval of resampled blocks."""
     settled = keep.copy()
-    settled[: int(_SETTLING_PERIODS / (best.physical["frequency_hz"] * record.step_s))] = False
+    settled[: int(_SETTLING_PERIODS / (best.physical["frequency_hz"] * item.step_s))] = False
     parts = np.array_split(np.flatnonzero(settled), _BLOCKS)
     squares = []
     for rung in (linear, best):
-        model, _ = simulate_oscillator(rung.coefficients, record.u, record.y[0], record.y[1], np.zeros(0, dtype=np.int64))
-        error = np.nan_to_num(record.y - model, posinf=1e6, neginf=-1e6) ** 2
+        model, _ = simulate_oscillator(rung.coefficients, item.u, item.y[0], item.y[1], np.zeros(0, dtype=np.int64))
+        error = np.nan_to_num(item.y - model, posinf=1e6, neginf=-1e6) ** 2
         squares.append(np.array([float(error[part].sum()) for part in parts]))
-    signal = (record.y - np.mean(record.y[settled])) ** 2
+    signal = (item.y - np.mean(item.y[settled])) ** 2
     power = np.array([float(signal[part].sum()) for part in parts])
     before, after = (float(np.sqrt(s.sum() / power.sum())) for s in squares)
-    return ValidationGain(record.name, before, after, bootstrap_interval(squares[0], squares[1], power, 400, 1), 0.0)
+    floor = incoherent_noise(item.y, item.u) / float(np.sqrt(power.sum() / np.count_nonzero(settled)))
+    name = item.name if np.all(keep) else f"{item.name} (part that judges)"
+    return ValidationGain(name, before, after, bootstrap_interval(squares[0], squares[1], power, 400, 1), floor)
 
 
-def _cause(best: OscillatorRung, confidence: float) -> NamedCause:
-    p = best.physical
+def _words(own: ValidationGain, best: OscillatorRung, bent: bool, remaining: float) -> str:
+    floor = f"(noise floor {100 * own.noise_floor:.2f} %)"
+    if not bent:
+        return f"The linear oscillator leaves {100 * own.baseline:.2f} % of the response {floor}."
+    return (
+        f"The {best.name.replace('_', ' ')} leaves {100 * own.extended:.2f} % of the response, the linear oscillator "
+        f"{100 * own.baseline:.2f} % {floor}: {100 * remaining:.1f} % of the energy above the noise remains."
+    )
+
+
+def _remarks(best: OscillatorRung) -> tuple[str, ...]:
+    out = ["the quadratic part of the spring has no element and is left out of the vehicle file"] if best.coefficients[6] else []
+    if best.coefficients[8]:
+        out.append("the damping grows or falls with the square of the response; that part is left out of the vehicle file")
+    return tuple(out)
+
+
+def _cause(rungs: Sequence[OscillatorRung], best: OscillatorRung, remaining: float) -> NamedCause:
+    weights = np.exp(np.clip(-0.5 * np.array([r.criterion - best.criterion for r in rungs]), -700.0, 0.0))
+    confidence = (1.0 - _UNKNOWN) * float(weights[1:].sum() / weights.sum()) * (1.0 - remaining**2)
+    # per linear rate: the input coefficients cancel
+    rest = abs(1.0 - best.coefficients[0] - best.coefficients[1])
+    reported = [
+        Reported(f"{name} over linear rate", float(-best.coefficients[i] / rest), float(best.std[i] / rest), unit)
+        for name, i, unit in (("cubic", 7, "per squared response"), ("quadratic", 6, "per response"))
+        if best.coefficients[i]
+    ]
+    frequency = Reported("natural frequency", best.physical["frequency_hz"], _frequency_std(best), "Hz")
     return NamedCause(
-        "stiffness_nonlinearity", "mount", "z",
-        (
-            Reported("cubic over linear rate", p["cubic"] / p["stiffness"], float("nan"), "per squared response"),
-            Reported("quadratic over linear rate", p["quadratic"] / p["stiffness"], float("nan"), "per response"),
-        ),
-        confidence, (), "the same resonance frequency at a tenth and at ten times the level",
+        "stiffness_nonlinearity", "mount", "z", (*reported, frequency), max(confidence, 0.0), (),
+        "the same resonance frequency at a tenth and at ten times the level",
         "a sine sweep at two levels: a bent spring moves the resonance", "Does the restoring force bend with the response?",
     )  # fmt: skip
+
+
+def _frequency_std(rung: OscillatorRung) -> float:
+    """Return the standard deviation of the natural frequency [Hz]: ``a1 = 2 exp(-zeta w h) cos(w_d h)`` for light damping."""
+    p = rung.physical
+    step = np.arccos(np.clip(rung.coefficients[0] / (2.0 * np.sqrt(-rung.coefficients[1])), -1.0, 1.0))
+    return float(p["frequency_hz"] * rung.std[0] / max(2.0 * abs(np.sin(step)) * step, 1e-12))
 
 
 def _vehicle(best: OscillatorRung) -> Vehicle:
     """Return a unit mass on the found spring; the quadratic part has no element and is left out."""
     p = best.physical
     omega = 2.0 * np.pi * p["frequency_hz"]
-    spring = CubicSpring(omega**2, omega**2 * p["cubic"] / p["stiffness"])
-    element = SumOfElements((spring, KelvinVoigt(0.0, 2.0 * max(p["damping_ratio"], 0.0) * omega)))
+    damper = KelvinVoigt(0.0, 2.0 * max(p["damping_ratio"], 0.0) * omega)
+    if p["cubic"] == 0.0:
+        return _unit_mass(dataclasses.replace(damper, stiffness=omega**2))
+    return _unit_mass(SumOfElements((CubicSpring(omega**2, omega**2 * p["cubic"] / p["stiffness"]), damper)))
+
+
+def _unit_mass(element: KelvinVoigt | SumOfElements) -> Vehicle:
     body = Body("head", Prior(1.0), np.zeros(3), np.eye(3), coordinates=("z",))
     return Vehicle("oscillator", {"head": body}, {"mount": Mount("mount", np.zeros(3), "head", "base", {"z": element})}, {})
+
+
+def _insufficient(reason: str) -> Diagnosis:
+    sentence = f"The data cannot tell whether the model is right: {reason}."
+    return Diagnosis(
+        INSUFFICIENT, sentence, (), None, {"words": reason}, (reason,), _unit_mass(KelvinVoigt((2.0 * np.pi) ** 2, 0.0))
+    )

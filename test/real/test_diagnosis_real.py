@@ -12,6 +12,7 @@ import pytest
 from ride_estimation.cli.main import main
 from ride_estimation.diagnosis.oscillator import diagnose_oscillator
 from ride_estimation.io.bench_records import read_oscillator_record
+from ride_estimation.io.vehicle_file import load_vehicle
 
 SINGLE = Path(__file__).parents[2] / "config" / "vehicles" / "single_imu.yaml"
 READING = [
@@ -47,6 +48,23 @@ def test_one_imu_without_base_motion_is_refused_with_the_reason(real_data, tmp_p
     assert document["verdict"] == "insufficient_data"
     assert document["causes"] == []
     assert "base motion" in document["sentence"]
+
+
+def test_the_spring_of_the_silverbox_is_named_from_the_command_line(real_data, tmp_path):
+    folder = real_data("silverbox_duffing_benchmark")
+    rate = repr(1e7 / 2**14)  # Hz, a known fact of the benchmark
+    arguments = ["diagnose", str(folder / "SNLS80mV.csv"), "--oscillator", "V1,V2", "--rate", rate]
+    arguments += ["--validate", str(folder / "Schroeder80mV.csv"), "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    document = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert (document["verdict"], [c["id"] for c in document["causes"]]) == ("explained", ["stiffness_nonlinearity"])
+    by_name = {p["name"]: p for p in document["causes"][0]["parameters"]}
+    # the benchmark's linear resonance is near 70 Hz
+    assert by_name["natural frequency"]["value"] == pytest.approx(69.0, rel=0.03)
+    assert by_name["cubic over linear rate"]["value"] > 10.0 * by_name["cubic over linear rate"]["std"] > 0.0
+    assert all(v["extended"] < v["baseline"] / 20.0 for v in document["gain"]["validation"])
+    assert load_vehicle(tmp_path / "vehicle_extended.yaml").name == "oscillator"
+    assert "tiffness nonlinearity" in (tmp_path / "report.html").read_text()
 
 
 def test_the_spring_of_the_silverbox_is_named(real_data):

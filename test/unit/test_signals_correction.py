@@ -101,8 +101,9 @@ def test_a_run_states_its_corrections_and_they_are_applied_once():
     assert np.array_equal(once.data["a"], twice.data["a"])
 
 
-def test_the_variance_of_messages_and_the_range_follow_the_gain():
-    sensor = Sensor("a", "accelerometer", "/a", "cab", full_scale=20.0, correction=Correction(0.0, (1.0, 1.0, 2.0), (0.0, 0.0, 4.0)))
+def test_the_range_follows_gain_and_bias():
+    correction = Correction(0.0, (1.0, 1.0, 2.0), (0.0, 0.0, 4.0))
+    sensor = Sensor("a", "accelerometer", "/a", "cab", full_scale=20.0, correction=correction)
     assert sensor.reach == pytest.approx((20.0 - 4.0) / 2.0)
     assert Sensor("a", "accelerometer", "/a", "cab", full_scale=20.0).reach == 20.0
 

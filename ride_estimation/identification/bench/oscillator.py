@@ -195,7 +195,10 @@ def physical(p: Array, step_s: float) -> dict[str, float]:
 
 
 def identify_oscillator(
-    record: OscillatorRecord, fit: NDArray[np.bool_], validation: Sequence[OscillatorRecord] = ()
+    record: OscillatorRecord,
+    fit: NDArray[np.bool_],
+    validation: Sequence[OscillatorRecord] = (),
+    choose: NDArray[np.bool_] | None = None,
 ) -> tuple[tuple[OscillatorRung, ...], int]:
     """Climb the ladder; return the rungs and the index of the chosen one.
 
@@ -207,6 +210,8 @@ def identify_oscillator(
         Samples that are fitted; the others are held out, shape (N,).
     validation
         Further records that are not fitted.
+    choose
+        Samples of the record that choose the rung, shape (N,); all that are not fitted where None.
 
     Raises
     ------
@@ -215,7 +220,8 @@ def identify_oscillator(
     """
     for item in (record, *validation):
         _check(item)
-    if not validation and np.sum(~fit) < 200:
+    held_out = ~fit if choose is None else choose
+    if not validation and np.sum(held_out) < 200:
         raise InputDataError("no held-out samples: give --validate or a fit range that leaves some")
     rungs: list[OscillatorRung] = []
     errors: list[Array] = []
@@ -223,7 +229,7 @@ def identify_oscillator(
     for name in LADDER:
         p, std, rms = fit_oscillator(record, name, fit, start)
         start = p if start is None else start
-        held, error = _score(record, ~fit, validation, p)
+        held, error = _score(record, held_out, validation, p)
         mse = float(np.mean(error**2))
         gain = float(1.0 - np.sqrt(mse / rungs[-1].mse)) if rungs else np.nan
         rungs.append(
