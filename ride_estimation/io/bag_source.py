@@ -9,7 +9,7 @@ import hashlib
 import heapq
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -148,10 +148,7 @@ def _open_ros2(target: Path) -> BagSource:
         if file.suffix == ".mcap" and (len(files) > 1 or not has_summary(file)):
             check_unpacked_size(file)
     with Ros2Reader(target) as reader:
-        types = {c.topic: c.msgtype for c in reader.connections}
-        counts: Counter[str] = Counter()
-        for connection in reader.connections:
-            counts[connection.topic] += connection.msgcount
+        types, counts = _contents(reader.connections)
 
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
         if mode == "message":
@@ -189,6 +186,18 @@ def _cdr_reader(deserialize: Callable[[bytes, str], Any]) -> Callable[[bytes, st
     return read
 
 
+def _contents(connections: Iterable[Any]) -> tuple[dict[str, str], Counter[str]]:
+    """Return type and number of messages by topic."""
+    types: dict[str, str] = {}
+    counts: Counter[str] = Counter()
+    for c in connections:
+        if not (isinstance(c.topic, str) and isinstance(c.msgtype, str) and isinstance(c.msgcount, int)):
+            raise ValueError(f"topic {c.topic!r} of type {c.msgtype!r} with {c.msgcount!r} messages")
+        types[c.topic] = c.msgtype
+        counts[c.topic] += c.msgcount
+    return types, counts
+
+
 def _raw_messages(target: Path, topics: Collection[str]) -> Iterator[RawMessage]:
     with Ros2Reader(target) as opened:
         chosen = [c for c in opened.connections if c.topic in topics]
@@ -210,10 +219,7 @@ def _compression_mode(target: Path) -> str:
 def _open_ros1(target: Path) -> BagSource:
     check_unpacked_size(target)
     with Ros1Reader(target) as reader:
-        types = {c.topic: c.msgtype for c in reader.connections}
-        counts: Counter[str] = Counter()
-        for connection in reader.connections:
-            counts[connection.topic] += connection.msgcount
+        types, counts = _contents(reader.connections)
 
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
         with Ros1Reader(target) as opened:

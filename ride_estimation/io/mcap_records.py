@@ -20,6 +20,8 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05,
 _FOOTER_SIZE = 37
 RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
+#: largest receive time [ns]: times are signed everywhere else
+_LATEST = 2**63 - 1
 
 #: what damaged records raise
 DAMAGE = (struct.error, UnicodeDecodeError, KeyError, ValueError, EOFError, RuntimeError)
@@ -82,6 +84,8 @@ def read_mcap(path: Path, topics: Collection[str]) -> list[tuple[str, int, bytes
                 limit -= len(body)
             _pick(body if code == CHUNK else head + body, topics, wanted, messages)
     messages.sort(key=lambda message: message[1])
+    if messages and messages[-1][1] > _LATEST:
+        raise ValueError(f"a message was received at {messages[-1][1]} ns, which no clock shows")
     return messages
 
 
@@ -205,6 +209,8 @@ def _record(code: int, body: memoryview, found: Salvaged) -> None:
         found.types[topic] = found.schemas.get(schema, "")
     elif code == _MESSAGE:
         key, _, stamp, _ = struct.unpack_from("<HIQQ", body)
+        if stamp > _LATEST:
+            raise ValueError(f"a message was received at {stamp} ns, which no clock shows")
         found.messages.append((found.topics[key], stamp, bytes(body[22:])))
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fuzz.targets import START, Target
+from fuzz.recordings import START
+from fuzz.targets import Target
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
 
