@@ -20,13 +20,13 @@ ROLES = ("stiffness", "damping")
 
 
 def scaled(element: ForceElement, stiffness: float, damping: float) -> ForceElement:
-    """Return the element with all stiffness parameters times one factor and all damping parameters times another."""
+    """Return the element with all stiffnesses times one factor and all dampings times another, lists and sums included."""
     factor = {"stiffness": stiffness, "damping": damping}
-    changes = {}
-    for p in element.parameters():
-        if p.role in factor:
-            changes[p.name] = float(np.clip(getattr(element, p.name) * factor[p.role], p.lower, p.upper))
-    return element.replace(**changes)
+    return element.with_values({
+        address: float(np.clip(value * factor[p.role], p.lower, p.upper))
+        for address, (p, value) in element.addressed().items()
+        if p.role in factor and factor[p.role] != 1.0
+    })
 
 
 @compile_kernel
