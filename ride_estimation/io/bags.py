@@ -22,7 +22,9 @@ from ride_estimation.io.cdr import DecodedTopic, decode_topic
 from ride_estimation.io.messages import (
     GYRO_NOT_PROVIDED,
     INVALID_COVARIANCE,
+    LARGEST_VARIANCE,
     NOT_PROVIDED,
+    SMALLEST_VARIANCE,
     accepted_types,
     make_converter,
     sensors_by_topic,
@@ -208,7 +210,8 @@ def _judge_covariances(covariance: Array, trusted: bool, noise: float) -> tuple[
     diagonal = covariance[:, [0, 4, 8]]
     unknown = np.all(diagonal == 0.0, axis=1)
     absent = ~unknown & ((diagonal[:, 0] == -1.0) | np.isnan(diagonal[:, 0]))
-    invalid = ~unknown & ~absent & ~np.all(np.isfinite(diagonal) & (diagonal >= 0.0), axis=1)
+    possible = (diagonal == 0.0) | ((diagonal >= SMALLEST_VARIANCE) & (diagonal <= LARGEST_VARIANCE))
+    invalid = ~unknown & ~absent & ~np.all(possible, axis=1)
     reasons = np.where(absent, 1, np.where(invalid, 2, 0)) * (0 if trusted else 1)
     stated = ~(unknown | absent | invalid)
     if not np.any(stated):

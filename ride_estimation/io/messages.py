@@ -19,6 +19,8 @@ NOT_PROVIDED = "covariance_says_not_provided"
 GYRO_NOT_PROVIDED = "angular_velocity_says_not_provided"
 INVALID_COVARIANCE = "covariance_invalid"
 ELEMENT_MISSING = "element_not_in_message"
+#: variances a message may state [unit^2]: standard deviations of 1e-9 to 1e6, beyond any sensor; others are a mistake
+SMALLEST_VARIANCE, LARGEST_VARIANCE = 1e-18, 1e12
 
 
 class Sample(NamedTuple):
@@ -71,7 +73,7 @@ def judge_covariance(covariance: Any, trusted: bool, noise_variance: float) -> t
         return None, ""
     if first == -1.0 or math.isnan(first):
         return None, "" if trusted else NOT_PROVIDED
-    if not (0.0 <= first < math.inf and 0.0 <= second < math.inf and 0.0 <= third < math.inf):
+    if not all(v == 0.0 or SMALLEST_VARIANCE <= v <= LARGEST_VARIANCE for v in (first, second, third)):
         return None, "" if trusted else INVALID_COVARIANCE
     return (first or noise_variance, second or noise_variance, third or noise_variance), ""
 

@@ -95,6 +95,8 @@ def rechunked(data: bytes, compression: str) -> bytes:
 
 
 def packed(raw: bytes, compression: str) -> bytes:
+    if not compression:
+        return raw
     if compression == "lz4":
         import lz4.frame
 
