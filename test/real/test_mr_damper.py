@@ -11,6 +11,7 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.columns import simulate
 from ride_estimation.identification.bench.ladder import climb, residual_offset
 from ride_estimation.identification.bench.models import LADDER, model_by_name
+from ride_estimation.identification.bench.reversals import noise_level
 from ride_estimation.identification.bench.time_domain import prepare
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record
 from ride_estimation.metrics import nrmse
@@ -33,9 +34,6 @@ PUBLISHED = {
 }
 #: rungs that are compared; those with more cells or a cubic spring bring nothing here and take most of the time
 MODELS = ("linear_spring", "kelvin_voigt", "dahl", "berg_viscous", "berg")
-#: NRMSE (std) on unseen runs without their initial rest, measured 10.2, 9.6, 15.7, 18.3 %; limits a tenth above
-LIMIT = {0.0: 0.113, 0.8712: 0.108, 1.98: 0.175, 3.212: 0.203}
-
 
 @pytest.fixture(scope="module")
 def damper(real_data):
@@ -62,19 +60,8 @@ def test_every_run_is_read_or_refused_with_a_reason(damper):
     assert read == 85 and len(refused) == 1 and "differ in length" in refused[0]
 
 
-@pytest.mark.parametrize("voltage", list(SERIES))
-def test_ladder_on_unseen_runs(damper, voltage):
-    _, read = damper
-    runs = [read(n) for n in SERIES[voltage]]
-    fitted, unseen = runs[::2], runs[1::2]
-    rungs, chosen = climb([m for m in LADDER if m.name in MODELS], fitted, unseen)
-    by_name = {r.fit.model.name: r for r in rungs}
-    best = rungs[chosen]
-    assert best.fit.model.layout.friction != 0
-    # friction halves the error of the spring-damper on runs that were not fitted
-    assert best.mse**0.5 < 0.6 * by_name["kelvin_voigt"].mse**0.5
-    assert best.mse**0.5 < LIMIT[voltage]
-    # the authors' parameters of the same law on the same unseen runs are worse
+def published_errors(voltage, unseen):
+    """NRMSE of the authors' parameters of the Dahl law on each unseen run, force offset left free as for the ladder."""
     viscous, friction, rho = PUBLISHED[voltage]
     dahl = model_by_name("dahl")
     theta, coefficients = dahl.searched(np.array([0.0, 1e3 * viscous, friction, 1e-3 / rho]))
@@ -82,7 +69,30 @@ def test_ladder_on_unseen_runs(damper, voltage):
     for item in unseen:
         force, keep = simulate(dahl.layout, item.motion, theta, coefficients)[item.fitted], item.fitted
         errors.append(nrmse(item.force[keep], force + residual_offset(item.force[keep], force)))
-    assert by_name["dahl"].mse**0.5 < 0.85 * np.sqrt(np.mean(np.square(errors)))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("voltage", list(SERIES))
+def test_ladder_on_unseen_runs(damper, voltage):
+    # the authors' own fit (13 to 28 % on these runs) and the spring-damper (32 to 39 %) are the bars: every single unseen run has
+    # to be better explained than by both. Identified on half of the runs
+    _, read = damper
+    runs = [read(n) for n in SERIES[voltage]]
+    fitted, unseen = runs[::2], runs[1::2]
+    rungs, chosen = climb([m for m in LADDER if m.name in MODELS], fitted, unseen)
+    errors = {r.fit.model.name: np.array([h.scores()["std"] for h in r.held_out]) for r in rungs}
+    best = rungs[chosen].fit.model
+    assert best.layout.friction != 0
+    published = published_errors(voltage, unseen)
+    # the same law with the same number of parameters, and the rung the ladder chooses
+    for name in ("dahl", best.name):
+        assert np.all(errors[name] < published), (name, errors[name], published)
+        assert np.all(errors[name] < errors["kelvin_voigt"])
+    # the chosen rung is not worse on average than the Dahl law it has to justify its extra parameters against
+    assert rungs[chosen].mse <= {r.fit.model.name: r.mse for r in rungs}["dahl"]
+    # what is not explained is more than the force channel's noise, and stays said: no law of the ladder has the shape of the loop
+    noise = max(noise_level(item.force) / float(np.std(item.force)) for item in unseen)
+    assert np.min(errors[best.name]) > noise
 
 
 def test_identified_parameters_beside_the_published_ones(damper):

@@ -12,7 +12,7 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.jounce import fit_static, pre_estimate
 from ride_estimation.identification.bench.jounce_analysis import identify_jounce, network_mapping
 from ride_estimation.identification.bench.jounce_model import as_load, compression_side, loaded_nrmse, split_static
-from ride_estimation.identification.bench.lolimot import NetworkInputs, network_nrmse, train_network
+from ride_estimation.identification.bench.lolimot import NetworkInputs, network_nrmse, pole_std, train_network
 from ride_estimation.identification.bench.record import BenchRecord, check_record
 from ride_estimation.identification.bench.time_domain import prepare
 
@@ -94,6 +94,32 @@ def test_network_grows_better_with_stable_poles(static_box, measured):
     assert state == pytest.approx(rest, rel=1e-6, abs=1e-3)
 
 
+def test_pole_of_a_network_has_an_honest_standard_deviation():
+    # one local model whose pole is known, 20 noises: scatter of the pole over its mean stated std; 20 give 16 %, three of those
+    rng = np.random.default_rng(5)
+    h = 2e-3
+    t = np.arange(4000) * h
+    u = 0.03 + 0.02 * np.sin(2 * np.pi * (0.3 * t + 0.4 * t**2))
+    static = lambda travel: 8e4 * travel + 2e7 * travel**3  # noqa: E731
+    slow = np.zeros(t.size)
+    slow[0] = u[0]
+    for k in range(1, t.size):  # u behind 30 / (s + 30), exact for straight pieces
+        e = np.exp(-30 * h)
+        part = (1 - e) / (30 * h)
+        slow[k] = e * slow[k - 1] + (part - e) * u[k - 1] + (1 - part) * u[k]
+    clean = static(u) + 5e4 * (u - slow)
+    poles, stds = [], []
+    for _ in range(20):
+        record = check_record(BenchRecord("sweep", t, u, clean + 20.0 * rng.standard_normal(t.size)))
+        load = as_load(prepare(record), 1.0)
+        inputs = [NetworkInputs(load, static, load.force)]
+        network, _ = train_network(inputs, 1)
+        poles.append(network.alpha[0])
+        stds.append(pole_std(network, inputs)[0])
+    assert np.mean(poles) == pytest.approx(30.0, abs=4.0 * np.mean(stds) / np.sqrt(20))
+    assert np.std(poles, ddof=1) / np.mean(stds) == pytest.approx(1.0, abs=0.48)
+
+
 def test_a_two_sided_force_is_refused(measured):
     t, u, f, _ = measured["road_a"]
     with pytest.raises(InputDataError, match="only pushes"):
@@ -120,14 +146,32 @@ def mean(scores):
     return float(np.mean(list(scores.values())))
 
 
+def floors(measured, noise):
+    """NRMSE that the true force itself has against the measured one: noise over the force's standard deviation while loaded."""
+    return {name: noise / float(np.std(f[u > 0.0])) for name, (_, u, f, _) in measured.items()}
+
+
+def noise_free(seed, names, prefix):
+    """Records of the true force: the score against them is the error of the model alone."""
+    paths = programme.programme(seed)
+    return [check_record(BenchRecord(prefix + n, *paths[n])) for n in names]
+
+
+def test_noise_floor_is_the_documents(measured):
+    # 1.7 % on average in the document notes, which ask for 3 % above it
+    assert mean(floors(measured, 14.0)) == pytest.approx(0.017, abs=0.001)
+
+
 @pytest.mark.slow
-def test_white_box_reaches_three_per_cent(three_models):
-    # J12, J13: each stage improves; noise floor about 1.5 % (12 N load-cell noise)
+def test_white_box_reaches_three_per_cent(measured, three_models):
+    # J12, J13: each stage improves; 3 % at the noise floor of the document notes
     white = three_models["jounce_bumper"]
     stages = [mean(s) for s in white.stages.values()]
     assert all(b < a for a, b in itertools.pairwise(stages)), stages
     assert mean(white.fitted) < 0.03
-    assert mean(white.noise_floor) < mean(white.fitted)
+    # the floor that is reported is the true one, to the accuracy of an estimated noise level
+    for name, floor in floors(measured, 14.0).items():
+        assert white.noise_floor[name] == pytest.approx(floor, rel=0.1)
     # roads of another seed, not fitted
     assert mean(white.held_out) < 0.03
     # the element in the vehicle file is the fitted model
@@ -146,12 +190,21 @@ def test_grey_box_needs_the_friction_for_static_ramps(three_models):
         assert mean(found.exported) < 1.15 * mean(found.fitted)
         poles = [value for name, value, _, _ in found.quantities if name.startswith("pole")]
         assert len(poles) == 10 and max(poles) < 0 and min(poles) > -2000.0
+        assert all(std > 0 for name, _, _, std in found.quantities if name.startswith("pole"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [11, 12])
-def test_white_box_on_other_programmes(seed):
-    measured = programme.measured(seed)
-    found = identify_jounce(records(measured, ["static_ramps", *DYNAMIC]), [])
-    assert mean(found.fitted) < 0.03
-    assert mean(found.held_out) < 0.04
+@pytest.mark.parametrize(("seed", "noise"), [(11, 14.0), (12, 30.0)])
+def test_white_box_against_the_noise_free_force(seed, noise):
+    # other programmes. With 30 N the true force itself scores worse than 3 % against what is measured: no model can reach it
+    measured = programme.measured(seed, noise)
+    floor = mean(floors(measured, noise))
+    truth = [*noise_free(seed, DYNAMIC, "true "), *noise_free(seed + 50, ("road_a", "road_b"), "unseen true ")]
+    found = identify_jounce(records(measured, ["static_ramps", *DYNAMIC]), truth)
+    assert (floor > 0.03) == (noise == 30.0)
+    # 3 % of the force's standard deviation is what the model alone may be off, on fitted records and on roads of another seed
+    assert mean(found.held_out) < 0.03, found.held_out
+    # the score against measured force is the floor and the model's error in quadrature, nothing is fitted to the noise:
+    # 200 parameters per 100 000 samples would lower it by 0.1 %
+    assert mean(found.fitted) < np.hypot(floor, 0.03)
+    assert mean(found.fitted) > 0.98 * floor

@@ -25,7 +25,7 @@ from ride_estimation.identification.bench.jounce_model import (
 from ride_estimation.identification.bench.jounce_static import fit_static
 from ride_estimation.identification.bench.jounce_uncertainty import active_cells, white_box_std
 from ride_estimation.identification.bench.ladder import HeldOut
-from ride_estimation.identification.bench.lolimot import Network, NetworkInputs, train_network
+from ride_estimation.identification.bench.lolimot import Network, NetworkInputs, pole_std, train_network
 from ride_estimation.identification.bench.record import BenchRecord
 from ride_estimation.identification.bench.reversals import noise_level
 from ride_estimation.identification.bench.time_domain import prepare
@@ -246,7 +246,8 @@ def _grey(
             "exponent": float(box.slopes[2]),
         }
         mapping = {"kind": "sum", "elements": [mapping, weighted]}
-    quantities = [(f"pole_{j + 1}", -float(a), "1/s", None) for j, a in enumerate(network.alpha)]
+    poles = zip(network.alpha, pole_std(network, inputs), strict=True)
+    quantities = [(f"pole_{j}", -float(alpha), "1/s", float(std)) for j, (alpha, std) in enumerate(poles, 1)]
     return predict, stages, mapping, tuple(quantities)
 
 

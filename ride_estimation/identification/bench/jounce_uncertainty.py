@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.identification.bench.jounce_model import Load, WhiteBox
 from ride_estimation.identification.bench.jounce_search import curves_free_residual
-from ride_estimation.identification.bench.uncertainty import effective_samples
+from ride_estimation.identification.bench.uncertainty import effective_samples, std_from_jacobian
 
 Array = NDArray[np.float64]
 
@@ -39,11 +39,7 @@ def white_box_std(box: WhiteBox, loads: Sequence[Load]) -> dict[str, float]:
         columns.append((residual(_with(box, names, moved)) - base) / _STEP)
     jacobian = np.stack(columns, axis=1)
     variance = float(base @ base) / effective_samples(base)
-    _, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-    told = s > 1e-8 * s[0]
-    relative = np.sqrt(variance * np.sum((vt[told].T / s[told]) ** 2, axis=1))
-    untold = np.sum(vt[~told] ** 2, axis=0) > 1e-6
-    relative[untold] = np.inf
+    relative = std_from_jacobian(jacobian, variance)
     return {n: float(r * scale) for n, r, scale in zip(names, relative, scales, strict=True)}
 
 

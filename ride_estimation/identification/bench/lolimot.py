@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from ride_estimation.identification.bench.jounce_model import Load, loaded_nrmse
+from ride_estimation.identification.bench.uncertainty import effective_samples, std_from_jacobian
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,8 @@ POLE_RANGE = (2.0, 400.0)
 _LAGS_KEPT = 64
 #: residuals per record in the search
 _RESIDUALS = 1500
+#: step of the logarithm of a pole in differences, far above rounding and far below the curvature of the residual
+_POLE_STEP = 1.0e-3
 #: ridge on scaled columns: keeps models without data quiet
 _RIDGE = 1.0e-7
 
@@ -245,6 +248,34 @@ def _refine_poles(problem: _Problem, cells: _Cells, limit: float, evaluations: i
     start = np.clip(np.log(cells.alpha), low + 1e-6, high - 1e-6)
     found = least_squares(residual, start, bounds=(low, high), diff_step=1e-3, max_nfev=evaluations, ftol=1e-5)
     return dataclasses.replace(cells, alpha=np.exp(found.x))
+
+
+def pole_std(network: Network, inputs: Sequence[NetworkInputs]) -> Array:
+    """Return standard deviations of the poles [1/s], shape (M,); infinite where the records do not tell a pole.
+
+    The gains of all models are eliminated, so their uncertainty is in the result; the correlation of the residual reduces the
+    number of independent samples. The partition is taken as given.
+
+    Parameters
+    ----------
+    network
+        Trained network.
+    inputs
+        The records it was trained on.
+    """
+    problem = _Problem(inputs)
+    half = 0.5 * network.widths / WIDTH_SHARE
+    cells = _Cells(network.centres - half, network.centres + half, network.alpha)
+    base = problem.solve(cells)[1]
+    columns = []
+    for j in range(network.alpha.size):
+        moved = network.alpha.copy()
+        moved[j] *= np.exp(_POLE_STEP)
+        columns.append((problem.solve(dataclasses.replace(cells, alpha=moved))[1] - base) / _POLE_STEP)
+    taken = 6 * network.alpha.size
+    variance = float(base @ base) / max(effective_samples(base) * (1.0 - taken / base.size), 1.0)
+    relative = std_from_jacobian(np.stack(columns, axis=1), variance)
+    return np.asarray(relative * network.alpha)
 
 
 def network_nrmse(

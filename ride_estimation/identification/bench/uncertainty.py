@@ -92,6 +92,23 @@ def effective_samples(residual: Array, max_lag_share: float = 0.1) -> float:
     return float(np.clip(n / (1.0 + 2.0 * np.sum(rho[1 : stop + 1] ** 2)), 2.0, n))
 
 
+def std_from_jacobian(jacobian: Array, variance: float) -> Array:
+    """Return standard deviations of parameters from the Jacobian of residuals, shape (P,); infinite in untold directions.
+
+    Parameters
+    ----------
+    jacobian
+        Residuals by parameters, shape (N, P).
+    variance
+        Sum of squared residuals over the number of independent ones.
+    """
+    _, s, vt = np.linalg.svd(jacobian, full_matrices=False)
+    told = s > 1e-8 * s[0]
+    std: Array = np.sqrt(variance * np.sum((vt[told].T / s[told]) ** 2, axis=1))
+    std[np.sum(vt[~told] ** 2, axis=0) > 1e-6] = np.inf
+    return std
+
+
 def _score_covariance(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> tuple[Array, Array, float]:
     """Return information J'J, long-run covariance of J'r (sums over blocks) and effective samples."""
     p = fit.model.parameter_count
