@@ -6,7 +6,7 @@ heavy to move: the body's acceleration times its mass is the force.
 
 Noise of the displacement is white in displacement. As noise of an acceleration it would grow with the square of the frequency
 and no single level would be right; through the mount it is a force noise ``|k + i omega c| s_x``, nearly white, and is stated
-there: ``s^2 = s_F^2 + K^2 s_x^2`` with the measured dynamic stiffness K.
+there: ``s^2 = s_F^2 + K^2 s_x^2`` with the mean square K^2 of the measured dynamic stiffness over the band.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.result import Diagnosis
+from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import edge_taper, make_grid
 from ride_estimation.elements.base import ForceElement
@@ -41,6 +41,10 @@ CAUSES = (
     "coulomb_friction", "viscoelasticity", "stiffness_nonlinearity", "damping_nonlinearity", "bump_stop", "backlash",
     "parameter_drift", "sensor_delay", "sensor_clipping",
 )
+
+#: linear laws that at one frequency are a stiffness and a damping
+_NEED_TWO_FREQUENCIES = ("viscoelasticity", "sensor_delay")
+_TONE_SHARE = 0.99  # share of the energy of the displacement within the main lobe of one line: a test at one frequency
 
 MOUNT, FORCE, MOTION = "mount", "force", "motion"
 
@@ -139,6 +143,13 @@ def driven_band(sample: BenchSample, settings: Settings) -> tuple[float, float]:
     return max(0.5 * lowest, 4.0 * sample.rate_hz / len(x)), min(settings.band_hz[1], 0.42 * sample.rate_hz)
 
 
+def one_frequency(displacement: Array) -> bool:
+    """Return whether a displacement, shape (N,), is a sine of one frequency."""
+    power = np.abs(np.fft.rfft((displacement - np.mean(displacement)) * np.hanning(len(displacement)))) ** 2
+    peak = int(np.argmax(power))
+    return float(power[max(peak - 2, 0) : peak + 3].sum()) > _TONE_SHARE * float(power.sum())
+
+
 def secant(sample: BenchSample, band_hz: tuple[float, float]) -> tuple[float, float]:
     """Return stiffness [N/m] and damping [N s/m] that fit a record best in a band, both positive."""
     grid = make_grid(len(sample.force), sample.rate_hz, band_hz)
@@ -187,13 +198,33 @@ def diagnose_bench(
             raise InputDataError(f"record {other.name}: sampled at {other.rate_hz:g} Hz, {sample.name} at {sample.rate_hz:g} Hz")
         others.append(bench_run(other.name, other.rate_hz, other.displacement, other.force, band_hz))
     k, c = secant(sample, band_hz)
-    middle = 2.0 * np.pi * float(np.sqrt(band_hz[0] * band_hz[1]))
+    low, high = (2.0 * np.pi * f for f in band_hz)
+    # mean of k^2 + (c omega)^2 over the band
+    modulus = float(np.sqrt(k**2 + c**2 * (low**2 + low * high + high**2) / 3.0))
     noise = float(np.hypot(
-        incoherent_noise(sample.force, sample.displacement),
-        np.hypot(k, c * middle) * incoherent_noise(sample.displacement, sample.force),
+        incoherent_noise(sample.force, sample.displacement), modulus * incoherent_noise(sample.displacement, sample.force)
     ))
-    answer = diagnose(bench_vehicle(KelvinVoigt(k, c), noise), run, others, settings, causes=CAUSES)
-    return dataclasses.replace(answer, extended=_element_alone(answer.extended, k))
+    tone = one_frequency(sample.displacement)
+    causes = tuple(c for c in CAUSES if not (tone and c in _NEED_TWO_FREQUENCIES))
+    answer = diagnose(bench_vehicle(KelvinVoigt(k, c), noise), run, others, settings, causes=causes)
+    warnings, remarks = answer.warnings, answer.remarks + _channel_remarks(answer)
+    if tone and answer.verdict != INSUFFICIENT:
+        warnings += (
+            f"{sample.name} is driven at one frequency: {' and '.join(_NEED_TWO_FREQUENCIES)} cannot be told from a stiffness "
+            "and a damping on it; what separates them: a test at a second frequency",
+        )
+    return dataclasses.replace(answer, extended=_element_alone(answer.extended, k), warnings=warnings, remarks=remarks)
+
+
+def _channel_remarks(answer: Diagnosis) -> tuple[str, ...]:
+    """Return what must be corrected in the record itself: a file of the element alone has no channels."""
+    words = []
+    for cause in (c for c in answer.causes if c.id.startswith("sensor_")):
+        found = ", ".join(f"{p.name} {p.value:.4g} {p.unit}".strip() for p in cause.parameters)
+        words.append(
+            f"the {cause.location} channel of the record must be corrected ({found}); the vehicle file holds the element alone"
+        )
+    return tuple(words)
 
 
 def _element_alone(vehicle: Vehicle, stiffness: float) -> Vehicle:

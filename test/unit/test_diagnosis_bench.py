@@ -56,6 +56,26 @@ def test_a_planted_law_is_named_and_pays_on_the_other_record(cause, law):
     assert judged.extended < judged.baseline / 2.0
 
 
+def sine(law=None, frequency=1.5, seed=1305):
+    """Return a record of a steady sine of 3 mm, noise 1 um and 0.5 N."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 40.0, 1.0 / RATE)
+    w = 2.0 * np.pi * frequency
+    x, v = 0.003 * np.sin(w * time), 0.003 * w * np.cos(w * time)
+    force = K * x + C * v + (0.0 if law is None else law(x, v))
+    x, force = x + 1e-6 * rng.standard_normal(x.size), force + 0.5 * rng.standard_normal(x.size)
+    return BenchSample("sine", RATE, x, force)
+
+
+def test_one_frequency_names_nothing_that_needs_two_and_says_so():
+    answer = diagnose_bench(sine())
+    assert (answer.verdict, answer.causes) == ("no_discrepancy", ())
+    assert any("one frequency" in w and "second frequency" in w for w in answer.warnings)
+    rubbing = diagnose_bench(sine(lambda x, v: 40.0 * np.tanh(v / 0.002)))
+    assert [c.id for c in rubbing.causes] == ["coulomb_friction"]
+    assert not any("one frequency" in w for w in diagnose_bench(record(3)).warnings)
+
+
 def test_noise_is_what_the_other_channel_does_not_explain():
     rng = np.random.default_rng(3)
     x = rng.standard_normal(8000)
