@@ -85,7 +85,7 @@ class BaseFill:
 
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
-        gain = min(duration / _MEMORY, 1.0) * (self._doubt < 0.05)
+        gain = np.where(self._doubt < 0.05, min(duration / _MEMORY, 1.0), 0.0)
         follow_squares(block.deflection, gain, self._square)
         follow_squares(block.rate, gain, self._rate_square)
         if self._doubt.max(initial=0.0) < 0.05:

@@ -9,16 +9,18 @@ case of six channels. The centripetal term takes omega from gyros or from integr
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.arrangement import motion_rows
-from ride_estimation.estimation.motion_kernel import cg_block
+from ride_estimation.estimation.motion_kernel import cg_block, predict_block, remove_gravity
+from ride_estimation.estimation.residuals import ResidualSums, ResidualTest, residual_test
+from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.sensors.sensor import Sensor
 
@@ -40,13 +42,10 @@ _YAW_TIME = 3.0
 _MASKS = 64
 #: standard deviation of the angular rate from which on residuals count: before, centripetal terms are a guess [rad/s]
 _RATE_KNOWN = 0.03
+#: ticks handled with one covariance of the angular rate
+_LONGEST = 100
 #: memory of the residual test [s]
 _TEST_MEMORY = 60.0
-#: what sensors in good order may differ by: constant offset (bias, and tilt of the mounting times gravity), share of the
-#: dynamic signal (gain and cross sensitivity) [m/s^2, 1], place [m]
-OFFSET_TOLERANCE, GAIN_TOLERANCE, PLACE_TOLERANCE = 0.05, 0.005, 0.005
-#: excess of the mean squared residual over noise and tolerances from which on it is worth a word
-MEANINGFUL = 1.2
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 
@@ -137,16 +136,17 @@ class CgMotionEstimator:
         self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
         self._cache: dict[tuple[bytes, float], Weights] = {}
         self._observed_tilt = bool(self._free[3] or self._free[4])
-        self.residual_products = np.zeros((len(directions), len(directions)))
-        self.residual_mean = np.zeros(len(directions))
-        self.signal_square = np.zeros(len(directions))
-        self.signal_mean = np.zeros(len(directions))
-        self.turn_square = 0.0
-        self.residual_count = 0.0
+        self._sums = ResidualSums.empty(len(directions))
+        accelerometers = self.rows[: len(directions)]
+        self._accelerometer_rows = np.ascontiguousarray(accelerometers)
+        self._free_rows = np.ascontiguousarray(accelerometers[:, self._free])
+        self._faults = FaultTest(self.sensors, self._free_rows, points[::3])
+        self._faults.set_variance(self.variance)
         self.reset()
 
     def reset(self) -> None:
-        """Forget attitude and rates, keep nothing."""
+        """Forget attitude and rates; what the residuals told stays."""
+        self._faults.interrupt()
         self._state = np.zeros((5, 3))
         self._p_tilt = np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2]) if not self.gyros else np.diag([0.1**2, 0.0, _GYRO_BIAS**2])
         self._p_yaw = self._p_tilt.copy()
@@ -161,6 +161,7 @@ class CgMotionEstimator:
         if not np.array_equal(self.variance[3 * sensor : 3 * sensor + 3], variance):
             self.variance[3 * sensor : 3 * sensor + 3] = variance
             self._cache.clear()
+            self._faults.set_variance(self.variance)
 
     def weights(self, mask: BoolArray, dt: float) -> Weights:
         """Return the least squares for the channels that speak.
@@ -222,7 +223,7 @@ class CgMotionEstimator:
         start = 0
         while start < ticks:
             stop = start + 1
-            while stop < ticks and np.array_equal(valid[stop], valid[start]):
+            while stop < min(ticks, start + _LONGEST) and np.array_equal(valid[stop], valid[start]):
                 stop += 1
             covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
             start = stop
@@ -244,6 +245,7 @@ class CgMotionEstimator:
             out.motion[where] = self._last_good
             out.tilt[where] = self._state[0]
             out.valid[where] = False
+            self._faults.interrupt()
             return weights.covariance
         gyro_mask = mask[list(self.gyros)] if self.gyros else np.zeros(0, dtype=bool)
         use_gyro = bool(gyro_mask.any())
@@ -263,21 +265,15 @@ class CgMotionEstimator:
         self._last_good = out.motion[where][-1].copy()
         self._follow_slow_acceleration(out.motion[where], out.tilt[where], dt)
         out.valid[where] = weights.rank == needed
-        out.predicted[where] = self.predict(out.motion[where], out.rate[where])
+        motion, rate = out.motion[where], out.rate[where]
+        predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, out.predicted[where])
         rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
         if weights.rank == needed and mask.all() and rate_known:
-            self._gather(y, y - out.predicted[where], out.motion[where], dt)
+            self._sums.add(y, out.predicted[where], motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+            self._faults.observe(y, motion, rate, dt)
+        else:
+            self._faults.interrupt()
         return weights.covariance
-
-    def _gather(self, y: Array, residual: Array, motion: Array, dt: float) -> None:
-        """Add to the sums of the residual test; what is older than its memory fades."""
-        keep = float(np.exp(-len(y) * dt / _TEST_MEMORY))
-        self.residual_products = keep * self.residual_products + residual.T @ residual
-        self.residual_mean = keep * self.residual_mean + residual.sum(axis=0)
-        self.signal_square = keep * self.signal_square + np.sum(y**2, axis=0)
-        self.signal_mean = keep * self.signal_mean + y.sum(axis=0)
-        self.turn_square = keep * self.turn_square + float(np.sum(motion[:, 3:] ** 2))
-        self.residual_count = keep * self.residual_count + len(y)
 
     def _follow_slow_acceleration(self, motion: Array, tilt: Array, dt: float) -> None:
         """Follow how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)."""
@@ -299,40 +295,40 @@ class CgMotionEstimator:
 
     def predict(self, motion: Array, rate: Array) -> Array:
         """Return what the accelerometers read for a motion, sensor axes, shape (K, 3 S)."""
-        n = 3 * len(self.sensors)
-        e, r = self.directions[:n], self.points[:n]
-        centripetal = (rate @ e.T) * (rate @ r.T) - np.sum(rate**2, axis=1)[:, None] * self._along
-        return np.asarray(motion @ self.rows[:n].T + centripetal)
+        predicted = np.empty((len(motion), 3 * len(self.sensors)))
+        predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
+        return predicted
 
     def accelerate(self, block: MotionBlock) -> tuple[Array, Array]:
         """Return acceleration without gravity (K, 6) and its covariance (6, 6).
 
         ``a = f - R^T [0, 0, g]`` with the tilt estimate; the tilt's variance adds ``g^2 var`` to x and y.
         """
-        roll, pitch = block.tilt[:, 0], block.tilt[:, 1]
-        accel = block.motion.copy()
         g = self._gravity
-        accel[:, 0] += g * np.sin(pitch)
-        accel[:, 1] -= g * np.cos(pitch) * np.sin(roll)
-        accel[:, 2] -= g * np.cos(pitch) * np.cos(roll)
+        accel = np.empty_like(block.motion)
+        remove_gravity(block.motion, block.tilt, g, self._free, accel)
         covariance = block.covariance.copy()
         covariance[0, 0] += g**2 * block.tilt_variance
         covariance[1, 1] += g**2 * block.tilt_variance
-        accel[:, ~self._free] = 0.0
         return accel, covariance
 
-    def residual_test(self, dt: float) -> ResidualTest:
-        """Judge the residuals gathered so far and name the sensor that explains them best."""
-        return residual_test(self, self.weights(np.ones(len(self.sensors), dtype=bool), dt))
+    def residual_test(self, *, single_errors: bool = True) -> ResidualTest:
+        """Judge the residuals gathered so far and name the sensor that explains them best.
+
+        Parameters
+        ----------
+        single_errors
+            Whether constant errors of single sensors are looked for too, which costs more.
+        """
+        sized = residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])
+        return sized.with_fault(self._faults.judge()) if single_errors else sized
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
-            "variance": self.variance.tolist(), "residual_products": self.residual_products.tolist(),
-            "residual_count": self.residual_count, "residual_mean": self.residual_mean.tolist(),
-            "signal_square": self.signal_square.tolist(), "signal_mean": self.signal_mean.tolist(),
-            "turn_square": self.turn_square, "slow": self._slow.tolist(), "slow_square": self._slow_square,
+            "variance": self.variance.tolist(), "residuals": self._sums.save(), "faults": self._faults.save(),
+            "slow": self._slow.tolist(), "slow_square": self._slow_square,
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
 
@@ -342,103 +338,10 @@ class CgMotionEstimator:
         self._p_tilt = np.array(saved["p_tilt"], dtype=float)
         self._p_yaw = np.array(saved["p_yaw"], dtype=float)
         self.variance = np.array(saved["variance"], dtype=float)
-        self.residual_products = np.array(saved["residual_products"], dtype=float)
-        self.residual_count = float(saved["residual_count"])
-        self.residual_mean = np.array(saved["residual_mean"], dtype=float)
-        self.signal_square = np.array(saved["signal_square"], dtype=float)
-        self.signal_mean = np.array(saved["signal_mean"], dtype=float)
-        self.turn_square = float(saved["turn_square"])
+        self._sums = ResidualSums.load(saved["residuals"])
+        self._faults.set_variance(self.variance)
+        self._faults.load(saved["faults"])
         self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
         self._last_good = np.array(saved["last_good"], dtype=float)
         self._cache.clear()
-
-
-@dataclasses.dataclass(frozen=True)
-class ResidualTest:
-    """Result of the residual test.
-
-    Attributes
-    ----------
-    ratio
-        Mean squared residual over what the stated noise explains; 1 where all is well.
-    limit
-        Largest ratio still compatible with the noise at 0.1 % false alarms.
-    sensor
-        The sensor whose fault explains the residuals best, empty where nothing is to explain.
-    explained
-        Share of the excess it explains.
-    rivals
-        Sensors that explain nearly as much: the residuals cannot tell them apart.
-    channel_ratio
-        Root mean square over its expected value per channel, shape (C,).
-    """
-
-    ratio: float
-    limit: float
-    sensor: str
-    explained: float
-    rivals: tuple[str, ...]
-    channel_ratio: Array
-
-    @property
-    def passed(self) -> bool:
-        """Return whether the residuals agree with the noise."""
-        return self.ratio <= self.limit
-
-
-def _tolerated(estimator: CgMotionEstimator) -> Array:
-    """Return the variance of a channel: stated noise plus gain and place tolerances times the motion, shape (C,)."""
-    count = estimator.residual_count
-    dynamic = np.maximum(estimator.signal_square / count - (estimator.signal_mean / count) ** 2, 0.0)
-    # cross sensitivity: a channel sees a share of what the other channels of its sensor see
-    shared = np.repeat(dynamic.reshape(-1, 3).mean(axis=1), 3)
-    turn = estimator.turn_square / (3.0 * count)
-    return np.asarray(estimator.variance + GAIN_TOLERANCE**2 * shared + PLACE_TOLERANCE**2 * turn)
-
-
-def residual_test(estimator: CgMotionEstimator, weights: Weights) -> ResidualTest:
-    """Compare the spare equations with noise and tolerances (document 000 has none; ride_models 4.4).
-
-    With ``Q = R^-1 - R^-1 H (H^T R^-1 H)^-1 H^T R^-1`` the statistic is ``tr(Q C)``, C the covariance of the residuals, and a
-    fault in sensor s explains ``tr((E^T Q E)^+ E^T R^-1 C R^-1 E)`` of it. Their mean has a tolerance of its own, that of bias
-    and mounting, and joins C in units of it. R holds the stated noise and what sensors in good order differ by.
-    """
-    count = 3 * len(estimator.sensors)
-    spare = count - weights.rank
-    empty = ResidualTest(1.0, np.inf, "", 0.0, (), np.ones(count))
-    if spare <= 0 or estimator.residual_count < 50:
-        return empty
-    variance = _tolerated(estimator)
-    inverse = np.diag(1.0 / variance)
-    rows = estimator.rows[:count]
-    free = rows[:, estimator._free]
-    covariance = np.linalg.pinv(free.T @ inverse @ free, hermitian=True)
-    q = inverse - inverse @ free @ covariance @ free.T @ inverse
-    mean = estimator.residual_mean / estimator.residual_count
-    c = estimator.residual_products / estimator.residual_count - np.outer(mean, mean)
-    # the residuals of the weighted least squares pass through Q's own projection, whatever weights made them
-    project = np.eye(count) - free @ covariance @ free.T @ inverse
-    c = project @ c @ project.T
-    offset = (project @ mean) * np.sqrt(variance / (variance + OFFSET_TOLERANCE**2))
-    # one draw of the mean with ``spare`` degrees of freedom: what chance and tolerance explain of it does not count
-    slack = float(stats.chi2.ppf(0.999, spare)) / spare
-    constant = float(offset @ inverse @ offset) / spare
-    c = c + np.outer(offset, offset) * max(1.0 - slack / max(constant, 1e-12), 0.0)
-    ratio = float(np.sum(np.diag(inverse) * np.diag(c))) / spare
-    # samples of an anti-alias filtered signal are not independent: count a quarter of them
-    freedom = spare * max(estimator.residual_count, 50.0) / 4.0
-    limit = MEANINGFUL * float(stats.chi2.ppf(0.999, freedom) / freedom)
-    residual_variance = np.maximum(variance - np.einsum("ij,jk,ik->i", free, covariance, free), 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        channel = np.sqrt(np.diag(c) / np.where(residual_variance > 1e-12, residual_variance, np.inf))
-    if ratio <= limit:
-        return dataclasses.replace(empty, ratio=ratio, limit=limit, channel_ratio=channel)
-    explained = np.zeros(len(estimator.sensors))
-    weighted = inverse @ c @ inverse
-    for s in range(len(estimator.sensors)):
-        part = slice(3 * s, 3 * s + 3)
-        explained[s] = float(np.trace(np.linalg.pinv(q[part, part], rcond=1e-6) @ weighted[part, part])) / (spare * ratio)
-    best = int(np.argmax(explained))
-    rivals = tuple(s.name for i, s in enumerate(estimator.sensors) if i != best and explained[i] > 0.9 * explained[best])
-    return ResidualTest(ratio, limit, estimator.sensors[best].name, float(explained[best]), rivals, channel)

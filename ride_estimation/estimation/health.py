@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.cg_motion import ResidualTest
+from ride_estimation.estimation.residuals import ResidualTest
+from ride_estimation.estimation.sensor_faults import Fault
 
 Array = NDArray[np.float64]
 
@@ -93,6 +94,8 @@ def residual_message(test: ResidualTest) -> str:
     """Return the residual test in words, empty where it passed."""
     if test.passed:
         return ""
+    if test.fault is not None:
+        return _fault_message(test.fault)
     size = np.sqrt(test.ratio)
     text = f"the accelerometers of the body disagree with one rigid body {size:.1f} times more than noise and tolerances explain"
     if test.explained < 0.5:
@@ -102,6 +105,15 @@ def residual_message(test: ResidualTest) -> str:
     return (
         f"{text}; {test.sensor} explains {100 * test.explained:.0f} % of it: check its position, rotation, gain, delay and fixing"
     )
+
+
+def _fault_message(fault: Fault) -> str:
+    """Return a constant error of a sensor in words."""
+    text = f"the accelerometers of the body disagree with one rigid body: {fault.sensor} explains"
+    text = f"{text} {100 * fault.explained:.0f} % of it by its {fault.kind} ({fault.amount})"
+    if fault.rivals:
+        return f"{text}, but an error of {', '.join(fault.rivals)} could as well"
+    return f"{text}: check its position, rotation, gain, delay and fixing"
 
 
 def sensor_messages(sensors: Sequence[SensorHealth], ticks: int) -> list[str]:

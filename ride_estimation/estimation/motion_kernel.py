@@ -152,6 +152,148 @@ def cg_block(
 
 
 @compile_kernel
+def predict_block(motion: Array, rate: Array, rows: Array, directions: Array, points: Array, predicted: Array) -> None:
+    """Write what the accelerometers read for a motion.
+
+    Parameters
+    ----------
+    motion, rate
+        Shapes (K, 6) and (K, 3).
+    rows
+        ``[e, r x e]``, shape (C, 6).
+    directions, points
+        Of the channels, shape (C or more, 3).
+    predicted
+        Output, shape (K, C).
+    """
+    for c in range(rows.shape[0]):
+        e0, e1, e2 = directions[c, 0], directions[c, 1], directions[c, 2]
+        r0, r1, r2 = points[c, 0], points[c, 1], points[c, 2]
+        along = e0 * r0 + e1 * r1 + e2 * r2
+        for k in range(motion.shape[0]):
+            w0, w1, w2 = rate[k, 0], rate[k, 1], rate[k, 2]
+            total = 0.0
+            for a in range(6):
+                total += rows[c, a] * motion[k, a]
+            total += (e0 * w0 + e1 * w1 + e2 * w2) * (r0 * w0 + r1 * w1 + r2 * w2)
+            predicted[k, c] = total - (w0 * w0 + w1 * w1 + w2 * w2) * along
+
+
+@compile_kernel
+def remove_gravity(motion: Array, tilt: Array, gravity: float, free: NDArray[np.bool_], accel: Array) -> None:
+    """Write acceleration (K, 6) from specific force and tilt; coordinates the body does not have are zero."""
+    for k in range(motion.shape[0]):
+        roll, pitch = tilt[k, 0], tilt[k, 1]
+        for a in range(6):
+            accel[k, a] = motion[k, a]
+        accel[k, 0] += gravity * np.sin(pitch)
+        accel[k, 1] -= gravity * np.cos(pitch) * np.sin(roll)
+        accel[k, 2] -= gravity * np.cos(pitch) * np.cos(roll)
+        for a in range(6):
+            if not free[a]:
+                accel[k, a] = 0.0
+
+
+@compile_kernel
+def add_residuals(
+    samples: Array, predicted: Array, motion: Array, keep: float, products: Array, mean: Array, signal_square: Array,
+    signal_mean: Array, sums: Array,
+) -> None:  # fmt: skip
+    """Add a block to fading sums, in place.
+
+    Parameters
+    ----------
+    samples, predicted, motion
+        Shapes (K, C), (K, C), (K, 6).
+    keep
+        Factor on what was there.
+    products, mean
+        Of the residuals, shapes (C, C) and (C,).
+    signal_square, signal_mean
+        Of the samples, shape (C,).
+    sums
+        Squared angular acceleration, ticks.
+    """
+    channels = samples.shape[1]
+    left = np.empty(channels)
+    for i in range(channels):
+        mean[i] *= keep
+        signal_square[i] *= keep
+        signal_mean[i] *= keep
+        for j in range(channels):
+            products[i, j] *= keep
+    turn = 0.0
+    for k in range(samples.shape[0]):
+        for i in range(channels):
+            value = samples[k, i]
+            left[i] = value - predicted[k, i]
+            mean[i] += left[i]
+            signal_square[i] += value * value
+            signal_mean[i] += value
+        for i in range(channels):
+            for j in range(channels):
+                products[i, j] += left[i] * left[j]
+        turn += motion[k, 3] * motion[k, 3] + motion[k, 4] * motion[k, 4] + motion[k, 5] * motion[k, 5]
+    sums[0] = keep * sums[0] + turn
+    sums[1] = keep * sums[1] + samples.shape[0]
+
+
+@compile_kernel
+def average_ticks(
+    samples: Array, motion: Array, rate: Array, start: int, length: int, open_row: Array, progress: NDArray[np.int64],
+    rows: Array,
+) -> int:  # fmt: skip
+    """Average consecutive ticks; return the tick to go on with, less than all where there is no room left.
+
+    Parameters
+    ----------
+    samples, motion, rate
+        Channels (K, C), CG motion (K, 6), angular rate (K, 3).
+    start
+        First tick to take.
+    length
+        Ticks per average.
+    open_row
+        Sums of the average in work, shape (C + 24,), in place.
+    progress
+        Ticks in it, finished rows; in place.
+    rows
+        Output, shape (N, C + 24): samples, motion, products xx yy zz xy xz yz of the rate, motion at the first and last tick.
+    """
+    channels = samples.shape[1]
+    for k in range(start, samples.shape[0]):
+        if progress[1] >= rows.shape[0]:
+            return k
+        if progress[0] == 0:
+            for c in range(channels + 12):
+                open_row[c] = 0.0
+            for a in range(6):
+                open_row[channels + 12 + a] = motion[k, a]
+        for c in range(channels):
+            open_row[c] += samples[k, c]
+        for a in range(6):
+            open_row[channels + a] += motion[k, a]
+        place = channels + 6
+        for a in range(3):
+            open_row[place + a] += rate[k, a] * rate[k, a]
+        open_row[place + 3] += rate[k, 0] * rate[k, 1]
+        open_row[place + 4] += rate[k, 0] * rate[k, 2]
+        open_row[place + 5] += rate[k, 1] * rate[k, 2]
+        progress[0] += 1
+        if progress[0] == length:
+            for a in range(6):
+                open_row[channels + 18 + a] = motion[k, a]
+            row = progress[1]
+            for c in range(channels + 12):
+                rows[row, c] = open_row[c] / length
+            for c in range(channels + 12, channels + 24):
+                rows[row, c] = open_row[c]
+            progress[0] = 0
+            progress[1] += 1
+    return len(samples)
+
+
+@compile_kernel
 def _advance_gyro(p: Array, dt: float, gyro_variance: float, bias_density: float, value_variance: float, gain: Array) -> None:
     """As :func:`advance_covariance` for (angle, gyro bias) in slots 0 and 2."""
     b00 = p[0, 0] - 2.0 * dt * p[0, 2] + dt * dt * p[2, 2] + gyro_variance * dt * dt

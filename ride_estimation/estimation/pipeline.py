@@ -359,7 +359,7 @@ class Pipeline:
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
-        test = self._motion.residual_test(self._dt or 0.002)
+        test = self._motion.residual_test(single_errors=False)
         doubt = f"the sensors of the body contradict each other ({test.sensor} most)" if test.ratio > _CONTRADICTION**2 else ""
         return (self._mass_estimate(), *(self._absolute(e, doubt) for e in self._parameters.estimates()))
 
@@ -399,7 +399,7 @@ class Pipeline:
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""
         self._settle()
-        test = self._motion.residual_test(self._dt or 0.002)
+        test = self._motion.residual_test()
         ratio = {
             s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)
         }

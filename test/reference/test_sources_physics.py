@@ -77,7 +77,7 @@ def parity(change):
     block = estimator.observe(samples, np.zeros((4000, 0)), np.ones((4000, 4), dtype=bool), 0.005)
     residual = samples - estimator.predict(block.motion, block.rate)
     rms = np.sqrt(np.mean(residual.reshape(-1, 4, 3) ** 2, axis=(0, 2)))
-    return dict(zip(CORNERS, rms)), estimator.residual_test(0.005)
+    return dict(zip(CORNERS, rms)), estimator.residual_test()
 
 
 def vertical_gain(name, values, late):
@@ -95,9 +95,8 @@ def test_vertical_faults_look_alike_on_all_four_sensors(fault):
     found, judged = parity(fault)
     assert min(found.values()) > 1.15 * max(clean.values())
     assert max(found.values()) < 1.05 * min(found.values())
-    # a slight gain stays within the tolerances the alarm grants; where it alarms, it says that it cannot choose
-    assert judged.ratio > 1.1
-    assert judged.passed or len({judged.sensor, *judged.rivals}) >= 2
+    assert not judged.passed
+    assert "FR" in {judged.sensor, *judged.rivals}
 
 
 def test_a_sensor_that_is_late_in_all_axes_is_placed():

@@ -114,14 +114,14 @@ def test_residuals_point_at_the_sensor_that_is_turned(sensor, seed):
     samples = readings(force, rate, accel) + rng.normal(scale=0.01, size=(len(force), 12))
     clean = estimator()
     feed(clean, samples)
-    assert clean.residual_test(0.002).passed
+    assert clean.residual_test().passed
     angle = np.radians(3.0)
     turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
     part = slice(3 * sensor, 3 * sensor + 3)
     samples[:, part] = samples[:, part] @ turn.T
     faulty = estimator()
     feed(faulty, samples)
-    test = faulty.residual_test(0.002)
+    test = faulty.residual_test()
     assert not test.passed
     assert test.sensor == f"s{sensor}"
     assert test.explained > 0.5
