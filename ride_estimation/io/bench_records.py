@@ -332,6 +332,11 @@ def _quantity(
             problems.append(f"{quantity}: {what}; name it with --{quantity}; available: {available}")
             return None, 1.0
         found = matches[0]
+    own = _split_unit(found)[1].lower()
+    foreign = [q for q, units in UNITS.items() if q != quantity and own in {u.lower() for u in units}]
+    if own and foreign and own not in {u.lower() for u in UNITS[quantity]}:
+        problems.append(f"{quantity}: column {found!r} is a {foreign[0]} by the unit in its name; available: {available}")
+        return None, 1.0
     unit = stated or _split_unit(found)[1] or ("s" if quantity == "time" else "")
     table = {u.lower(): f for u, f in UNITS[quantity].items()}
     if not unit:

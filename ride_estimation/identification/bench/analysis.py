@@ -25,6 +25,10 @@ Array = NDArray[np.float64]
 HELD_OUT_SHARE = 0.3
 
 
+#: NRMSE of the chosen model from which force and displacement have hardly anything to do with each other
+UNRELATED = 0.9
+
+
 @dataclasses.dataclass(frozen=True)
 class BenchIdentification:
     """Everything the command reports.
@@ -117,6 +121,11 @@ def identify_records(
     spread = uncertainty(final, prepared)
     element = element_mapping(final, max(p.motion.dead_band for p in prepared))
     warnings = [w for r in (*records, *validation) for w in r.warnings] + _coverage_warnings(prepared, held)
+    if rungs[chosen].fitted["std"] > UNRELATED:
+        warnings.append(
+            f"{rungs[chosen].fit.model.name} explains hardly anything: its NRMSE on the fitted records is "
+            f"{100 * rungs[chosen].fitted['std']:.0f} %: a wrong column, or no force of this displacement"
+        )
     return BenchIdentification(
         rungs,
         chosen,

@@ -20,6 +20,10 @@ MAX_STEP_JITTER = 0.02
 PLAUSIBLE_STIFFNESS = (5.0e2, 5.0e8)
 #: plausible stroke of a bench record [m]
 PLAUSIBLE_STROKE = (1.0e-6, 1.0)
+#: correlation of force with displacement beyond which an element is a spring, with the right or the wrong sign
+SPRING_CORRELATION = 0.5
+#: work over the work moved to and fro below which the sign of a damper is wrong, and below which channels may be skewed in time
+OPPOSED_WORK, SKEWED_WORK = -0.3, -0.02
 #: share of samples at exactly the extreme value from which a channel counts as clipped
 CLIPPED_SHARE = 0.005
 
@@ -77,7 +81,7 @@ def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) 
     ------
     InputDataError
         Lengths that differ, too few samples, values that are not finite, time that runs backwards or is irregular,
-        displacement or force that does not move, a secant stiffness that betrays a wrong unit.
+        displacement or force that does not move, a secant stiffness that betrays a wrong unit, a force of the wrong sign.
     """
     t, x, f = record.time_s, record.displacement, record.force
     where = record.name
@@ -95,6 +99,7 @@ def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) 
     warnings += _clipping(where, "force", f)
     warnings += _clipping(where, "displacement", x)
     warnings += _stiffness_range(where, x, f, allow_stiffness_outside)
+    warnings += _direction(where, x, f, allow_stiffness_outside)
     uniform = t[0] + np.arange(t.size) * ((t[-1] - t[0]) / (t.size - 1))
     return dataclasses.replace(record, time_s=uniform, warnings=tuple(warnings))
 
@@ -160,6 +165,38 @@ def clipped_samples(record: BenchRecord) -> NDArray[np.bool_]:
         extreme = record.force.max() if "largest" in warning else record.force.min()
         mask |= record.force == extreme
     return mask
+
+
+def _direction(where: str, x: Array, f: Array, allow: bool) -> list[str]:
+    """Refuse a force that falls with the displacement or drives the motion; warn where a little energy comes out."""
+    correlation = float(np.corrcoef(x, f)[0, 1])
+    work = _work_share(x, f)
+    if correlation > SPRING_CORRELATION or (correlation >= -SPRING_CORRELATION and work >= OPPOSED_WORK):
+        if work >= SKEWED_WORK:
+            return []
+        return [
+            f"{where}: over the record the element gives out {-100 * work:.2g} % of the energy moved to and fro: the force is "
+            "late against the displacement (skew of the channels), or a mass between them moves; dampings come out too low"
+        ]
+    text = (
+        f"{where}: force and displacement have opposite signs (correlation {correlation:.2f}, work {100 * work:.0f} % of the "
+        "energy moved to and fro; a passive element takes energy up): pass --sign opposed, or swap the columns"
+    )
+    if allow:
+        return [text]
+    raise InputDataError(text + "; pass --accept-stiffness if the element really pushes away from rest")
+
+
+def _work_share(x: Array, f: Array) -> float:
+    """Return the work taken up until the displacement is last back at its start, over the work moved to and fro; else 0."""
+    back = np.flatnonzero(np.abs(x - x[0]) <= 0.02 * np.ptp(x))
+    last = int(back[-1])
+    if last < x.size // 2:
+        return 0.0
+    steps = np.diff(x[: last + 1])
+    power = 0.5 * (f[1 : last + 1] + f[:last]) - float(np.mean(f))
+    moved = float(np.sum(np.abs(power * steps)))
+    return float(np.sum(power * steps)) / moved if moved > 0.0 else 0.0
 
 
 def _stiffness_range(where: str, x: Array, f: Array, allow: bool) -> list[str]:

@@ -148,6 +148,8 @@ def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive
 
 
 def _pseudo_inverse(symmetric: Array) -> Array:
+    if symmetric.size == 0:
+        return np.zeros((0, 0))  # every coefficient is held at zero
     values, vectors = np.linalg.eigh(symmetric)
     inverse = np.where(values > RANK_TOLERANCE * values[-1], 1.0 / np.maximum(values, 1e-300), 0.0)
     result: Array = (vectors * inverse) @ vectors.T
