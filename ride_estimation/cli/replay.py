@@ -55,9 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-report", action="store_true", help="write no report, as --format none")
 
 
-def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
+def add_replay_arguments(parser: argparse.ArgumentParser, vehicle_required: bool = True) -> None:
     """Add the options that every command has that replays."""
-    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
+    parser.add_argument(
+        "--vehicle", required=vehicle_required, metavar="V.yaml", help="vehicle file, or the name of a bundled one"
+    )
     parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
     parser.add_argument("--settings", metavar="P.yaml", help="parameter file of the node, to replay with what ran live")
     parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,27 +11,26 @@ from numpy.typing import NDArray
 
 from ride_estimation.frames import AXES
 from ride_estimation.io.result_files import FinishedReplay
+from ride_estimation.io.run_metrics import Metric, run_metrics
+from ride_estimation.reporting.outliers import OUTLIER, find_outliers
 from ride_estimation.reporting.page import Page
 from ride_estimation.reporting.replay_plots import spectrum
 
 Array = NDArray[np.float64]
 
-#: distance from the median of the runs, in robust standard deviations and at least in own ones, that is pointed out
-OUTLIER = 4.0
-
-
-def write_runs_report(path: Path, runs: Sequence[FinishedReplay]) -> list[str]:
-    """Write a page that compares replays and return the sentences about runs that stand out.
+def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
+    """Return the page that compares replays and the sentences about runs that stand out.
 
     Parameters
     ----------
-    path
-        File to write.
     runs
-        At least one.
+        At least one, with names that differ.
     """
     page = Page(f"{len(runs)} runs side by side")
-    findings = outliers(runs)
+    metrics = [(run.name, run_metrics(run.result)) for run in runs]
+    outliers = find_outliers(metrics)
+    findings = [outlier.sentence() for outlier in outliers]
+    page.verdict(f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else "No run stands out.")
     for text in findings:
         page.warning(text)
     page.heading("Runs")
@@ -44,10 +42,22 @@ def write_runs_report(path: Path, runs: Sequence[FinishedReplay]) -> list[str]:
             for r in runs
         ],
     )  # fmt: skip
+    vehicles = {str(r.result["vehicle"].get("checksum", "")) for r in runs}
+    if len(vehicles) > 1:
+        page.warning("The vehicle files of the runs differ: parameters that rest on priors may differ for that alone.")
     page.heading("Parameters")
     page.text("Value ± standard deviation per run; in brackets where the status is not valid.")
     names = list(dict.fromkeys(p["name"] for r in runs for p in r.result["parameters"]))
     page.table(["parameter", *(r.name for r in runs)], [[n, *(_parameter(r, n) for r in runs)] for n in names])
+    page.heading("Data, durability and comfort")
+    page.text(f"An asterisk marks a value farther than {OUTLIER:g} robust standard deviations from the median of the runs.")
+    odd = {(o.run, o.metric.name) for o in outliers}
+    other = list(dict.fromkeys(name for _, found in metrics for name in found if name not in names))
+    rows = []
+    for name in other:
+        unit = next(found[name].unit for _, found in metrics if name in found)
+        rows.append([f"{name} [{unit}]", *(_metric(found.get(name), (run, name) in odd) for run, found in metrics)])
+    page.table(["metric", *(r.name for r in runs)], rows)
     page.heading("Loads")
     page.text("Root mean square about the mean and largest deviation from the mean of the force on the body [N].")
     mounts = list(dict.fromkeys(m for r in runs for m in r.mount_names))
@@ -55,32 +65,18 @@ def write_runs_report(path: Path, runs: Sequence[FinishedReplay]) -> list[str]:
         ["mount", "axis", *(r.name for r in runs)],
         [[m, axis, *(_load(r, m, i) for r in runs)] for m in mounts for i, axis in enumerate(AXES)],
     )
-    page.heading("Spectra")
+    page.heading("Overlays")
+    page.figure(_motion_spectra(runs), "Power spectral density of the CG acceleration", tight=False)
     for mount in mounts:
-        page.figure(_force_spectra(runs, mount), f"Force on the body by mount {mount}")
-    page.write(path)
-    return findings
+        page.figure(_force_spectra(runs, mount), f"Force on the body by mount {mount}", tight=False)
+    return page, findings
 
 
-def outliers(runs: Sequence[FinishedReplay]) -> list[str]:
-    """Return a sentence per valid parameter whose value in one run is far from the others, given their uncertainty."""
-    found = []
-    names = dict.fromkeys(p["name"] for r in runs for p in r.result["parameters"])
-    for name in names:
-        known = [(r, p) for r in runs for p in r.result["parameters"] if p["name"] == name and p["status"] == "valid"]
-        values = np.array([p["value"] for _, p in known], dtype=float)
-        if len(values) < 3:
-            continue
-        middle = float(np.median(values))
-        spread = 1.4826 * float(np.median(np.abs(values - middle)))
-        for run, p in known:
-            distance = abs(p["value"] - middle)
-            if distance > OUTLIER * max(spread, float(p["std"])) and distance > 0.02 * abs(middle):
-                unit = p["unit"]
-                found.append(
-                    f"{run.name}: {name} is {p['value']:.4g} {unit}, the median of {len(known)} runs is {middle:.4g} {unit}"
-                )
-    return found
+def _metric(metric: Metric | None, odd: bool) -> str:
+    if metric is None:
+        return ""
+    text = f"{metric.value:.4g}" if metric.std is None else f"{metric.value:.4g} ± {metric.std:.2g}"
+    return f"{text if metric.sure else f'({text})'}{' *' if odd else ''}"
 
 
 def _parameter(run: FinishedReplay, name: str) -> str:
@@ -100,6 +96,24 @@ def _load(run: FinishedReplay, mount: str, axis: int) -> str:
     return f"{np.sqrt(np.mean(swing**2)):.4g} / {np.max(np.abs(swing)):.4g}"
 
 
+def _motion_spectra(runs: Sequence[FinishedReplay]) -> Figure:
+    figure = Figure(figsize=(11, 3.4))
+    axes = figure.subplots(1, 3)
+    for i, axis in enumerate(AXES):
+        for run in runs:
+            if np.sum(run.valid) >= 64:
+                frequency, density = spectrum(run.cg_accel[run.valid, i], run.time_s)
+                axes[i].loglog(frequency, density, linewidth=0.9, label=run.name)
+        axes[i].minorticks_off()
+        axes[i].set_title(axis, fontsize=9)
+        axes[i].set_xlabel("frequency [Hz]")
+        axes[i].set_ylabel("[(m/s²)²/Hz]")
+    if axes[0].get_legend_handles_labels()[0]:
+        axes[0].legend(fontsize=7)
+    figure.subplots_adjust(left=0.07, right=0.98, bottom=0.16, top=0.9, wspace=0.3)
+    return figure
+
+
 def _force_spectra(runs: Sequence[FinishedReplay], mount: str) -> Figure:
     figure = Figure(figsize=(11, 3.4))
     axes = figure.subplots(1, 3)
@@ -112,8 +126,8 @@ def _force_spectra(runs: Sequence[FinishedReplay], mount: str) -> Figure:
         axes[i].minorticks_off()
         axes[i].set_title(axis, fontsize=9)
         axes[i].set_xlabel("frequency [Hz]")
-    axes[0].set_ylabel("N/√Hz")
+        axes[i].set_ylabel("[N/√Hz]")
     if axes[0].get_legend_handles_labels()[0]:
         axes[0].legend(fontsize=7)
-    figure.subplots_adjust(left=0.07, right=0.98, bottom=0.16, top=0.9, wspace=0.25)
+    figure.subplots_adjust(left=0.07, right=0.98, bottom=0.16, top=0.9, wspace=0.3)
     return figure

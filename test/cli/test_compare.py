@@ -37,7 +37,7 @@ def finished(folder: Path, stiffness: float, std: float = 500.0, status: str = "
 def test_the_run_that_differs_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folders = [finished(tmp_path / f"r{i}", 5e4 + 200.0 * i) for i in range(4)]
     odd = finished(tmp_path / "odd", 6.5e4)
-    assert main(["report", *map(str, folders), str(odd), "--out", str(tmp_path / "out")]) == 0
+    assert main(["compare", *map(str, folders), str(odd), "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert "odd: left.z.stiffness is 6.5e+04 N/m" in printed and "r0:" not in printed
     text = (tmp_path / "out" / "report.html").read_text()
@@ -52,13 +52,13 @@ def test_uncertain_unidentified_and_hardly_different_values_do_not_stand_out(
 ) -> None:
     folders = [finished(tmp_path / f"r{i}", 5e4 + 50.0 * i) for i in range(4)]
     odd = finished(tmp_path / "odd", value, std, status)
-    assert main(["report", *map(str, folders), str(odd), "--out", str(tmp_path / "out")]) == 0
+    assert main(["compare", *map(str, folders), str(odd), "--out", str(tmp_path / "out")]) == 0
     assert "no run stands out" in capsys.readouterr().out
 
 
 def test_folders_without_results_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["report", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
+    assert main(["compare", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
     foreign = finished(tmp_path / "foreign", 5e4)
     (foreign / "result.json").write_text('{"schema": "something else"}')
-    assert main(["report", str(foreign), "--out", str(tmp_path / "out")]) == 2
+    assert main(["compare", str(foreign), "--out", str(tmp_path / "out")]) == 2
     assert "schema" in capsys.readouterr().err

@@ -1,0 +1,79 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation compare``: several runs side by side."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+from ride_estimation.cli.replay import ReplayJob, add_replay_arguments, replay_run
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.io.result_files import FinishedReplay, read_replay
+from ride_estimation.io.results import output_folder
+from ride_estimation.reporting.formats import write_page
+from ride_estimation.reporting.runs_report import runs_page
+
+HELP = "several runs side by side: parameters, damage, comfort and spectra, and which run stands out"
+EXAMPLES = """\
+  ride-estimation compare out/run1 out/run2 out/run3 --out out/comparison            (folders of finished replays)
+  ride-estimation compare run1.mcap run2.mcap --vehicle my_truck.yaml --out out/comparison
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("runs", nargs="+", metavar="RUN", help="output folder of a replay, or a recording (then with --vehicle)")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the report, and for replays of recordings")
+    parser.add_argument(
+        "--format", nargs="+", choices=("html", "pdf", "png"), default=["html"], metavar="F",
+        help="of the report: html, pdf, png (default html)",
+    )  # fmt: skip
+    add_replay_arguments(parser, vehicle_required=False)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay what is not replayed yet, write the page and print which runs stand out."""
+    folder = output_folder(options.out)
+    finished = [Path(given) for given in options.runs]
+    recordings = [path for path in finished if not (path / "result.json").is_file() and path.exists()]
+    if recordings:
+        finished = replayed(finished, recordings, folder, options)
+    runs = named_apart([read_replay(path) for path in finished])
+    page, findings = runs_page(runs)
+    written = write_page(page, folder, options.format)
+    print("\n".join(findings) or f"no run stands out among {len(runs)}")
+    print(f"written to {folder}: {', '.join(written)}")
+    return 0
+
+
+def replayed(given: list[Path], recordings: list[Path], folder: Path, options: argparse.Namespace) -> list[Path]:
+    """Replay recordings below the folder; return all runs as folders of finished replays.
+
+    Raises
+    ------
+    ConfigurationError
+        No vehicle file, so that a folder without results cannot be replayed.
+    """
+    if options.vehicle is None:
+        raise ConfigurationError(f"{recordings[0]}: no result.json; a recording needs --vehicle V.yaml")
+    job = ReplayJob.of(options, ())
+    places = []
+    for number, path in enumerate(given, start=1):
+        if path not in recordings:
+            places.append(path)
+            continue
+        place = output_folder(folder / "runs" / f"{number:03d}_{path.stem}")
+        print(f"replay of {path}", flush=True)
+        replay_run(path, job, place)
+        places.append(place)
+    return places
+
+
+def named_apart(runs: list[FinishedReplay]) -> list[FinishedReplay]:
+    """Return the runs with names that differ."""
+    names = [run.name for run in runs]
+    return [
+        run if names.count(run.name) == 1 else dataclasses.replace(run, name=f"{run.name} ({number})")
+        for number, run in enumerate(runs, start=1)
+    ]

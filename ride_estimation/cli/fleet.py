@@ -1,0 +1,145 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation fleet``: every recording below a folder, one table and one summary."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ride_estimation.cli.fleet_task import FleetRow, FleetTask, process_task
+from ride_estimation.cli.pool import run_on_cluster, run_on_pool
+from ride_estimation.cli.progress import Progress
+from ride_estimation.cli.replay import ReplayJob, add_replay_arguments, require_layout
+from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.bag_source import SUFFIXES
+from ride_estimation.io.results import output_folder
+from ride_estimation.io.run_metrics import run_metrics
+from ride_estimation.io.run_table import Cell, require_parquet, write_run_table
+from ride_estimation.reporting.fleet_report import fleet_page
+from ride_estimation.reporting.formats import write_page
+
+HELP = "replay all recordings below a folder: one table, one summary, resumable, on all cores or a Dask cluster"
+EXAMPLES = """\
+  ride-estimation fleet recordings/ --vehicle my_truck.yaml --out out/fleet
+  ride-estimation fleet recordings/ --vehicle my_truck.yaml --out out/fleet             (again: only what is new or failed)
+  ride-estimation fleet recordings/ --vehicle my_truck.yaml --out out/fleet --table parquet --scheduler tcp://host:8786
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="searched for rosbag2 folders, .mcap, .db3 and .bag files")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the table, report.html and runs/NAME")
+    add_replay_arguments(parser)
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)")
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask scheduler to use instead (extra 'fleet')")
+    parser.add_argument("--table", choices=("csv", "parquet"), default="csv", help="format of the table (default csv)")
+    parser.add_argument("--run-reports", action="store_true", help="write report.html for every run too (more time and disk)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay the fleet; 0 if at least one run gave results, 2 if none did."""
+    if options.workers < 1:
+        raise ConfigurationError(f"--workers {options.workers}; allowed: 1 or more")
+    if options.table == "parquet":
+        require_parquet()
+    recordings = find_recordings(options.folder)
+    job = ReplayJob.of(options, ("html",) if options.run_reports else ())
+    require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
+    out = output_folder(options.out)
+    tasks = [
+        FleetTask(name, str(path.resolve()), str((out / "runs" / folder_name(name)).resolve()), job)
+        for name, path in recordings.items()
+    ]
+    rows = collect(tasks, options)
+    columns, table = run_table(rows)
+    path = out / f"fleet.{options.table}"
+    write_run_table(path, columns, table)
+    page = fleet_page(str(options.folder), job.vehicle.name, rows)
+    write_page(page, out, ("html",))
+    failed = [row for row in rows if row.status == "failed"]
+    kept = sum(row.status == "kept" for row in rows)
+    print(f"{len(rows)} runs: {len(rows) - len(failed) - kept} replayed, {kept} kept from before, {len(failed)} failed")
+    for row in failed:
+        print(f"failed: {row.name}: {row.error}")
+    print(f"written to {out}: {path.name}, report.html, runs")
+    if len(failed) == len(rows):
+        raise InputDataError(f"{options.folder}: not one of {len(rows)} runs could be replayed; the reasons are above")
+    return 0
+
+
+def find_recordings(folder: Path) -> dict[str, Path]:
+    """Return the recordings below a folder by their path in it; a rosbag2 folder is one recording.
+
+    Raises
+    ------
+    InputDataError
+        No such folder, or nothing in it.
+    """
+    if not folder.is_dir():
+        raise InputDataError(f"{folder}: no such folder")
+    found: dict[str, Path] = {}
+    for place, folders, files in os.walk(folder, followlinks=True):
+        folders.sort()
+        here = Path(place)
+        names = sorted(name for name in files if Path(name).suffix in SUFFIXES)
+        if "metadata.yaml" in files and names:
+            found[here.relative_to(folder).as_posix()] = here
+            folders.clear()
+            continue
+        found.update({(here / name).relative_to(folder).as_posix(): here / name for name in names})
+    if not found:
+        raise InputDataError(f"{folder}: no recording below it; looked for rosbag2 folders and {', '.join(SUFFIXES)} files")
+    return found
+
+
+def folder_name(name: str) -> str:
+    """Return a folder name for a recording that no other recording has and that stays when others are added."""
+    plain = re.sub(r"[^\w.-]+", "_", name.replace("/", "__"))
+    if plain.replace("__", "/") == name and plain not in (".", ".."):
+        return plain
+    # characters were replaced: another name might become the same
+    return f"{plain.strip('.') or 'run'}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def collect(tasks: Sequence[FleetTask], options: argparse.Namespace) -> list[FleetRow]:
+    """Run all tasks with progress; return the rows in the order of the tasks."""
+    if options.scheduler:
+        outcomes = run_on_cluster(tasks, options.scheduler, process_task)
+    else:
+        outcomes = run_on_pool(tasks, options.workers, process_task)
+    progress = Progress(len(tasks), f"{len(tasks)} runs")
+    found: dict[str, FleetRow] = {}
+    for outcome in outcomes:
+        row = outcome.value or FleetRow(outcome.item.name, "failed", outcome.error, {}, 0.0)
+        found[row.name] = row
+        progress.update(1.0)
+        if not sys.stderr.isatty():
+            print(f"{len(found)} of {len(tasks)}: {row.name} {row.status} ({row.seconds:.1f} s)", file=sys.stderr, flush=True)
+    progress.close()
+    return [found[task.name] for task in tasks]
+
+
+def run_table(rows: Sequence[FleetRow]) -> tuple[list[str], list[dict[str, Cell]]]:
+    """Return headings and rows: one row per run, failed ones with the reason, unsure values left in with a column beside."""
+    columns = ["run", "status", "error", "recording SHA-256", "digest"]
+    table = []
+    for row in rows:
+        cells: dict[str, Cell] = {"run": row.name, "status": row.status, "error": row.error}
+        if row.result:
+            cells["recording SHA-256"] = str(row.result["run"].get("checksum", ""))
+            cells["digest"] = str(row.result.get("digest", ""))
+        for metric in run_metrics(row.result).values() if row.result else ():
+            cells[metric.column] = metric.value
+            if metric.std is not None:
+                cells[f"{metric.name} std [{metric.unit}]"] = metric.std
+                cells[f"{metric.name} usable"] = 1.0 if metric.sure else 0.0
+        columns += [c for c in cells if c not in columns]
+        table.append(cells)
+    return columns, table

@@ -1,0 +1,113 @@
+# Copyright 2026 ride_estimation contributors
+"""One run of a fleet: replayed, kept from an earlier call, or failed with the reason; never an exception."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+from ride_estimation.cli.replay import ReplayJob, replay_run
+from ride_estimation.errors import InputDataError, RideEstimationError
+from ride_estimation.io.bag_source import checksum_of
+from ride_estimation.io.json_file import jsonable, read_json, write_json
+from ride_estimation.io.results import software
+
+#: what a finished run was made with; another one is not taken for it
+MARK = "fleet_job.json"
+
+
+@dataclasses.dataclass(frozen=True)
+class FleetTask:
+    """One run of a fleet.
+
+    Attributes
+    ----------
+    name
+        Path of the recording below the fleet folder.
+    recording, folder
+        Where it is read and where its results go; a cluster needs both on a shared disk.
+    job
+        What to do.
+    """
+
+    name: str
+    recording: str
+    folder: str
+    job: ReplayJob
+
+
+@dataclasses.dataclass(frozen=True)
+class FleetRow:
+    """What became of one run.
+
+    Attributes
+    ----------
+    name
+        Of the task.
+    status
+        ``done``, ``kept`` (was finished before with the same data and settings) or ``failed``.
+    error
+        Why it failed.
+    result
+        Content of ``result.json``, empty for a failed run.
+    seconds
+        Time it took.
+    """
+
+    name: str
+    status: str
+    error: str
+    result: dict[str, Any]
+    seconds: float
+
+
+def fingerprint(task: FleetTask) -> dict[str, Any]:
+    """Return everything the results of a task depend on.
+
+    Raises
+    ------
+    InputDataError
+        The recording is missing or no bag.
+    """
+    job = dataclasses.asdict(dataclasses.replace(task.job, vehicle=None))  # type: ignore[arg-type]
+    sensors = sorted(task.job.vehicle.sensors)
+    found = {
+        "recording": checksum_of(Path(task.recording)), "vehicle": task.job.vehicle.checksum, "sensors": sensors, "job": job,
+        "software": software(),
+    }  # fmt: skip
+    # as it comes back from the file
+    return dict(json.loads(json.dumps(jsonable(found))))
+
+
+def process_task(task: FleetTask) -> FleetRow:
+    """Replay one run, or keep what an earlier call with the same data and settings left; never raises."""
+    started = time.monotonic()
+    try:
+        folder = Path(task.folder)
+        wanted = fingerprint(task)
+        mark = folder / MARK
+        if mark.is_file() and (folder / "result.json").is_file() and _kept(mark) == wanted:
+            return FleetRow(task.name, "kept", "", read_json(folder / "result.json"), time.monotonic() - started)
+        mark.unlink(missing_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        document, _, _ = replay_run(task.recording, task.job, folder)
+        write_json(mark, wanted)
+        return FleetRow(task.name, "done", "", dict(jsonable(document)), time.monotonic() - started)
+    except RideEstimationError as error:
+        return FleetRow(task.name, "failed", " ".join(str(error).split()), {}, time.monotonic() - started)
+    except Exception as error:
+        # a fault of this program in one run: the table keeps it with its place, the other runs go on
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(place.filename).name}:{place.lineno}"
+        return FleetRow(task.name, "failed", f"{type(error).__name__} at {where}: {error}", {}, time.monotonic() - started)
+
+
+def _kept(mark: Path) -> dict[str, Any] | None:
+    try:
+        return dict(read_json(mark))
+    except InputDataError:
+        return None
