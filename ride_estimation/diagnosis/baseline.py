@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.frame import twist_spectrum
 from ride_estimation.diagnosis.plant import Plant, Signal
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
@@ -27,7 +28,7 @@ class Adjustable:
     ----------
     kind
         ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``mount_axes``, ``gain``, ``misalignment``,
-        ``position``, ``delay``, ``bandwidth``, ``attitude``.
+        ``position``, ``delay``, ``bandwidth``, ``attitude``, ``twist``.
     place, axis
         Port, body or sensor it belongs to.
     prior_std
@@ -155,6 +156,7 @@ def baseline_spectra(
     for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
         _body_columns(scene, columns, body)
     _axes_columns(scene, columns)
+    _twist_columns(scene, columns)
     _sensor_columns(scene, columns, table)
     _attitude_columns(scene.plant, columns, table)
     return columns.finish()
@@ -230,6 +232,14 @@ def _axes_columns(scene: Scene, columns: ColumnSet) -> None:
         change = scene.grid.spectrum(scene.tapered(scene.rotation_wrench(axes) - base))
         output = np.einsum("fij,fj->fi", scene.response.output_from_wrench, change)
         columns.add(Adjustable("mount_axes", axes, "", 0.5), output)
+
+
+def _twist_columns(scene: Scene, columns: ColumnSet) -> None:
+    """Add the share by which brackets roll and pitch with a twisting frame, full where they are on a plate."""
+    for part, axis in enumerate(("roll", "pitch")):
+        if np.any(scene.plant.twist[part]):
+            item = Adjustable("twist", "frame", axis, 1.0)
+            columns.add(item, twist_spectrum(scene.plant, scene.response, part, scene.input_spectrum))
 
 
 def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:

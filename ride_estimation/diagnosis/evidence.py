@@ -23,7 +23,7 @@ _EDGES_HZ = (0.4, 0.8, 1.5, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 def _white_power(prediction: Prediction) -> Array:
     """Return the whitened residual power per frequency and channel, one for a right model, shape (F, ny)."""
     scene = prediction.scene
-    white = np.einsum("fij,fj->fi", scene.whitener, scene.measured_spectrum - prediction.spectrum)
+    white = np.einsum("fij,fj->fi", scene.whitener, scene.inside(scene.measured_spectrum - prediction.spectrum))
     weight = np.maximum(scene.grid.band_weight[:, None] ** 2, 1e-6)
     return np.asarray(np.abs(white) ** 2 / scene.grid.samples / weight)
 
@@ -73,7 +73,7 @@ def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
     """Return the arrays behind the pictures of the report."""
     scene = base.scene
     grid, n = scene.grid, scene.grid.samples
-    residual = [np.abs(scene.measured_spectrum - p.spectrum) ** 2 for p in (base, extended)]
+    residual = [np.abs(scene.inside(scene.measured_spectrum - p.spectrum)) ** 2 for p in (base, extended)]
     noise = np.real(np.diagonal(scene.noise_covariance, axis1=1, axis2=2))
     e0, e1, y = base.residual(), extended.residual(), base.measured()
     trim = round(scene.settings.trim_s * scene.data.rate_hz)

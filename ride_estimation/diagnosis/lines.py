@@ -35,8 +35,8 @@ class Line:
 
 
 def white_spectrum(scene: Scene) -> ComplexArray:
-    """Return the whitened residual spectrum, shape (F, ny)."""
-    return np.asarray(np.einsum("fij,fj->fi", scene.whitener, scene.residual_spectrum))
+    """Return the whitened spectrum of the residual inside the analysed stretch, shape (F, ny)."""
+    return np.asarray(np.einsum("fij,fj->fi", scene.whitener, scene.inside(scene.residual_spectrum)))
 
 
 def residual_lines(scene: Scene, count: int = 2, least_ratio: float = _PEAK_OVER_MEDIAN) -> list[Line]:
@@ -68,7 +68,7 @@ def tracked_phase(scene: Scene, line: Line) -> Array:
 
     The residual around the line is projected on its strongest pattern over the channels, demodulated and unwrapped.
     """
-    white = white_spectrum(scene)
+    white = np.einsum("fij,fj->fi", scene.whitener, scene.residual_spectrum)
     f = scene.grid.frequency
     reach = 1.5 * line.half_width_hz + 2.0 * scene.grid.rate_hz / scene.grid.padded
     gate = np.where(np.abs(f - line.frequency_hz) < reach, 1.0, 0.0)

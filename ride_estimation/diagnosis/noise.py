@@ -28,23 +28,22 @@ def smoothed_power(spectrum: ComplexArray, samples: int, width: int) -> Array:
 
 
 def residual_covariance(
-    output_noise: Array, input_noise: Array, output_from_input: ComplexArray, output_power: Array, adequacy: float
+    output_noise: Array, disturbance: ComplexArray, output_power: Array, adequacy: float
 ) -> ComplexArray:
     """Return the residual covariance per frequency, shape (F, ny, ny).
 
     Parameters
     ----------
-    output_noise, input_noise
-        Standard deviation of one sample, shapes (ny,) and (nu,).
-    output_from_input
-        Shape (F, ny, nu).
+    output_noise
+        Standard deviation of one sample, shape (ny,).
+    disturbance
+        Output of one standard deviation of everything that is wrong with the measured base motion, shape (F, ny, d).
     output_power
         Smoothed power of the measured outputs, shape (F, ny).
     adequacy
         Relative error of a model that still counts as right.
     """
-    scaled = output_from_input * input_noise
-    covariance = scaled @ np.conj(np.swapaxes(scaled, 1, 2))
+    covariance = disturbance @ np.conj(np.swapaxes(disturbance, 1, 2))
     ny = len(output_noise)
     covariance[:, np.arange(ny), np.arange(ny)] += output_noise**2 + adequacy**2 * output_power
     return covariance
@@ -113,9 +112,9 @@ class DeflectionFilter:
 
 
 def deflection_filter(
-    spectrum: ComplexArray, transfer: ComplexArray, input_noise: Array, samples: int, width: int
+    spectrum: ComplexArray, disturbance: ComplexArray, samples: int, width: int
 ) -> DeflectionFilter:
-    """Return the filter that removes from deflections what base sensor noise explains.
+    """Return the filter that removes from deflections what errors of the measured base motion explain.
 
     Double integration turns noise of the base sensors into slow apparent stretching of the base, which loads the mounts
     against each other and moves nothing that is measured. In the principal directions of that noise at every frequency,
@@ -125,15 +124,13 @@ def deflection_filter(
     ----------
     spectrum
         Deflections, shape (F, P).
-    transfer
-        Deflection from input, shape (F, P, nu).
-    input_noise
-        Shape (nu,).
+    disturbance
+        Deflection of one standard deviation of every error of the measured base motion, shape (F, P, d).
     width
         Bins over which the measured power is averaged.
     """
     scale = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=0)) + 1e-300
-    shaped = transfer * input_noise / scale[None, :, None]
+    shaped = disturbance / scale[None, :, None]
     values, vectors = np.linalg.eigh(shaped @ np.conj(np.swapaxes(shaped, 1, 2)))
     component = np.einsum("fji,fj->fi", np.conj(vectors), spectrum / scale)
     power = smoothed_power(component, samples, width)

@@ -72,6 +72,9 @@ class Plant:
         gravity that a tilting DC accelerometer shows.
     slope
         Base slope (roll, pitch, yaw of the bracket) ``= slope u / (-omega^2)``, shape (nb, nu).
+    twist
+        Shares of ``slope`` that come from a twisting frame: roll and pitch of the brackets, shape (2, nb, nu). Brackets on a
+        cross member roll with it, brackets on a rail pitch with it; which of both a vehicle has is calibrated.
     out_acceleration, out_displacement
         Output ``= (-omega^2 out_acceleration + out_displacement) q + out_base w``, shapes (ny, n) and (ny, nb).
     static_force
@@ -91,6 +94,7 @@ class Plant:
     base_direct: Array
     base_tilt: Array
     slope: Array
+    twist: Array
     out_acceleration: Array
     out_displacement: Array
     out_base: Array
@@ -102,18 +106,33 @@ class Plant:
         """Return the sensors of inputs and outputs in order."""
         return tuple(dict.fromkeys(s.sensor for s in (*self.outputs, *self.inputs)))
 
-    def static_tilt(self) -> Array:
+    def gravity_tilt(self, slope: Array) -> Array:
+        """Return the base acceleration that a slope (nb, nu) takes from readings of DC accelerometers, shape (nb, nu)."""
+        out = np.zeros_like(slope)
+        for j in range(len(self.mounts)):
+            if np.any(self.base_tilt[3 * j : 3 * j + 3]):
+                out[3 * j] = self.vehicle.gravity * slope[3 * j + 1]
+                out[3 * j + 1] = -self.vehicle.gravity * slope[3 * j]
+        return out
+
+    def static_tilt(self, slope: Array | None = None) -> Array:
         """Return the wrench of the static mount loads that turn with their bases, from slope integrals, shape (n, nu).
 
         ``wrench = static_tilt u / (-omega^2)``: force ``F0 theta x e_z`` at every mount on a measured base.
+
+        Parameters
+        ----------
+        slope
+            Shape (nb, nu); that of the plant where None.
         """
-        out = np.zeros((len(self.coordinates), self.slope.shape[1]))
+        slope = self.slope if slope is None else slope
+        out = np.zeros((len(self.coordinates), slope.shape[1]))
         bodies = {b for b, _ in self.coordinates}
         for j, name in enumerate(self.mounts):
             mount = self.vehicle.mounts[name]
             if mount.base in bodies:
                 continue
-            turn_x, turn_y, _ = self.slope[3 * j : 3 * j + 3]
+            turn_x, turn_y, _ = slope[3 * j : 3 * j + 3]
             force = self.static_force[j] * np.stack([turn_y, -turn_x, np.zeros_like(turn_x)])
             six = point_motion_matrix(mount.position - self.vehicle.bodies[mount.body].cg).T @ force
             for row, column in self.coordinate_rows(mount.body):
@@ -162,9 +181,14 @@ def _offset_rows(position: Array, body: Body) -> Array:
     return point_motion_matrix(np.asarray(position) - body.cg)
 
 
-def _slope_operator(positions: Array) -> tuple[Array, Array]:
-    """Return (d z/d x, d z/d y) at every point from z at the points, each (S, S); zero where the layout cannot tell."""
-    count = len(positions)
+def _slope_operator(positions: Array) -> tuple[Array, Array, Array, Array]:
+    """Return (d z/d x, d z/d y) at every point from z at the points, each (S, S), and the part of each that is twist.
+
+    Zero where the layout cannot tell.
+    """
+    if len(positions) == 1:
+        nothing = np.zeros((1, 1))
+        return nothing, nothing, nothing, nothing
     centre = positions.mean(axis=0)
     x, y = (positions - centre)[:, 0], (positions - centre)[:, 1]
     terms: list[tuple[int, int]] = [(0, 0)]
@@ -175,20 +199,19 @@ def _slope_operator(positions: Array) -> tuple[Array, Array]:
             terms.append(term)
     basis = np.stack([x**i * y**j for i, j in terms], axis=1)
     inverse = np.linalg.pinv(basis)
-    along_x = np.stack([i * x ** max(i - 1, 0) * y**j for i, j in terms], axis=1) @ inverse
-    along_y = np.stack([j * y ** max(j - 1, 0) * x**i for i, j in terms], axis=1) @ inverse
-    if count == 1:
-        return np.zeros((1, 1)), np.zeros((1, 1))
-    return along_x, along_y
+    by_x = np.stack([i * x ** max(i - 1, 0) * y**j for i, j in terms], axis=1)
+    by_y = np.stack([j * y ** max(j - 1, 0) * x**i for i, j in terms], axis=1)
+    twist = np.array([float(term == (1, 1)) for term in terms])
+    return by_x @ inverse, by_y @ inverse, (by_x * twist) @ inverse, (by_y * twist) @ inverse
 
 
 def _base_maps(
     vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...], sensors: list[Sensor]
-) -> tuple[Array, Array, Array, list[str]]:
-    """Return base_direct, base_tilt and slope of :class:`Plant` and the mounts without base motion."""
+) -> tuple[Array, Array, Array, Array, list[str]]:
+    """Return base_direct, base_tilt, slope and twist of :class:`Plant` and the mounts without base motion."""
     ns = len(sensors)
     direct, tilt = np.zeros((3 * len(mounts), 3 * ns)), np.zeros((3 * len(mounts), 3 * ns))
-    slope = np.zeros((3 * len(mounts), 3 * ns))
+    slope, twist = np.zeros((3 * len(mounts), 3 * ns)), np.zeros((2, 3 * len(mounts), 3 * ns))
     missing: list[str] = []
     for base in dict.fromkeys(vehicle.mounts[m].base for m in mounts if vehicle.mounts[m].base not in bodies):
         own = [i for i, s in enumerate(sensors) if s.body == base]
@@ -196,7 +219,7 @@ def _base_maps(
             missing += [m for m in mounts if vehicle.mounts[m].base == base]
             continue
         positions = np.array([sensors[i].position for i in own])
-        along_x, along_y = _slope_operator(positions)
+        along_x, along_y, twist_x, twist_y = _slope_operator(positions)
         rotation = np.zeros((3 * len(own), 3 * ns))
         for row, i in enumerate(own):
             rotation[3 * row : 3 * row + 3, 3 * i : 3 * i + 3] = sensors[i].rotation
@@ -212,10 +235,11 @@ def _base_maps(
             angular = np.stack([dzdy, -dzdx, 0.5 * (dydx - dxdy)])
             direct[rows] = rotation[3 * k : 3 * k + 3] + point_motion_matrix(offset)[:, 3:] @ angular
             slope[rows] = angular
+            twist[0, 3 * j], twist[1, 3 * j + 1] = twist_y[k] @ rotation[2::3], -twist_x[k] @ rotation[2::3]
             if sensors[own[k]].coupling == "dc":
                 tilt[3 * j] = -vehicle.gravity * dzdx
                 tilt[3 * j + 1] = -vehicle.gravity * dzdy
-    return direct, tilt, slope, missing
+    return direct, tilt, slope, twist, missing
 
 
 def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
@@ -270,10 +294,14 @@ def build_plant(
         raise InputDataError(
             "no base motion was measured: an accelerometer on the chassis side of the mounts is needed to test the model"
         )
-    if not out_sensors:
-        raise InputDataError("no accelerometer on a sprung body spoke in this run: there is nothing to compare the model with")
+    transducers = [s for s in sensors.values() if s.kind == "displacement" and s.mount in mounts]
+    if not out_sensors and not transducers:
+        raise InputDataError(
+            "neither an accelerometer on a sprung body nor a displacement transducer at its mounts spoke in this run: "
+            "there is nothing to compare the model with"
+        )
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
-    direct, tilt, slope, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
+    direct, tilt, slope, twist, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
     n, size = len(coordinates), 3 * len(mounts)
     mass, gravity_k = np.zeros((n, n)), np.zeros((n, n))
     index = {key: i for i, key in enumerate(coordinates)}
@@ -301,7 +329,7 @@ def build_plant(
     )
     warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
     return Plant(
-        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, tilt, slope,
+        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, tilt, slope, twist,
         out_a, out_d, out_b, static, warnings,
     )
 

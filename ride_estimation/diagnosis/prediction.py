@@ -194,12 +194,11 @@ def block_squares(prediction: Prediction) -> tuple[Array, Array]:
 
 
 def noise_floor(scene: Scene) -> float:
-    """Return the NRMSE that sensor noise alone leaves: body sensors directly, base sensors through the model."""
+    """Return the NRMSE that the measurement alone leaves: body sensors directly, errors of the base motion by the model."""
     plant = scene.plant
     used = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"] or list(range(len(plant.outputs)))
     noise_y = scene.noise_scale * np.array([s.noise_std for s in plant.outputs])[used]
-    noise_u = scene.noise_scale * np.array([s.noise_std for s in plant.inputs])
-    through = np.sum(np.abs(scene.noise_transfer[:, used] * noise_u) ** 2, axis=2)
+    through = np.sum(np.abs(scene.noise_transfer[:, used] * scene.disturbance[:, None, :]) ** 2, axis=2)
     weight = scene.grid.band_weight[:, None] ** 2
     expected = float(np.sum((through + noise_y**2) * weight)) * scene.grid.samples
     measured = float(np.sum(np.abs(scene.measured_spectrum[:, used]) ** 2 * weight))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.frame import local_motion, tilt_paths
 from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
 from ride_estimation.diagnosis.noise import (
     deflection_filter,
@@ -31,6 +32,10 @@ from ride_estimation.signals.recording import UniformRun
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
+
+#: largest number of passes over the terms of second order; a lightly damped mode that the vertical load modulates needs many
+_KINEMATIC_PASSES = 8
+_SETTLED = 0.25  # change of the outputs in one pass, as a share of the tolerated model error, at which the passes end
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,6 +119,17 @@ def make_blocks(grid: FrequencyGrid, valid: BoolArray, settings: Settings) -> Bl
     return Blocks(index, weight, index.mean(axis=1) / rate if len(index) else np.zeros(0))
 
 
+def inside_window(grid: FrequencyGrid, valid: BoolArray, settings: Settings) -> Array:
+    """Return the window of the stretch that is analysed, both ends and the surroundings of gaps zero, shape (N,)."""
+    trim = round(settings.trim_s * grid.rate_hz)
+    reach = round(min(settings.trim_s, 1.0) * grid.rate_hz)
+    window = np.where(np.convolve(~valid, np.ones(2 * reach + 1), mode="same") > 0.5, 0.0, 1.0)
+    if grid.samples > 4 * trim:
+        window[:trim] = window[grid.samples - trim :] = 0.0
+        window[trim : grid.samples - trim] *= edge_taper(grid.samples - 2 * trim, grid.rate_hz)
+    return window
+
+
 @dataclasses.dataclass(frozen=True)
 class ModelState:
     """What the model currently is: port parameters and accepted effects with their coefficients applied."""
@@ -154,12 +170,11 @@ class Scene:
         self.blocks = make_blocks(self.grid, data.valid, settings)
         self.time_s = np.arange(self.grid.samples) / data.rate_hz
         self._taper = edge_taper(self.grid.samples, data.rate_hz)
+        self._inside = inside_window(self.grid, data.valid, settings)
         self._prepare()
         self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
-        tilt = self.plant.static_tilt() * (-1.0 / self.grid.omega**2)[:, None, None]
-        #: how noise of the inputs reaches the outputs: static loads that turn with their bases included
-        self.noise_transfer = self.response.output_from_input + self.response.output_from_wrench @ tilt
         self._simulate()
+        self._disturb()
         self._whiten(whitener)
         self._smooth_motion(smooth)
         self.scales = dict(scales) if scales is not None else self._port_scales()
@@ -215,7 +230,8 @@ class Scene:
             elif effect.where is Where.OUTPUT:
                 extra_output[:, effect.index] += grid.spectrum(effect.signal)
         second_order = np.zeros_like(wrench)
-        for _ in range(2):
+        enough = (_SETTLED * self.settings.adequacy) ** 2 * float(np.sum(np.abs(self.measured_spectrum) ** 2))
+        for _ in range(_KINEMATIC_PASSES):
             q = np.einsum("fij,fj->fi", r.coordinate_from_base, self.base_spectrum)
             q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
             x = q @ self.plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.port_base.T
@@ -223,7 +239,10 @@ class Scene:
             # integration drift below the band stretches the base and must not reach the products of full rotation
             real = x * grid.low_flank[:, None]
             self.deflection, self.deflection_rate = grid.signal(real), grid.signal(iw * real)
-            second_order = grid.spectrum(self.tapered(self.rotation_wrench("base")))
+            before, second_order = second_order, grid.spectrum(self.tapered(self.rotation_wrench("base")))
+            change = np.einsum("fij,fj->fi", r.output_from_wrench, second_order - before)
+            if np.sum(np.abs(change) ** 2) < enough:
+                break
         self.coordinate_spectrum, self.deflection_spectrum = q, x
         outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
         outputs += (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.out_base.T
@@ -239,6 +258,15 @@ class Scene:
         """Return a signal with its ends faded in and out, shape (N, q)."""
         return signal * self._taper[:, None]
 
+    def inside(self, spectrum: ComplexArray) -> ComplexArray:
+        """Return the spectrum of the analysed stretch of signals, scaled to the level of the whole run, shape (F, q).
+
+        At both ends the model has not forgotten its start and the fading of the recording excites it; what it misses there
+        says nothing about it.
+        """
+        level = np.sqrt(self.grid.samples / max(float(np.sum(self._inside**2)), 1.0))
+        return self.grid.spectrum(self.grid.signal(spectrum) * (level * self._inside)[:, None])
+
     def rotation_wrench(self, axes: str) -> Array:
         """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n)."""
         plant = self.plant
@@ -252,14 +280,31 @@ class Scene:
                 modulus[0][i], modulus[1][i] = self.state.stiffness[p], self.state.damping[p]
         return wrench_correction(plant, self.motion, (d, v), (self.slope, self.slope_rate), modulus, axes)
 
+    def _disturb(self) -> None:
+        """Collect what is wrong with the measured base motion: sensor noise, and tilt of brackets that no sensor sees."""
+        grid, r, plant = self.grid, self.response, self.plant
+        std = self.noise_scale * np.array([s.noise_std for s in plant.inputs])
+        twice = (-1.0 / grid.omega**2)[:, None, None]
+        turned = plant.static_tilt() * twice
+        local = local_motion(plant, self.base_spectrum, r.base_from_input * std, grid.samples, self._smoothing)
+        output, deflection = tilt_paths(plant, r)
+        #: standard deviation per sample of input noise and of the vertical motion that brackets do on their own, (F, nu + S)
+        self.disturbance = np.concatenate([np.broadcast_to(std, (len(grid.omega), len(std))), np.sqrt(local)], axis=1)
+        #: how they reach the outputs and the deflections: static loads that turn with their bases included
+        self.noise_transfer = np.concatenate([r.output_from_input + r.output_from_wrench @ turned, output], axis=2)
+        self._deflection_noise = np.concatenate([r.deflection_from_input + r.deflection_from_wrench @ turned, deflection], axis=2)
+
+    @property
+    def _smoothing(self) -> int:
+        """Return the number of bins within half a hertz."""
+        return max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
+
     def _whiten(self, given: tuple[ComplexArray, ComplexArray] | None) -> None:
         if given is None:
-            width = max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
             covariance = residual_covariance(
                 self.noise_scale * np.array([s.noise_std for s in self.plant.outputs]),
-                self.noise_scale * np.array([s.noise_std for s in self.plant.inputs]),
-                self.noise_transfer,
-                smoothed_power(self.measured_spectrum, self.grid.samples, width),
+                self.noise_transfer * self.disturbance[:, None, :],
+                smoothed_power(self.measured_spectrum, self.grid.samples, self._smoothing),
                 self.settings.adequacy,
             )
             given = covariance, whitening(covariance, self.grid.band_weight)
@@ -279,20 +324,18 @@ class Scene:
         """
         grid, r, n = self.grid, self.response, self.grid.samples
         modulus = self.state.stiffness + 1j * grid.omega[:, None] * self.state.damping
-        width = max(3, round(0.5 * grid.padded / grid.rate_hz))
-        noise_u = self.noise_scale * np.array([s.noise_std for s in self.plant.inputs])
         # below the band the apparent deflection is integration drift; the body follows slow base motion
         self._filter = deflection_filter(
-            self.deflection_spectrum, r.deflection_from_input, noise_u, n, max(3, width // 2)
+            self.deflection_spectrum, self._deflection_noise * self.disturbance[:, None, :], n, max(3, self._smoothing // 2)
         )
         self.deflection_spectrum = grid.low_flank[:, None] * self._filter.apply(self.deflection_spectrum)
-        force_power = smoothed_power(modulus * self.deflection_spectrum, n, width)
+        force_power = smoothed_power(modulus * self.deflection_spectrum, n, self._smoothing)
         transfer = r.output_from_port
         shaped = transfer * force_power[:, None, :]
         signal = shaped @ np.conj(np.swapaxes(transfer, 1, 2))
         white_signal = self.whitener @ signal @ np.conj(np.swapaxes(self.whitener, 1, 2))
         expected = float(np.real(np.trace(white_signal, axis1=1, axis2=2)).sum())
-        white = np.einsum("fij,fj->fi", self.whitener, self.residual_spectrum)
+        white = np.einsum("fij,fj->fi", self.whitener, self.inside(self.residual_spectrum))
         degrees = float(np.sum(grid.band_weight**2)) * len(self.plant.outputs)
         #: nominal degrees of freedom per independent sample of what the model misses
         self.inefficiency = excess_inefficiency(white, n)
@@ -301,7 +344,7 @@ class Scene:
         self.missing_share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
         if correct and self.missing_share > 0.0:
             total = self.missing_share * signal + self.noise_covariance
-            seen = self.residual_spectrum * grid.low_flank[:, None]
+            seen = grid.spectrum(grid.signal(self.residual_spectrum) * self._inside[:, None]) * grid.low_flank[:, None]
             weighted = np.linalg.solve(total, seen[:, :, None])
             force = self.missing_share * np.conj(np.swapaxes(shaped, 1, 2)) @ weighted
             self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
@@ -353,11 +396,11 @@ class Scene:
         return self.grid.signal(1j * self.grid.omega * self.grid.spectrum(signal))
 
     def with_deflection_noise(self, seed: int) -> Scene:
-        """Return the scene with one realisation of the error that base sensor noise leaves in the deflections."""
+        """Return the scene with one realisation of the error that the measured base motion leaves in the deflections."""
         rng = np.random.default_rng(seed)
-        std = self.noise_scale * np.array([s.noise_std for s in self.plant.inputs])
-        noise = self.grid.spectrum(rng.standard_normal(self.input_signal.shape) * std)
-        error = np.einsum("fij,fj->fi", self.response.deflection_from_input, noise)
+        white = rng.standard_normal((self.grid.samples, self.disturbance.shape[1]))
+        noise = self.grid.spectrum(white) * self.disturbance
+        error = np.einsum("fij,fj->fi", self._deflection_noise, noise)
         error = self.grid.low_flank[:, None] * self._filter.apply(error, 0.5)
         other = copy.copy(self)
         other.deflection_spectrum = self.deflection_spectrum + error

@@ -1,0 +1,134 @@
+# Copyright 2026 ride_estimation contributors
+"""What accelerometers at the mount bases cannot tell: how a bracket that moves on its own tilts.
+
+The tilt of a bracket is inferred from the vertical motion of its neighbours, which is right for a frame that moves as a
+rigid, twisting plate. What a single bracket moves beyond that is measured as translation; whether it also tilts is
+unknown, and the tilt inferred for all brackets is off by ``local motion / distance``. How much the brackets move on their own
+is read from the part of the measured base motion that no rigid, twisting frame can have; the same level is assumed in all
+three directions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.noise import smoothed_power
+from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.response import LinearResponse
+from ride_estimation.frames import AXES, point_motion_matrix
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def own_sensor(plant: Plant, base: str) -> dict[str, str]:
+    """Return mount -> nearest accelerometer for the mounts of a base that have one to themselves."""
+    sensors = {s.sensor: plant.vehicle.sensors[s.sensor] for s in plant.inputs}
+    candidates = [name for name, s in sensors.items() if s.body == base]
+    mounts = [m for m in plant.mounts if plant.vehicle.mounts[m].base == base]
+    pairs = sorted(
+        (float(np.linalg.norm(sensors[s].position - plant.vehicle.mounts[m].position)), m, s)
+        for m in mounts for s in candidates
+    )
+    out: dict[str, str] = {}
+    for _, mount, sensor in pairs:
+        if mount not in out and sensor not in out.values():
+            out[mount] = sensor
+    return out
+
+
+def plate_motion(positions: Array) -> Array:
+    """Return the translations of points of a plate that moves rigidly and twists, shape (3 S, 7)."""
+    offset = positions - positions.mean(axis=0)
+    rigid = np.vstack([point_motion_matrix(r) for r in offset])
+    twist = np.zeros((3 * len(offset), 1))
+    twist[1::3, 0], twist[2::3, 0] = -offset[:, 0] * offset[:, 2], offset[:, 0] * offset[:, 1]
+    return np.hstack([rigid, twist])
+
+
+def null_directions(motion: Array) -> Array:
+    """Return an orthonormal basis of the patterns that a motion map cannot reach, shape (rows, d)."""
+    size = np.maximum(np.linalg.norm(motion, axis=0), 1e-12)
+    left, values, _ = np.linalg.svd(motion / size, full_matrices=True)
+    return np.asarray(left[:, int(np.count_nonzero(values > 1e-6 * values[0])) :])
+
+
+def vertical_inputs(plant: Plant) -> tuple[tuple[str, ...], Array]:
+    """Return the base sensors and the readings of a unit vertical acceleration of each, shape (nu, S)."""
+    names = tuple(dict.fromkeys(s.sensor for s in plant.inputs))
+    out = np.zeros((len(plant.inputs), len(names)))
+    for i, s in enumerate(plant.inputs):
+        out[i, names.index(s.sensor)] = plant.vehicle.sensors[s.sensor].rotation[2, s.component]
+    return names, out
+
+
+def local_motion(plant: Plant, base_spectrum: ComplexArray, noise: ComplexArray, samples: int, width: int) -> Array:
+    """Return the power of what every base sensor's bracket moves on its own, one direction, shape (F, S).
+
+    Parameters
+    ----------
+    base_spectrum
+        Base accelerations of the mounts, shape (F, nb).
+    noise
+        How noise of the inputs, times its standard deviation, reaches them, shape (F, nb, nu).
+    samples, width
+        Length of the run; bins over which power is averaged.
+
+    Returns
+    -------
+    ndarray
+        Variance per sample in the unit of :func:`noise.smoothed_power`; zero where fewer than three brackets carry a sensor.
+    """
+    names, _ = vertical_inputs(plant)
+    out = np.zeros((len(base_spectrum), len(names)))
+    for base in dict.fromkeys(plant.vehicle.sensors[s].body for s in names):
+        own = own_sensor(plant, base)
+        if len(own) < 3:
+            continue
+        rows = np.concatenate([3 * plant.mounts.index(m) + np.arange(len(AXES)) for m in own])
+        null = null_directions(plate_motion(np.array([plant.vehicle.mounts[m].position for m in own])))
+        if null.shape[1] == 0:
+            continue
+        measured = smoothed_power(base_spectrum[:, rows] @ null, samples, width).mean(axis=1)
+        through = np.einsum("rd,fru->fdu", null, noise[:, rows])
+        expected = np.sum(np.abs(through) ** 2, axis=(1, 2)) / null.shape[1]
+        for sensor in own.values():
+            out[:, names.index(sensor)] = np.maximum(measured - expected, 0.0)
+    return out
+
+
+def tilt_paths(plant: Plant, response: LinearResponse) -> tuple[ComplexArray, ComplexArray]:
+    """Return how a wrong tilt reaches outputs and deflections, per unit vertical acceleration of a base sensor.
+
+    Gravity that the tilt removes from the base acceleration, and static mount loads that turn with the bracket.
+
+    Returns
+    -------
+    tuple
+        Shapes (F, ny, S) and (F, P, S).
+    """
+    _, vertical = vertical_inputs(plant)
+    twice = (-1.0 / response.omega**2)[:, None, None]
+    base, wrench = plant.base_tilt @ vertical, plant.static_tilt() @ vertical
+    output = (response.output_from_base @ base + response.output_from_wrench @ wrench) * twice
+    deflection = (response.deflection_from_base @ base + response.deflection_from_wrench @ wrench) * twice
+    return np.asarray(output), np.asarray(deflection)
+
+
+def twist_spectrum(plant: Plant, response: LinearResponse, part: int, inputs: ComplexArray) -> ComplexArray:
+    """Return the outputs of the tilt that a twisting frame gives its brackets, shape (F, ny).
+
+    Parameters
+    ----------
+    part
+        0: roll of the brackets, 1: pitch.
+    inputs
+        Shape (F, nu).
+    """
+    twice = inputs * (-1.0 / response.omega**2)[:, None]
+    slope = plant.twist[part]
+    base, wrench = twice @ plant.gravity_tilt(slope).T, twice @ plant.static_tilt(slope).T
+    return np.asarray(
+        np.einsum("fij,fj->fi", response.output_from_base, base) + np.einsum("fij,fj->fi", response.output_from_wrench, wrench)
+    )
