@@ -9,8 +9,8 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from ride_estimation.elements import kernels_memory
-from ride_estimation.elements.base import Array, ForceElement, parameter
+from ride_estimation.elements import declarations, kernels_memory
+from ride_estimation.elements.base import Array, ForceElement
 from ride_estimation.elements.terms import BERG_FRICTION, STATE_SIZE, Term
 
 
@@ -28,19 +28,9 @@ class BergFriction(ForceElement):
 
     KIND: ClassVar[str] = "berg_friction"
 
-    friction: float = parameter(
-        "N", key="friction_n", lower=0.0, upper=1e6, meaning="largest friction force f_max", role="friction",
-        source="003 (9)",
-    )
-    half_stroke: float = parameter(
-        "m", key="half_stroke_m", lower=1e-9, upper=1.0, meaning="stroke x_2 from rest to half the largest force",
-        source="003 (9)",
-    )
-    dead_band: float = parameter(
-        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
-        source="this project",
-    )
+    friction: float = declarations.friction_limit()
+    half_stroke: float = declarations.half_stroke()
+    dead_band: float = declarations.dead_band()
 
     def initial(self) -> Array:
         """Return the memory at rest at x = 0, laid out as in :mod:`ride_estimation.elements.terms`."""

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from ride_estimation.elements import declarations
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.terms import BOUC_WEN, Term
 
@@ -47,11 +48,7 @@ class BoucWen(ForceElement):
         "1", key="share", lower=0.5, upper=5.0, default=0.5,
         meaning="share b = beta / (beta + gamma) of the unloading; 0.5: unloads along the initial slope", source="Wen 1976",
     )
-    dead_band: float = parameter(
-        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
-        source="this project",
-    )
+    dead_band: float = declarations.dead_band()
 
     def initial(self) -> Array:
         """Return the memory at rest: no force."""

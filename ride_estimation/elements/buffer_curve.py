@@ -7,7 +7,8 @@ import dataclasses
 from collections.abc import Iterator
 from typing import ClassVar, final
 
-from ride_estimation.elements.base import Array, ForceElement, parameter, series
+from ride_estimation.elements import declarations
+from ride_estimation.elements.base import Array, ForceElement, series
 from ride_estimation.elements.curve import curve_columns, curve_problems, evaluate_curve
 from ride_estimation.elements.terms import CURVE_SPRING, Term
 
@@ -29,10 +30,7 @@ class BufferCurve(ForceElement):
         "N", key="forces_n", lower=0.0, upper=1e8, meaning="static push at the points, 0 at the first", role="stiffness",
         source="004 (6)",
     )
-    clearance: float = parameter(
-        "m", key="clearance_m", lower=-1.0, upper=10.0, default=0.0,
-        meaning="compression at which the buffer is reached; negative where it is preloaded at rest", source="this project",
-    )
+    clearance: float = declarations.clearance()
 
     def _bound_problems(self) -> Iterator[str]:
         yield from super()._bound_problems()

@@ -10,6 +10,7 @@ from typing import ClassVar, final
 import numpy as np
 from scipy.special import ive
 
+from ride_estimation.elements import declarations
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.terms import DAHL, Term
 
@@ -34,11 +35,7 @@ class Dahl(ForceElement):
     exponent: float = parameter(
         "1", key="exponent", lower=0.5, upper=5.0, default=1.0, meaning="shape exponent n", source="Dahl 1968"
     )
-    dead_band: float = parameter(
-        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
-        source="this project",
-    )
+    dead_band: float = declarations.dead_band()
 
     def initial(self) -> Array:
         """Return the memory at rest: no force."""

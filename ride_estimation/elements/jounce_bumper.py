@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import ClassVar, final
 
+from ride_estimation.elements import declarations
 from ride_estimation.elements.base import ForceElement, parameter, series
 from ride_estimation.elements.buffer_curve import BufferCurve
 from ride_estimation.elements.composite import CompositeElement
@@ -35,10 +36,7 @@ class JounceBumper(CompositeElement):
         "N", key="forces_n", lower=0.0, upper=1e8, meaning="static push F_nl at the points, 0 at the first", role="stiffness",
         source="004 (6)",
     )
-    heights: tuple[float, ...] = series(
-        "N", key="heights_n", lower=0.0, upper=1e7, meaning="height w of the static hysteresis at the points",
-        role="friction", source="004 (5)",
-    )
+    heights: tuple[float, ...] = declarations.hysteresis_heights()
     cell_stiffnesses: tuple[float, ...] = series(
         "N/m", key="cell_stiffnesses_n_per_m", lower=0.0, upper=1e10, meaning="spring rates of the Maxwell cells",
         role="stiffness", source="004 (7)",
@@ -51,32 +49,16 @@ class JounceBumper(CompositeElement):
         "m", key="contact_points_m", lower=0.0, upper=10.0, meaning="travels at which the Maxwell cells engage",
         source="004 (9)",
     )
-    reference_travel: float = parameter(
-        "m", key="reference_travel_m", lower=1e-4, upper=10.0, meaning="reference travel u_ref, that of 9 kN",
-        source="004 (3)",
-    )
-    lowest_slope: float = parameter(
-        "N/m", key="lowest_slope_n_per_m", lower=0.0, upper=1e10, meaning="Dahl stiffness s_min at no travel",
-        role="friction", source="004 (3)",
-    )
-    highest_slope: float = parameter(
-        "N/m", key="highest_slope_n_per_m", lower=0.0, upper=1e10, meaning="Dahl stiffness s_max at the reference travel",
-        role="friction", source="004 (3)",
-    )
-    exponent: float = parameter("1", key="exponent", lower=0.05, upper=20.0, meaning="distortion exponent n", source="004 (3)")
+    reference_travel: float = declarations.reference_travel()
+    lowest_slope: float = declarations.dahl_slope_at_rest()
+    highest_slope: float = declarations.dahl_slope_at_reference()
+    exponent: float = declarations.distortion()
     entry: float = parameter(
         "m", key="entry_m", lower=0.0, upper=1.0, default=0.0,
         meaning="half width p of the smooth entry around the contact points", source="004 smoothing",
     )
-    clearance: float = parameter(
-        "m", key="clearance_m", lower=-1.0, upper=10.0, default=0.0,
-        meaning="compression at which the bumper is reached; negative where it is preloaded at rest", source="this project",
-    )
-    dead_band: float = parameter(
-        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
-        source="this project",
-    )
+    clearance: float = declarations.clearance()
+    dead_band: float = declarations.dead_band()
 
     def _bound_problems(self) -> Iterator[str]:
         yield from super()._bound_problems()

@@ -10,6 +10,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from ride_estimation.elements import declarations
 from ride_estimation.elements import kernels_network as columns
 from ride_estimation.elements.base import Array, ForceElement, parameter, series
 from ride_estimation.elements.curve import curve_columns, curve_problems, evaluate_curve
@@ -93,10 +94,7 @@ class LocalLinearNetwork(ForceElement):
         "m/s", key="highest_rate_m_per_s", lower=-100.0, upper=100.0, meaning="trained rate of the travel, high end",
         source="004 discussion",
     )
-    clearance: float = parameter(
-        "m", key="clearance_m", lower=-1.0, upper=10.0, default=0.0,
-        meaning="compression at which the buffer is reached; negative where it is preloaded at rest", source="this project",
-    )
+    clearance: float = declarations.clearance()
 
     def _bound_problems(self) -> Iterator[str]:
         yield from super()._bound_problems()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 from typing import ClassVar, final
 
+from ride_estimation.elements import declarations
 from ride_estimation.elements.base import ForceElement, parameter
 from ride_estimation.elements.berg_friction import BergFriction
 from ride_estimation.elements.composite import CompositeElement
@@ -47,19 +48,9 @@ class ModifiedBerg(CompositeElement):
         "N s/m", key="cell_2_damping_n_s_per_m", lower=1e-9, upper=1e9, meaning="damping c_2 of the second cell",
         role="damping", source="003 (18)",
     )
-    friction: float = parameter(
-        "N", key="friction_n", lower=0.0, upper=1e6, meaning="largest friction force f_max", role="friction",
-        source="003 (9)",
-    )
-    half_stroke: float = parameter(
-        "m", key="half_stroke_m", lower=1e-9, upper=1.0, meaning="stroke x_2 from rest to half the largest friction force",
-        source="003 (9)",
-    )
-    dead_band: float = parameter(
-        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
-        source="this project",
-    )
+    friction: float = declarations.friction_limit()
+    half_stroke: float = declarations.half_stroke()
+    dead_band: float = declarations.dead_band()
 
     def parts(self) -> tuple[ForceElement, ...]:
         """Return cubic spring, the two Maxwell cells and friction."""

@@ -10,7 +10,8 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from ride_estimation.elements.base import Array, ForceElement, parameter, series
+from ride_estimation.elements import declarations
+from ride_estimation.elements.base import Array, ForceElement, series
 from ride_estimation.elements.curve import curve_columns, curve_problems, evaluate_curve
 from ride_estimation.elements.terms import WEIGHTED_DAHL, Term
 
@@ -32,31 +33,13 @@ class WeightedDahl(ForceElement):
     travels: tuple[float, ...] = series(
         "m", key="travels_m", lower=0.0, upper=10.0, meaning="travels of the points, increasing from 0", source="004 (3)"
     )
-    heights: tuple[float, ...] = series(
-        "N", key="heights_n", lower=0.0, upper=1e7, meaning="height w of the hysteresis at the points", role="friction",
-        source="004 (5)",
-    )
-    reference_travel: float = parameter(
-        "m", key="reference_travel_m", lower=1e-4, upper=10.0, meaning="reference travel u_ref", source="004 (3)"
-    )
-    lowest_slope: float = parameter(
-        "N/m", key="lowest_slope_n_per_m", lower=0.0, upper=1e10, meaning="Dahl stiffness s_min at no travel",
-        role="friction", source="004 (3)",
-    )
-    highest_slope: float = parameter(
-        "N/m", key="highest_slope_n_per_m", lower=0.0, upper=1e10, meaning="Dahl stiffness s_max at the reference travel",
-        role="friction", source="004 (3)",
-    )
-    exponent: float = parameter("1", key="exponent", lower=0.05, upper=20.0, meaning="distortion exponent n", source="004 (3)")
-    clearance: float = parameter(
-        "m", key="clearance_m", lower=-1.0, upper=10.0, default=0.0,
-        meaning="compression at which the buffer is reached; negative where it is preloaded at rest", source="this project",
-    )
-    dead_band: float = parameter(
-        "m", key="dead_band_m", lower=0.0, upper=0.01, default=0.0,
-        meaning="shortest way back that is a reversal; about 8 standard deviations of the noise of a measured deflection",
-        source="this project",
-    )
+    heights: tuple[float, ...] = declarations.hysteresis_heights()
+    reference_travel: float = declarations.reference_travel()
+    lowest_slope: float = declarations.dahl_slope_at_rest()
+    highest_slope: float = declarations.dahl_slope_at_reference()
+    exponent: float = declarations.distortion()
+    clearance: float = declarations.clearance()
+    dead_band: float = declarations.dead_band()
 
     def _bound_problems(self) -> Iterator[str]:
         yield from super()._bound_problems()
