@@ -1,0 +1,46 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation export-file``: a recording or the results of a replay as CSV, Parquet or MDF4, with units."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ride_estimation.cli.replay import vehicle_file
+from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.io.bags import read_recording
+from ride_estimation.io.bounded import read_arrays
+from ride_estimation.io.files.conversion import recording_groups, replay_groups
+from ride_estimation.io.files.formats import WRITE_SUFFIXES, write_measurement_file
+from ride_estimation.io.vehicle_file import load_vehicle
+
+HELP = "write a recording or the results of a replay as CSV, Parquet or MDF4"
+EXAMPLES = """\
+  ride-estimation export-file out/nominal --out nominal.parquet                               (results of a replay)
+  ride-estimation export-file bags/nominal/bag --vehicle truck_cab --out nominal.mf4          (sensors of a recording)
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("source", type=Path, metavar="RUN", help="output folder of a replay, or a recording with --vehicle")
+    parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file, for a recording")
+    parser.add_argument("--out", required=True, type=Path, metavar="FILE", help=f"file to write: {', '.join(WRITE_SUFFIXES)}")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Read, convert, write."""
+    if options.out.suffix.lower() not in WRITE_SUFFIXES:
+        raise InputDataError(f"{options.out}: cannot be written; allowed endings: {', '.join(WRITE_SUFFIXES)}")
+    if (options.source / "signals.npz").is_file():
+        groups, start = replay_groups(read_arrays(options.source / "signals.npz"))
+    elif options.vehicle is None:
+        raise ConfigurationError(f"{options.source}: no signals.npz of a replay; a recording needs --vehicle V.yaml")
+    else:
+        vehicle = load_vehicle(vehicle_file(options.vehicle))
+        recording = read_recording(options.source, vehicle)
+        groups, start = recording_groups(recording, vehicle.sensors, options.out.suffix.lower() != ".mf4")
+    write_measurement_file(options.out, groups, start)
+    count = sum(len(group) for group in groups)
+    print(f"{options.out}: {count} channels, {max(len(group[0].time_s) for group in groups)} samples")
+    return 0

@@ -1,0 +1,180 @@
+# Copyright 2026 ride_estimation contributors
+"""Measurement files to recordings, and recordings and replays to the channels of measurement files."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.frames import AXES, COORDINATES
+from ride_estimation.io.files.channel_map import ChannelMap, components
+from ride_estimation.io.files.channels import FileChannel, MeasurementFile, unit_factor
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.alignment import align
+from ride_estimation.signals.recording import Channel, Recording
+
+Array = NDArray[np.float64]
+
+#: arrays of ``signals.npz`` that are exported -> units of their components
+_SIX = ("m/s^2", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2")
+_LOAD = ("N", "N", "N", "N m", "N m", "N m")
+_TIMED = {
+    "cg_accel": _SIX, "cg_accel_std": _SIX, "cg_specific_force": _SIX, "inertial_load": _LOAD, "inertial_load_std": _LOAD,
+    "angular_rate": ("rad/s",) * 3, "tilt": ("rad",) * 3,
+}  # fmt: skip
+_PER_MOUNT = {"mount_force": "N", "mount_force_std": "N", "mount_deflection": "m"}
+
+
+def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], channels: ChannelMap) -> Recording:
+    """Return a recording of those sensors the file has channels for.
+
+    Parameters
+    ----------
+    file
+        From :func:`~ride_estimation.io.files.formats.read_measurement_file`.
+    sensors
+        Of the vehicle.
+    channels
+        Which channel is what.
+
+    Raises
+    ------
+    InputDataError
+        A channel that is missing, ambiguous or in an unknown unit, components on different time bases, or no sensor at all.
+    """
+    by_name: dict[str, list[FileChannel]] = {}
+    for channel in file.channels:
+        by_name.setdefault(channel.name, []).append(channel)
+    problems: list[str] = []
+    ignored: Counter[str] = Counter()
+    found: dict[str, Channel] = {}
+    used: set[str] = set()
+    for sensor in sensors.values():
+        wanted = [(name, unit) for name, unit in components(sensor) if name in channels.sources]
+        if not wanted:
+            continue
+        names = [channels.sources[name].channel for name, _ in wanted]
+        if not any(name in by_name for name in names):
+            problems.append(f"{sensor.name}: the file has no channel {', '.join(repr(n) for n in names)}")
+            continue
+        parts = [_component(name, unit, channels, by_name, problems) for name, unit in wanted]
+        used.update(names)
+        if all(part is not None for part in parts):
+            channel_ = _sensor_channel(sensor, [p for p in parts if p is not None], file.start_ns, ignored, problems)
+            if channel_ is not None:
+                found[sensor.name] = channel_
+    there = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in file.channels)
+    if problems:
+        raise InputDataError(f"{file.name}:\n  - " + "\n  - ".join(problems) + f"\n  channels of the file: {there}")
+    if not found:
+        raise InputDataError(
+            f"{file.name}: no channel belongs to a sensor of the vehicle; a channel map is needed. Channels: {there}"
+        )
+    ignored.update({f"channel {name}: belongs to no sensor": len(c[0].values) for name, c in by_name.items() if name not in used})
+    return Recording(file.name, found, ignored=dict(ignored))
+
+
+def _component(
+    name: str, unit: str, channels: ChannelMap, by_name: Mapping[str, list[FileChannel]], problems: list[str]
+) -> FileChannel | None:
+    """Return one component in SI units."""
+    source = channels.sources[name]
+    there = by_name.get(source.channel, [])
+    if len(there) != 1:
+        problems.append(f"{name}: the file has {len(there) or 'no'} channel{'s' if len(there) > 1 else ''} {source.channel!r}")
+        return None
+    given = source.unit or there[0].unit
+    known = unit_factor(given) if given else None
+    if known is None or known[0] != unit:
+        what = f"unit {given!r} of channel {source.channel!r} is not for {unit}" if given else f"{source.channel!r} has no unit"
+        problems.append(f"{name}: {what}; say it in the channel map (unit: ...)")
+        return None
+    values = known[1] * (source.factor * there[0].values + source.offset)
+    return FileChannel(name, unit, there[0].time_s, values)
+
+
+def _sensor_channel(
+    sensor: Sensor, parts: list[FileChannel], start_ns: int, ignored: Counter[str], problems: list[str]
+) -> Channel | None:
+    first = parts[0].time_s
+    if any(not np.array_equal(part.time_s, first) for part in parts[1:]):
+        problems.append(f"{sensor.name}: its components are on different time bases")
+        return None
+    if np.any(np.diff(first) <= 0.0) or not np.all(np.isfinite(first)):
+        problems.append(f"{sensor.name}: its time does not rise")
+        return None
+    values = np.column_stack([part.values for part in parts])
+    good = np.all(np.isfinite(values), axis=1)
+    if not np.all(good):
+        ignored[f"{sensor.name}: no value in the file"] += int(np.sum(~good))
+    stamps = start_ns + np.round(first[good] * 1e9).astype(np.int64)
+    if len(stamps) < 2:
+        problems.append(f"{sensor.name}: {len(stamps)} samples; at least two are needed")
+        return None
+    return Channel(sensor.name, stamps, np.ascontiguousarray(values[good]), stamps)
+
+
+def recording_groups(
+    recording: Recording, sensors: Mapping[str, Sensor], one_time_base: bool
+) -> tuple[list[list[FileChannel]], int]:
+    """Return the channels of a recording by time base, and its start [ns].
+
+    Parameters
+    ----------
+    recording
+        The run.
+    sensors
+        Of the vehicle.
+    one_time_base
+        Interpolate all sensors to the rate of the fastest, for tables; otherwise every sensor keeps its stamps, sorted.
+    """
+    if one_time_base:
+        run = align(recording)
+        table = [
+            FileChannel(name, unit, run.time_s, np.where(run.valid[sensor.name], run.data[sensor.name][:, i], np.nan))
+            for sensor in sensors.values() if sensor.name in run.data
+            for i, (name, unit) in enumerate(components(sensor))
+        ]  # fmt: skip
+        return [table], run.start_ns
+    start = min(int(channel.stamp_ns.min()) for channel in recording.channels.values())
+    groups = []
+    for name, channel in recording.channels.items():
+        stamps, places = np.unique(channel.stamp_ns, return_index=True)
+        time = np.asarray((stamps - start) * 1e-9, dtype=np.float64)
+        parts = components(sensors[name])
+        groups.append([FileChannel(part, unit, time, channel.values[places, i]) for i, (part, unit) in enumerate(parts)])
+    return groups, start
+
+
+def replay_groups(signals: Mapping[str, NDArray[np.generic]]) -> tuple[list[list[FileChannel]], int]:
+    """Return the estimates of a replay as channels, and the stamp of its first tick [ns].
+
+    Parameters
+    ----------
+    signals
+        Arrays of ``signals.npz``.
+
+    Raises
+    ------
+    InputDataError
+        Arrays that a replay writes are missing.
+    """
+    missing = [name for name in ("time_s", "stamp_ns", "mount_names", "valid", "cg_accel") if name not in signals]
+    if missing:
+        raise InputDataError(f"signals.npz: no {', '.join(missing)}: not the results of a replay")
+    time = np.asarray(signals["time_s"], dtype=float)
+    found = [FileChannel("valid", "-", time, np.asarray(signals["valid"], dtype=float))]
+    for name, units in _TIMED.items():
+        if name in signals:
+            table = np.asarray(signals[name], dtype=float)
+            found += [FileChannel(f"{name}.{COORDINATES[i]}", unit, time, table[:, i]) for i, unit in enumerate(units)]
+    for name, unit in _PER_MOUNT.items():
+        if name in signals:
+            table = np.asarray(signals[name], dtype=float)
+            for m, mount in enumerate(signals["mount_names"]):
+                found += [FileChannel(f"{name}.{mount}.{axis}", unit, time, table[:, m, i]) for i, axis in enumerate(AXES)]
+    return [found], int(np.asarray(signals["stamp_ns"])[0])

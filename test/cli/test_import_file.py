@@ -1,0 +1,175 @@
+# Copyright 2026 ride_estimation contributors
+"""Measurement files in and out: round trips to the last digit the format holds, units converted, every bad input refused.
+
+MDF4, TDMS, RPC III and Parquet need the extra ``files``; without it only CSV is tested.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ride_estimation.cli.main import main
+from ride_estimation.errors import InputDataError
+from ride_estimation.io.bag_writer import write_bag
+from ride_estimation.io.bags import iterate_messages, read_recording
+from ride_estimation.io.files.channels import FileChannel, split_heading, unit_factor
+from ride_estimation.io.files.formats import read_measurement_file, write_measurement_file
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.resources import shared_path
+from ride_estimation.signals.recording import Channel, Recording
+
+VEHICLE = shared_path("config", "vehicles", "truck_cab_transducers.yaml")
+RATE, SECONDS = 100.0, 2.0
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Sensors of a vehicle file, all sampled at the same instants."""
+    sensors = load_vehicle(VEHICLE).sensors
+    rng = np.random.default_rng(1)
+    stamps = 5_000_000_000 + np.round(np.arange(0, SECONDS, 1 / RATE) * 1e9).astype(np.int64)
+    return Recording("made", {
+        name: Channel(name, stamps, rng.normal(size=(len(stamps), sensor.channels)), stamps) for name, sensor in sensors.items()
+    })  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bag(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("files") / "bag"
+    write_bag(folder, recording, load_vehicle(VEHICLE).sensors)
+    return folder
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mf4"])
+def test_export_and_import_give_the_recording_back(suffix: str, bag: Path, recording: Recording, tmp_path: Path) -> None:
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+    if suffix == ".mf4":
+        pytest.importorskip("asammdf")
+    file = tmp_path / f"run{suffix}"
+    assert main(["export-file", str(bag), "--vehicle", str(VEHICLE), "--out", str(file)]) == 0
+    assert main(["import-file", str(file), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "again")]) == 0
+    back = read_recording(tmp_path / "again", load_vehicle(VEHICLE))
+    assert set(back.channels) == set(recording.channels)
+    for name, channel in recording.channels.items():
+        other = back.channels[name]
+        n = len(other.stamp_ns)
+        assert n >= RATE * SECONDS - (0 if suffix == ".mf4" else 3)
+        # the time base of a table may begin a few samples late; interpolating at a sample gives the sample up to rounding
+        shifts = range(len(channel.stamp_ns) - n + 1)
+        assert any(np.allclose(other.values, channel.values[k : k + n], rtol=0.0, atol=1e-9) for k in shifts), name
+        assert np.array_equal(np.diff(other.stamp_ns), np.diff(channel.stamp_ns)[:n - 1])
+    if suffix == ".mf4":
+        assert back.channels[name].stamp_ns[0] == recording.channels[name].stamp_ns[0]  # MDF knows when it was
+
+
+def test_units_names_and_signs_come_from_the_map(tmp_path: Path) -> None:
+    numbers = [f"{10 * i};0,5;0,{i};-9,81;12,5" for i in range(5)]
+    rows = ["Zeit;AX;AY;AZ;Pot", "ms;g;g;m/s²;mm", *numbers]
+    (tmp_path / "run.csv").write_text("# a comment\n" + "\n".join(rows))
+    (tmp_path / "map.yaml").write_text(
+        "schema: ride_estimation/channels/1\nchannels:\n  cab_front_left.x: AX\n  cab_front_left.y: {channel: AY, factor: -1.0}\n"
+        "  cab_front_left.z: {channel: AZ, factor: -1.0}\n"
+    )
+    out = tmp_path / "bag"
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(out)]
+    assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 0
+    messages = [m.linear_acceleration for _, _, _, m in iterate_messages(out)]
+    assert [m.x for m in messages] == pytest.approx([0.5 * 9.80665] * 5)
+    assert [m.y for m in messages] == pytest.approx([-0.1 * i * 9.80665 for i in range(5)])
+    assert [m.z for m in messages] == pytest.approx([9.81] * 5)
+
+
+def test_tdms_and_rpc_files_of_their_own_libraries(tmp_path: Path) -> None:
+    nptdms, rpc3 = pytest.importorskip("nptdms"), pytest.importorskip("rpc3")
+    rng = np.random.default_rng(2)
+    values = {name: rng.normal(size=400) for name in ("a", "b", "c")}
+    begin = np.datetime64("2026-05-01T12:00:00", "us")
+    properties = {"wf_increment": 0.005, "wf_start_time": begin, "wf_start_offset": 0.0, "unit_string": "g"}
+    with nptdms.TdmsWriter(tmp_path / "run.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("daq", name, v, properties=properties) for name, v in values.items()])
+    found = read_measurement_file(tmp_path / "run.tdms")
+    assert found.start_ns == int(begin.astype("datetime64[ns]").astype(np.int64))
+    rpc3.write(str(tmp_path / "run.rpc"), [rpc3.Channel(n, "g", 0.005, v) for n, v in values.items()], datatype=float)
+    for file, tolerance in ((found, 0.0), (read_measurement_file(tmp_path / "run.rpc"), 1e-6)):
+        assert [c.unit for c in file.channels] == ["g"] * 3
+        for channel in file.channels:
+            assert channel.time_s[1] == pytest.approx(0.005)
+            # RPC III holds single precision
+            assert np.max(np.abs(channel.values[:400] - values[channel.name])) <= tolerance * 5.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,a\n0,1\n1,2\n", "channel map"),
+        ("a [g],b\n1,2\n3,4\n", "no time column"),
+        ("time,a\n0,1\n0,2\n", "does not rise"),
+        ("time,a\n0,1\n1\n", "row 3 has 1 cells"),
+        ("time,a\n0,1\n1,x\n", "column a: 'x'"),
+        ("time,a\n", "two rows"),
+        ("", "empty"),
+        ("time,cab_front_left.x [N],cab_front_left.y [N],cab_front_left.z [N]\n0,1,2,3\n1,2,3,4\n", "unit 'N'"),
+        ("time,cab_front_left.x,cab_front_left.y,cab_front_left.z\n0,1,2,3\n1,2,3,4\n", "no unit"),
+    ],
+)
+def test_bad_files_are_refused(text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "run.csv").write_text(text)
+    assert main(["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "bag").exists()
+
+
+def test_a_bad_map_is_refused_with_all_mistakes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "run.csv").write_text("time,a\n0,1\n1,2\n")
+    (tmp_path / "map.yaml").write_text(
+        "schema: ride_estimation/channels/1\nchannels:\n  nothing.x: a\n  cab_front_left.x: {channel: a, unit: N}\nodd: 1\n"
+    )
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 2
+    told = capsys.readouterr().err
+    assert all(part in told for part in ("nothing.x", "'N'", "cab_front_left.y", "odd"))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "module"), [(".mf4", "asammdf"), (".tdms", "nptdms"), (".rpc", "rpc3"), (".parquet", "pyarrow")]
+)
+def test_a_missing_extra_is_named_and_a_damaged_file_refused(
+    suffix: str, module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / f"run{suffix}"
+    file.write_bytes(b"no such file was ever written by a logger" * 20)
+    arguments = ["import-file", str(file), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main(arguments) == 2  # damaged, or the extra is not there
+    assert str(file) in (told := capsys.readouterr().err) or "extra 'files'" in told
+    monkeypatch.setitem(sys.modules, module, None)
+    assert main(arguments) == 2
+    assert "ride_estimation[files]" in capsys.readouterr().err
+
+
+def test_headings_and_units() -> None:
+    assert split_heading("force (kN)") == ("force", "kN") and split_heading("plain") == ("plain", "")
+    assert unit_factor("m/s²") == ("m/s^2", 1.0) and unit_factor("furlong") is None
+    assert unit_factor("[kN]") == ("N", 1000.0)
+
+
+def test_a_missing_value_leaves_the_sample_out_and_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head = "time [s],cab_front_left.x [m/s^2],cab_front_left.y [m/s^2],cab_front_left.z [m/s^2],odd [N]\n"
+    (tmp_path / "run.csv").write_text(head + "0,1,2,3,0\n0.1,,2,3,0\n0.2,1,2,3,0\n")
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main(arguments) == 0
+    told = capsys.readouterr().out
+    assert "cab_front_left: no value in the file (1 samples)" in told and "channel odd: belongs to no sensor" in told
+    assert "2 samples of 1 sensors" in told
+
+
+def test_two_time_bases_are_no_table(tmp_path: Path) -> None:
+    one = [FileChannel("a", "N", np.arange(3.0), np.zeros(3))]
+    with pytest.raises(InputDataError, match="one time base"):
+        write_measurement_file(tmp_path / "x.csv", [one, one], 0)
+    with pytest.raises(InputDataError, match="allowed endings"):
+        write_measurement_file(tmp_path / "x.xls", [one], 0)
