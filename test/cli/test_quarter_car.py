@@ -1,7 +1,9 @@
 # Copyright 2026 ride_estimation contributors
 """End to end: ``ride-estimation quarter-car`` on the fire truck of document 002."""
 
+import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ DRIVE = ["--speed-m-per-s", str(TRUCK.speed), "--wheel-radius-m", "0.5"]
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
-    time, hub, y = TRUCK.record()
+    time, hub, y = dataclasses.replace(TRUCK, disturbance=(1500.0, 6.3)).record()
     path = tmp_path_factory.mktemp("run") / "truck.csv"
     header = "time_s,road_mm,body_acceleration_m_per_s2,axle_acceleration_m_per_s2"
     np.savetxt(path, np.column_stack([time, 1000 * hub, y]), delimiter=",", header=header, comments="")
@@ -34,6 +36,9 @@ def test_six_models_are_fitted_and_written(table, tmp_path, capsys):
     for number in range(1, 7):
         assert f"model {number}," in text
     assert "the input is the problem" not in text
+    assert re.search(r"best fit: model [56],", text)
+    assert re.search(r"sinusoid +1[45]\d\d N at 6\.(29|30)\d Hz", text)
+    assert "half car" not in text
     document = json.loads((tmp_path / "quarter_car.json").read_text())
     sums = [m["sum_of_squares"] for m in document["models"]]
     assert sums[1] <= sums[0]
@@ -49,6 +54,15 @@ def test_the_step_is_warned_of(table, tmp_path, capsys):
     np.savetxt(path, rows[::2], delimiter=",", header=header, comments="")
     assert main(["quarter-car", str(path), *MASSES, *DRIVE, "--models", "2", "--starts", "0"]) == 0
     assert "the input is the problem" in capsys.readouterr().out
+
+
+def test_a_missing_rear_axle_is_offered(tmp_path, capsys):
+    time, hub, y = dataclasses.replace(TRUCK, duration=8.0, rear=True).record(100.0)
+    path = tmp_path / "rear.csv"
+    header = "time_s,road_m,body_acceleration_m_per_s2,axle_acceleration_m_per_s2"
+    np.savetxt(path, np.column_stack([time, hub, y]), delimiter=",", header=header, comments="")
+    assert main(["quarter-car", str(path), *MASSES, *DRIVE, "--models", "1", "--starts", "0"]) == 0
+    assert "use a half car" in capsys.readouterr().out
 
 
 def test_unequal_time_steps_end_with_code_2(tmp_path, capsys):

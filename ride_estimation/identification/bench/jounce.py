@@ -17,13 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear
 
+from ride_estimation.identification.bench.jounce_consistent import fit_consistent
 from ride_estimation.identification.bench.jounce_model import Load, WhiteBox, loaded_nrmse, split_static
-from ride_estimation.identification.bench.jounce_search import RATE_SHARE, balance, fit_balance
+from ride_estimation.identification.bench.jounce_search import RATE_SHARE, fit_balance, mean_nrmse
 from ride_estimation.identification.bench.jounce_static import fit_static
+from ride_estimation.identification.bench.reversals import noise_level
 
 Array = NDArray[np.float64]
 
 CELLS = 5
+#: most rounds of the balance, and the share of the error beyond the noise that a round has to take away to be followed by another
+ROUNDS, WORTHWHILE = 4, 0.05
 
 
 def identify_white_box(
@@ -41,6 +45,25 @@ def identify_white_box(
     box = balance(box, loads)
     _note(stages, "balance", box, loads, progress)
     return box, stages
+
+
+def balance(box: WhiteBox, loads: Sequence[Load]) -> WhiteBox:
+    """Fit all parameters to all records in short rounds, as long as a round lowers the mean NRMSE beyond the noise floor.
+
+    A round that does not lower the mean NRMSE is undone and is the last.
+    """
+    noise = float(np.mean([(noise_level(load.force) / load.scale) ** 2 for load in loads]))
+    best, score = box, mean_nrmse(box, loads)
+    for _ in range(ROUNDS):
+        trial = fit_consistent(best, loads)
+        trial_score = mean_nrmse(trial, loads)
+        if trial_score >= score:
+            break
+        beyond, before = (max(value**2 - noise, 1e-12) for value in (trial_score, score))
+        best, score = trial, trial_score
+        if beyond > (1.0 - WORTHWHILE) ** 2 * before:
+            break
+    return best
 
 
 def _note(

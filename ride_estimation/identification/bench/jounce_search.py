@@ -16,15 +16,20 @@ from ride_estimation.identification.bench.jounce_model import Load, WhiteBox, lo
 Array = NDArray[np.float64]
 
 #: price, in squared NRMSE, of a third difference of the static curve as large as its largest force
-_SMOOTHNESS = 1.0e-7
+SMOOTHNESS = 1.0e-7
 #: price, in squared NRMSE, of a hysteresis height that departs by its reference from the constructed one
 HEIGHT_PRIOR = 1.0e-4
 #: rate limit as a share of the stability limit of an explicit solver at the record's step
 RATE_SHARE = 1.0
 
 
+def rate_limit(loads: Sequence[Load]) -> float:
+    """Return the fastest rate of a cell [1/s] that the records can tell."""
+    return max(RATE_SHARE * 2.0 / max(load.step_s for load in loads), 20.0)
+
+
 @dataclasses.dataclass(frozen=True)
-class _Pack:
+class NonlinearPack:
     """Which nonlinear parameters are free and how they are scaled into one vector."""
 
     box: WhiteBox
@@ -32,6 +37,11 @@ class _Pack:
     cells: bool
     contacts: bool
     rate_limit: float
+
+    @classmethod
+    def of_everything(cls, box: WhiteBox, loads: Sequence[Load]) -> NonlinearPack:
+        """Return the pack of all nonlinear parameters of a box."""
+        return cls(box, True, box.rates.size > 0, box.rates.size > 0, rate_limit(loads))
 
     def start(self) -> tuple[Array, Array, Array]:
         """Return start, lower and upper bounds."""
@@ -109,7 +119,7 @@ class _Linear:
         if self._curves:
             rough = np.diff(np.eye(size), n=3, axis=0)
             largest = max(float(load.force.max()) for load in self._loads)
-            gram[:size, :size] += _SMOOTHNESS / largest**2 * rough.T @ rough
+            gram[:size, :size] += SMOOTHNESS / largest**2 * rough.T @ rough
             prior = self._prior / max(float(box.constructed.max()), 1.0) ** 2 * (np.eye(size) + 10.0 * rough.T @ rough)
             gram[size : 2 * size, size : 2 * size] += prior
             right[size : 2 * size] += prior @ box.constructed
@@ -142,23 +152,6 @@ def mean_nrmse(box: WhiteBox, loads: Sequence[Load]) -> float:
     return float(np.mean([loaded_nrmse(load, box.force(load)) for load in loads]))
 
 
-def balance(box: WhiteBox, loads: Sequence[Load], rounds: int = 4) -> WhiteBox:
-    """Fit all parameters to all records in short rounds; a round that does not lower the mean NRMSE is undone.
-
-    Between rounds the height that steers the friction slope is replaced by the fitted one.
-    """
-    best, score = box, mean_nrmse(box, loads)
-    for free, prior in (("static", HEIGHT_PRIOR), *([("all", HEIGHT_PRIOR)] * rounds)):
-        trial = fit_balance(best, loads, free=free, prior=prior, evaluations=5)
-        trial_score = mean_nrmse(trial, loads)
-        if trial_score < score:
-            gained = 1.0 - trial_score / score
-            best, score = trial, trial_score
-            if gained < 0.01 and free == "all":
-                break
-    return best
-
-
 def fit_balance(
     box: WhiteBox, loads: Sequence[Load], *, free: str, prior: float = HEIGHT_PRIOR, evaluations: int = 12
 ) -> WhiteBox:
@@ -177,10 +170,8 @@ def fit_balance(
     evaluations
         Limit of steps.
     """
-    limit = RATE_SHARE * 2.0 / max(load.step_s for load in loads)
-    limit = max(limit, 20.0)
     has_cells = box.rates.size > 0
-    pack = _Pack(box, free != "cells", free != "static" and has_cells, free == "all", limit)
+    pack = NonlinearPack(box, free != "cells", free != "static" and has_cells, free == "all", rate_limit(loads))
     linear = _Linear(loads, box.basis, free != "cells", free != "static" and has_cells, prior)
     start, lower, upper = pack.start()
 

@@ -22,6 +22,8 @@ _POSITIVE = ("spring_rate", "tyre_rate", "damping")  # estimated in logarithm
 _SINE = ("sine_in_phase", "sine_quadrature", "sine_frequency")
 #: two parameters whose relative standard deviation exceeds this are not identified by the run
 _IDENTIFIED = 0.5
+#: starts followed, evaluations before the ways are compared, ways kept within this factor of the best, evaluations to the end
+_DESCENTS, _FIRST_EVALUATIONS, _CLOSE, _EVALUATIONS = 3, 10, 1.02, 60
 
 
 @dataclasses.dataclass(frozen=True)
@@ -189,22 +191,24 @@ class _Problem:
         def objective(z: Array, base: dict[str, float]) -> Array:
             return self.residual(model, base | _untransform(names, z))
 
-        best: tuple[dict[str, float], Array, Array] | None = None
-        for start in sorted(starts, key=lambda s: float(np.sum(self.residual(model, s) ** 2)))[:3]:
+        def descend(start: dict[str, float], evaluations: int) -> tuple[dict[str, float], Array, Array]:
             z0 = np.clip(_transform(names, start), lower + 1e-9 * scale, upper - 1e-9 * scale)
             result = optimize.least_squares(
-                objective, z0, bounds=(lower, upper), x_scale=scale, args=(start,), method="trf", xtol=1e-10, ftol=1e-10,
-                diff_step=1e-6, max_nfev=60,
+                objective, z0, bounds=(lower, upper), x_scale=scale, args=(start,), method="trf", xtol=1e-8, ftol=1e-8,
+                diff_step=1e-6, max_nfev=evaluations,
             )
-            candidate = (start | _untransform(names, result.x), result.fun, result.jac)
             start_residual = self.residual(model, start)
             if np.sum(start_residual**2) < np.sum(result.fun**2):
-                candidate = (start, start_residual, result.jac)
-            if best is None or np.sum(candidate[1] ** 2) < np.sum(best[1] ** 2):
-                best = candidate
-        if best is None:
-            raise InputDataError("no starting point")
-        return best
+                return start, start_residual, result.jac
+            return start | _untransform(names, result.x), result.fun, result.jac
+
+        def cost(found: tuple[dict[str, float], Array, Array]) -> float:
+            return float(np.sum(found[1] ** 2))
+
+        nearest = sorted(starts, key=lambda s: float(np.sum(self.residual(model, s) ** 2)))[:_DESCENTS]
+        ways = [descend(start, _FIRST_EVALUATIONS) for start in nearest]
+        level = _CLOSE * min(cost(way) for way in ways)
+        return min((descend(way[0], _EVALUATIONS) for way in ways if cost(way) <= level), key=cost)
 
 
 def _transform(names: list[str], values: dict[str, float]) -> Array:

@@ -26,6 +26,11 @@ Array = NDArray[np.float64]
 
 REFERENCE_STROKE = 0.05  # m
 REFERENCE_SPEED = 0.3  # m/s
+#: internal steps per second: at the upper bounds of tyre rate and damping one step is 0.18 rad and 0.73 time constants
+_INTERNAL_HZ = 1000.0
+_MOST_INTERNAL_HZ = 10_000.0
+#: the vertical tangent of ``|v|^n`` at rest, n < 1, is rounded over this rate [m/s]; without it every integrator chatters
+_ROUNDING = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +121,10 @@ def suspension_element(values: dict[str, float]) -> ForceElement:
     return SumOfElements(
         (
             PowerSpring(values["spring_rate"], values["spring_exponent"], REFERENCE_STROKE),
-            PowerDamper(values["damping"], values["damping_exponent"], REFERENCE_SPEED),
+            PowerDamper(
+                values["damping"], values["damping_exponent"], REFERENCE_SPEED,
+                _ROUNDING if values["damping_exponent"] < 1.0 else 0.0,
+            ),
         )
     )
 
@@ -150,7 +158,6 @@ class QuarterCarSimulation:
         self._rate = rate_hz
         stiff = {name: p.off for name, p in PARAMETERS.items()} | {"tyre_rate": 2e6, "damping": 5e4}
         self._assembly = assemble(quarter_car(*self._masses, stiff))
-        self._substeps = max(1, int(np.ceil(2000.0 / rate_hz)))
 
     def run(self, values: dict[str, float], sine: str) -> Array:
         """Return accelerations [m/s^2] of body and axle, shape (N, 2)."""
@@ -165,6 +172,12 @@ class QuarterCarSimulation:
             else:
                 load = np.column_stack([wave, np.zeros_like(wave)])
         base = BaseMotion.from_displacement(displacement, self._rate)
-        model = CompiledModel(self._assembly, base, load=load, substeps=self._substeps)
+        model = CompiledModel(self._assembly, base, load=load, substeps=self._substeps(values))
         changes = {("suspension", "z"): suspension_element(values), ("tyre", "z"): tyre_element(values)}
         return np.asarray(model.run_raw(changes).qdd)
+
+    def _substeps(self, values: dict[str, float]) -> int:
+        """Return the internal steps per sample: at most one time constant of the damper at rest per step."""
+        at_rest = values["damping"] * (_ROUNDING / REFERENCE_SPEED) ** min(values["damping_exponent"] - 1.0, 0.0)
+        fastest = at_rest * sum(1.0 / mass for mass in self._masses)
+        return max(1, int(np.ceil(min(max(_INTERNAL_HZ, fastest), _MOST_INTERNAL_HZ) / self._rate)))
