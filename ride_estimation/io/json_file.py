@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import glob
 import json
 import math
 import os
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,9 @@ import numpy as np
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bounded import read_text
+
+#: age from which an unfinished file is nobody's any more [s]
+_LEFTOVER_S = 3600.0
 
 
 def jsonable(value: Any) -> Any:
@@ -76,6 +81,7 @@ def write_atomically(path: Path, text: str) -> None:
         Written as UTF-8; what cannot be written so (lone surrogates of names from outside) is written as ``?``.
     """
     data = text.encode("utf-8", "replace")
+    _remove_leftovers(path)
     handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -94,6 +100,14 @@ def write_atomically(path: Path, text: str) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove what writers that were killed left beside the file more than an hour ago."""
+    for left in path.parent.glob(f".{glob.escape(path.name[:100])}.*.tmp"):
+        with contextlib.suppress(OSError):
+            if time.time() - left.stat().st_mtime > _LEFTOVER_S:
+                left.unlink()
 
 
 def _umask() -> int:

@@ -75,6 +75,14 @@ _FILLERS: dict[str, Callable[[], tuple[SimpleNamespace, Callable[[bytes], None],
 }
 
 
+def stamp_of_payload(payload: bytes) -> int | None:
+    """Return the header stamp of a serialized message [ns], None where it is not little-endian CDR."""
+    if payload[:2] != _LITTLE_ENDIAN_CDR or len(payload) < _ENCAPSULATION + _HEAD.size:
+        return None
+    seconds, rest, _ = _HEAD.unpack_from(payload, _ENCAPSULATION)
+    return int(seconds) * 1_000_000_000 + int(rest)
+
+
 def make_reader(type_name: str) -> Reader:
     """Return the function from serialized bytes to a message or a view of it.
 

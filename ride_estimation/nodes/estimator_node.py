@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import sys
+import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
@@ -27,13 +28,15 @@ from std_srvs.srv import Trigger
 
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.io.state_file import restore_state, save_results
+from ride_estimation.io.state_file import restore_state, save_results, save_state
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
+from ride_estimation.nodes.backpressure import THIN, Load
+from ride_estimation.nodes.cdr import stamp_of_payload
 from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, pipeline_settings
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
-from ride_estimation.nodes.node_health import NODE
+from ride_estimation.nodes.node_health import NODE, load_status
 from ride_estimation.nodes.parameters import declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
 from ride_estimation.nodes.session import Session
@@ -76,6 +79,9 @@ class EstimatorNode(LifecycleNode):
         self._fault = ""
         self._reported_ns: int | None = None
         self._reported_since_watch = False
+        self._saved_ns: int | None = None
+        self._save_problem = ""
+        self._load = Load()
         declare(self, TABLE)
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
@@ -133,8 +139,9 @@ class EstimatorNode(LifecycleNode):
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Unsubscribe; what was learned stays."""
+        """Unsubscribe; what was learned stays and is saved."""
         self._unsubscribe()
+        self._save_state()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -218,12 +225,20 @@ class EstimatorNode(LifecycleNode):
         return self.create_subscription(
             MESSAGE_CLASSES[type_name],
             topic,
-            functools.partial(self.receive, topic, type_name),
+            functools.partial(self._arrived, topic, type_name),
             qos.sensor_input(int(self.get_parameter("input_depth").value)),
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             raw=True,
         )
+
+    def _arrived(self, topic: str, type_name: str, payload: bytes) -> None:
+        """Take a live message, unless the node is too far behind."""
+        began = time.monotonic()
+        stamp = stamp_of_payload(payload)
+        if stamp is None or self._load.admit(topic, stamp * 1e-9, began):
+            self.receive(topic, type_name, payload)
+        self._load.handled(began, time.monotonic())
 
     def receive(self, topic: str, type_name: str, payload: bytes) -> tuple[OutputBlock, ...]:
         """Handle one serialized message: observe it, publish what became ready, report when a period is over.
@@ -251,7 +266,7 @@ class EstimatorNode(LifecycleNode):
         session, outputs = self._session, self._outputs
         if session is None or outputs is None:
             return ()
-        every = int(self.get_parameter("publish_every").value) if blocks else 1
+        every = int(self.get_parameter("publish_every").value) * (THIN if self._load.thinned else 1) if blocks else 1
         for block in blocks:
             for tick in session.ticks_to_publish(block.valid & finite(block), every):
                 outputs.publish_tick(block, tick)
@@ -279,6 +294,9 @@ class EstimatorNode(LifecycleNode):
             return
         if not self._active:
             yield conversions.status(DiagnosticStatus.WARN, "estimator node", "not active", NODE, {})
+        yield load_status(self._load)
+        if self._save_problem:
+            yield conversions.status(DiagnosticStatus.WARN, "saved state", self._save_problem, NODE, {})
         yield from self._session.statuses()
 
     def watch(self) -> None:
@@ -287,6 +305,38 @@ class EstimatorNode(LifecycleNode):
         if not self._reported_since_watch:
             self._publish_diagnostics(self.get_clock().now().nanoseconds)
         self._reported_since_watch = False
+        self._save_if_due()
+
+    def destroy_node(self) -> None:
+        """Save what was learned and leave."""
+        self._save_state()
+        super().destroy_node()
+
+    # ---- saved state ----
+
+    def _save_if_due(self) -> None:
+        """Save to ``state_file`` once per interval of the steady clock."""
+        interval_ns = round(float(self.get_parameter("save_interval").value) * 1e9)
+        now = Clock(clock_type=ClockType.STEADY_TIME).now().nanoseconds
+        if self._saved_ns is None:
+            self._saved_ns = now
+        if interval_ns and now - self._saved_ns >= interval_ns:
+            self._saved_ns = now
+            self._save_state()
+
+    def _save_state(self) -> None:
+        """Save to ``state_file`` if there is one and something to save; a failure is said once and on diagnostics."""
+        path = str(self.get_parameter("state_file").value)
+        if self._session is None or not path or not float(self.get_parameter("save_interval").value):
+            return
+        try:
+            save_state(Path(path).expanduser(), self._session.pipeline)
+        except (OSError, ValueError) as error:
+            if not self._save_problem:
+                self.get_logger().warning(f"state not saved: {error}")
+            self._save_problem = f"not saved: {error}"
+        else:
+            self._save_problem = ""
 
     # ---- services ----
 

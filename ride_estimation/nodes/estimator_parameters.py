@@ -21,7 +21,10 @@ _DEFAULTS = PipelineSettings()
 #: what the node itself needs
 NODE_PARAMETERS: tuple[NodeParameter, ...] = (
     NodeParameter("vehicle", "truck_cab", "", "vehicle file, or the name of a bundled one", read_only=True),
-    NodeParameter("state_file", "", "", "saved state to continue from; empty starts from the vehicle file", read_only=True),
+    NodeParameter(
+        "state_file", "", "", "state to continue from and to save to; empty starts from the vehicle file", read_only=True
+    ),
+    NodeParameter("save_interval", 60.0, "s", "time between two savings to state_file; 0 saves never", 0.0, 86400.0),
     NodeParameter("save_directory", "~/.ros/ride_estimation", "", "folder that ~/save_parameters writes to"),
     NodeParameter("autostart", True, "", "configure and activate without a lifecycle manager", read_only=True),
     NodeParameter("executor", EXECUTORS[0], "", "how callbacks are run", allowed=EXECUTORS, read_only=True),

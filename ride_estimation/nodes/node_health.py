@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from ride_estimation.estimation.health import Health, SensorHealth
+from ride_estimation.nodes.backpressure import Load
 from ride_estimation.nodes.conversions import status
 
 #: hardware id of everything that is about the node itself
@@ -110,6 +111,19 @@ def pipeline_statuses(health: Health, body: str, faults: Mapping[str, int], unpu
     yield status(level, "estimates", messages[0] if messages else "running", body, values)
     for sensor in health.sensors.values():
         yield sensor_status(sensor)
+
+
+def load_status(load: Load) -> DiagnosticStatus:
+    """Return whether the node keeps up with its messages."""
+    words = load.words()
+    message = words or (f"keeps up; {load.left_out} messages were left out earlier" if load.left_out else "keeps up")
+    values: dict[str, object] = {
+        "behind_s": load.behind_s,
+        "largest behind_s": load.worst_s,
+        "busy": load.busy,
+        "messages left out": load.left_out,
+    }
+    return status(DiagnosticStatus.WARN if words else DiagnosticStatus.OK, "load", message, NODE, values)
 
 
 def sensor_status(sensor: SensorHealth) -> DiagnosticStatus:

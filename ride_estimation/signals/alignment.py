@@ -23,6 +23,7 @@ averaged over one tick. No clock is read anywhere, so a live run and its recordi
 from __future__ import annotations
 
 import bisect
+import dataclasses
 import itertools
 import math
 from array import array
@@ -46,6 +47,8 @@ _CONFIRM = 3
 _CONFIRM_SPAN = 100_000_000
 #: longest the last value of a stream that is not waited for is held [ns]
 _HOLD = 2 * NANOSECONDS
+#: time without a sample after which a stream is called silent [ns]; shorter than the longest wait, longer than usual bursts
+_OVERDUE = 300_000_000
 #: samples of a stream that tell its rate at the start, and the time they span [ns]
 _WARM_UP = 8
 _WARM_UP_SPAN = 400_000_000
@@ -145,8 +148,13 @@ class StampAligner:
         return [v / g**2 for v, g in zip(stated, spec.correction.gains(len(stated)).tolist())]
 
     def health(self) -> dict[str, StreamHealth]:
-        """Return the counters of every stream by name."""
-        return {s.spec.name: s.health() for s in self._streams}
+        """Return the counters of every stream by name; silent is also one that is overdue but still waited for."""
+        found = {}
+        for s in self._streams:
+            overdue = bool(s.last) and self._newest - s.last > max(_OVERDUE, round(self._gap_periods * s.period))
+            health = s.health()
+            found[s.spec.name] = dataclasses.replace(health, silent=True) if overdue and not health.silent else health
+        return found
 
     def reject(self, index: int, reason: str) -> None:
         """Count a sample that was refused before it came here.

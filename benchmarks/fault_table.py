@@ -1,0 +1,79 @@
+# Copyright 2026 ride_estimation contributors
+"""Print the table of faults (test/replay/fault_table.py) with measured figures: time to the right sentence, recovery, bounds.
+
+    python benchmarks/fault_table.py --seeds 11,12
+    python benchmarks/fault_table.py --only "tilt|late"
+
+Columns: worst over the worlds. Targets: flagged within 0.5 s (constant faults 10 s of motion), recovery within 5 s, no number
+published that is none, force errors within three times the clean run's largest plus five stated standard deviations (ratio at
+most 1), valid parameters within 1 % of the clean run; the share of force errors inside two standard deviations is reported. QoS
+that does not match is a matter of the middleware: test/ros/test_estimator_node.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import pathlib
+import re
+import sys
+import time
+
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+from replay.fault_run import clean, judged  # noqa: E402
+from replay.fault_table import TABLE, run_fault  # noqa: E402
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", default="11,12", help="worlds (default 11,12)")
+    parser.add_argument("--only", default="", help="regular expression of names")
+    given = parser.parse_args()
+    seeds = [int(s) for s in given.seeds.split(",")]
+    started, missed = time.monotonic(), 0
+    print(
+        "| fault | flagged [s] | recovered [s] | not finite | force ratio | parameters [%] | inside 2 std [%] | misses | said |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for seed in seeds:
+        usual = judged(seed, clean(seed), 5.0, 20.0)
+        print(
+            f"| clean run, world {seed} | | | {usual.not_finite} | {usual.force_ratio:.2f} | | {100 * usual.inside:.0f} | | |",
+            flush=True,
+        )
+    for fault in TABLE:
+        if not re.search(given.only, fault.name):
+            continue
+        found = [run_fault(fault, seed)[0] for seed in seeds]
+        to_flag = max(o.to_flag_s for o in found) if fault.expected else 0.0
+        recovery = max(o.to_recover_s for o in found)
+        finite, ratio = sum(o.not_finite for o in found), max(o.force_ratio for o in found)
+        worst = max(found, key=lambda o: o.parameter)
+        parameter, inside = worst.parameter, min(o.inside for o in found)
+        misses = [
+            word
+            for word, wrong in (
+                ("flag", to_flag > fault.limit_s),
+                ("recovery", recovery > 5.0),
+                ("finite", finite > 0),
+                ("force", ratio > 1.0),
+                ("parameters", parameter > 0.01),
+            )
+            if wrong
+        ]
+        missed += len(misses)
+        flag = "harmless" if not fault.expected else "never" if not np.isfinite(to_flag) else f"{to_flag:.2f}"
+        print(
+            f"| {fault.name} | {flag} | {'' if fault.constant else f'{recovery:.1f}'} | {finite} | {ratio:.2f} "
+            f"| {100 * parameter:.2f} ({worst.parameter_words}) | {100 * inside:.0f} | {', '.join(misses)} | {found[0].said[:90]} |",
+            flush=True,
+        )
+    print(f"{len(TABLE)} faults, worlds {given.seeds}, {missed} targets missed, {time.monotonic() - started:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,287 @@
+# Copyright 2026 ride_estimation contributors
+"""A drive with known truth as messages in order of arrival, and what the estimator says and does about a fault planted into it.
+
+Nothing here knows how the package detects anything: messages go through its converter and pipeline, its words are searched for
+the expected ones, its numbers are compared with the truth of ``test/worlds``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+
+import numpy as np
+from worlds.adapters import START_NS, believed_vehicle
+from worlds.cab import CabSensor, Measurement, drive, measure, random_sensors, random_vehicle
+from worlds.roads import Road
+
+from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.messages import make_converter
+from ride_estimation.vehicles.vehicle import Vehicle
+
+#: rate of every sensor [Hz], length of the drive, and the time in which a passing fault is there [s]
+RATE = 100.0
+LENGTH, BEGIN, END = 18.0, 10.0, 12.0
+#: time from which the truth moves [s]
+MOVING = 1.0
+#: distance of two looks at what the estimator says [s], five times that when a second is over
+LOOK = 0.05
+#: window in which forces are called recovered [s]
+WINDOW = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Message:
+    """One message: when it arrives and what it says; ``covariance`` is the first number of the covariance."""
+
+    arrival_s: float
+    sensor: str
+    stamp_ns: int
+    values: tuple[float, ...]
+    covariance: float = 0.0
+
+
+Plant = Callable[["World", list[Message], np.random.Generator], list[Message]]
+
+
+@dataclasses.dataclass(frozen=True)
+class World:
+    """A cab on a road, what its sensors measure, and what the vehicle file says."""
+
+    seed: int
+    measurement: Measurement
+    vehicle: Vehicle
+
+    @functools.cached_property
+    def messages(self) -> list[Message]:
+        """Return the clean run in order of arrival."""
+        return as_messages(self.measurement)
+
+    def measured_with(self, sensor: str, **changes: object) -> list[Message]:
+        """Return the run as measured by a sensor that is not as the vehicle file says."""
+        sensors = tuple(dataclasses.replace(s, **changes) if s.name == sensor else s for s in self.measurement.sensors)  # type: ignore[arg-type]
+        return as_messages(measured(self.measurement.run, sensors, self.seed))
+
+    def sensor(self, name: str) -> CabSensor:
+        """Return a sensor by name."""
+        return next(s for s in self.measurement.sensors if s.name == name)
+
+
+def measured(run: object, sensors: tuple[CabSensor, ...], seed: int) -> Measurement:
+    """Return what sensors with 1 % noise deliver."""
+    return measure(run, sensors, RATE, seed, noise_share=0.01)  # type: ignore[arg-type]
+
+
+@functools.cache
+def world(seed: int) -> World:
+    """Return a world: random cab on air springs, random road, four accelerometers on the cab and one at each mount base."""
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "air")
+    run = drive(cab, Road.random(rng), LENGTH, seed, step=1e-3)
+    data = measured(run, random_sensors(cab, rng), seed)
+    return World(seed, data, believed_vehicle(data, seed=seed))
+
+
+def as_messages(data: Measurement) -> list[Message]:
+    """Return the samples as messages that arrive 2 ms after their stamp."""
+    found = []
+    for name, values in data.data.items():
+        stamps = START_NS + np.round(data.stamps[name] * 1e9).astype(np.int64)
+        found += [
+            Message(float(t) + 0.002, name, int(s), tuple(v)) for t, s, v in zip(data.stamps[name], stamps, values.tolist())
+        ]
+    return sorted(found, key=lambda m: (m.arrival_s, m.sensor))
+
+
+@dataclasses.dataclass(frozen=True)
+class Behaviour:
+    """What the estimator said and did.
+
+    Attributes
+    ----------
+    flagged_s
+        When one of its sentences first matched what is expected, seconds of arrival time; infinity: never.
+    said
+        That sentence.
+    texts
+        All sentences at the end.
+    now
+        Whether a sensor was still refused at the end.
+    arrival_s, time_s, force, std, valid
+        Ticks in time of arrival and in true time, mount forces and their standard deviation, whether they may be published.
+    parameters
+        Name -> (value, standard deviation, status).
+    """
+
+    flagged_s: float
+    said: str
+    texts: tuple[str, ...]
+    now: bool
+    arrival_s: np.ndarray
+    time_s: np.ndarray
+    force: np.ndarray
+    std: np.ndarray
+    valid: np.ndarray
+    parameters: dict[str, tuple[float, float, Status]]
+
+
+def behaviour(
+    vehicle: Vehicle, messages: Sequence[Message], expected: str, from_s: float, true_time: Callable[[np.ndarray], np.ndarray]
+) -> Behaviour:
+    """Feed messages to a fresh estimator.
+
+    Parameters
+    ----------
+    vehicle
+        What the vehicle file says.
+    messages
+        In order of arrival.
+    expected
+        Regular expression of a sentence that names the fault; empty where nothing is to be said.
+    from_s
+        Arrival time from which a sentence counts [s].
+    true_time
+        Seconds since the start of the run from stamps, where the fault changes stamps.
+    """
+    pipeline = Pipeline(vehicle)
+    converters = {name: make_converter("sensor_msgs/msg/Imu", (sensor,)) for name, sensor in vehicle.sensors.items()}
+    refused: Counter[str] = Counter()
+    blocks: list[OutputBlock] = []
+    arrived: list[float] = []
+    flagged, said, look = np.inf, "", from_s
+    pattern = re.compile(expected) if expected else None
+    for m in messages:
+        for sample in converters[m.sensor](_as_imu(m)):  # type: ignore[misc]
+            if sample.rejection:
+                refused[f"{sample.sensor}: {sample.rejection}"] += 1
+            else:
+                blocks += pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
+        arrived += [m.arrival_s] * (len(blocks) - len(arrived))
+        if pattern is not None and not said and m.arrival_s >= look:
+            look = m.arrival_s + (LOOK if m.arrival_s < from_s + 1.0 else 5.0 * LOOK)
+            said = next((t for t in sentences(pipeline, refused) if pattern.search(t)), "")
+            flagged = m.arrival_s if said else np.inf
+    texts = sentences(pipeline, refused)
+    blocks += pipeline.finish()
+    arrived += [messages[-1].arrival_s] * (len(blocks) - len(arrived))
+    stamps = np.concatenate([b.stamp_ns for b in blocks])
+    return Behaviour(
+        flagged, said, tuple(texts), any("(now)" in t for t in texts),
+        np.repeat(arrived, [len(b.stamp_ns) for b in blocks]), true_time((stamps - START_NS) * 1e-9),
+        np.concatenate([b.mount_force for b in blocks]), np.concatenate([b.mount_force_std for b in blocks]),
+        np.concatenate([b.valid for b in blocks]), {e.name: (e.value, e.std, e.status) for e in pipeline.parameters()},
+    )  # fmt: skip
+
+
+def sentences(pipeline: Pipeline, refused: Counter[str]) -> list[str]:
+    """Return all the node would say: health, restarts, messages its decoder refused."""
+    health = pipeline.health()
+    return [
+        *health.messages, *(f"restart: {reason}: {count}" for reason, count in health.restarts.items()),
+        *(f"{what}: {count}" for what, count in refused.items()),
+    ]  # fmt: skip
+
+
+def _as_imu(m: Message) -> SimpleNamespace:
+    covariance = (m.covariance, *(0.0,) * 8)
+    stamp = SimpleNamespace(sec=m.stamp_ns // 10**9, nanosec=m.stamp_ns % 10**9)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=stamp), linear_acceleration=SimpleNamespace(x=m.values[0], y=m.values[1], z=m.values[2]),
+        linear_acceleration_covariance=covariance,
+    )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """Figures of one fault in one world.
+
+    Attributes
+    ----------
+    to_flag_s
+        From the beginning of the fault (of the motion for constant ones) to the sentence; NaN where none is expected.
+    said
+        The sentence.
+    not_finite
+        Published numbers that are none.
+    force_ratio
+        Largest error of a force over what is allowed: three times the largest error of the clean run plus five stated standard
+        deviations.
+    to_recover_s
+        From the end of the fault until the rms error of every half second is at most 1.5 times the largest of the clean run.
+    parameter
+        Largest relative change of a parameter that claims to be valid, against the clean run.
+    parameter_words
+        Its name, and the change over the standard deviation stated for it.
+    inside
+        Share of the force errors within two stated standard deviations from the beginning of the fault on.
+    """
+
+    to_flag_s: float
+    said: str
+    not_finite: int
+    force_ratio: float
+    to_recover_s: float
+    parameter: float
+    parameter_words: str
+    inside: float
+
+
+@functools.cache
+def clean(seed: int) -> Behaviour:
+    """Return the behaviour on the clean run of a world."""
+    w = world(seed)
+    return behaviour(w.vehicle, w.messages, "", BEGIN, lambda t: t)
+
+
+def judged(seed: int, found: Behaviour, begin: float, end: float) -> Outcome:
+    """Compare a behaviour with the truth and with the clean run of the same world; times are of arrival."""
+    usual = clean(seed)
+    error, std, time = _errors(seed, found)
+    base, _, base_time = _errors(seed, usual)
+    allowed = 3.0 * np.abs(base[base_time > 5.0]).max(axis=0) + 5.0 * std
+    after = time >= begin
+    ratios = np.abs(error[after]) / allowed[after]
+    worst = max(_changes(found, usual), default=(0.0, "none valid"))
+    usual_rms = max(_rms(base_time, base, edge) for edge in np.arange(5.0, base_time[-1] - WINDOW, WINDOW))
+    edges = np.arange(end, time[-1] - WINDOW, WINDOW)
+    recovered = max((edge + WINDOW for edge in edges if not _rms(time, error, edge) <= 1.5 * usual_rms), default=end)
+    return Outcome(
+        to_flag_s=found.flagged_s - begin,
+        said=found.said,
+        not_finite=int(np.sum(~np.isfinite(found.force[found.valid]))),
+        force_ratio=float(ratios.max()) if ratios.size else 0.0,
+        to_recover_s=recovered - end,
+        parameter=worst[0],
+        parameter_words=worst[1],
+        inside=float(np.mean(np.abs(error[after]) < 2.0 * std[after])) if after.any() else np.nan,
+    )
+
+
+def _changes(found: Behaviour, usual: Behaviour) -> list[tuple[float, str]]:
+    """Return the relative changes of the parameters that both runs call valid."""
+    changes = []
+    for name, (value, std, status) in found.parameters.items():
+        before, _, was = usual.parameters[name]
+        if status is Status.VALID and was is Status.VALID:
+            changes.append((abs(value / before - 1.0), f"{name} {abs(value - before) / (std or 1e-12):.1f} std"))
+    return changes
+
+
+def _errors(seed: int, found: Behaviour) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return force error, standard deviation and time of arrival of the ticks that may be published."""
+    data = world(seed).measurement
+    row = np.round(found.time_s * RATE).astype(int)
+    keep = found.valid & (row >= 0) & (row < len(data.time))
+    return found.force[keep] - data.truth["mount_force"][row[keep]], found.std[keep], found.arrival_s[keep]
+
+
+def _rms(time: np.ndarray, error: np.ndarray, start: float) -> float:
+    """Return the rms of a window; infinite where fewer than half of its ticks are there."""
+    chosen = (time >= start) & (time < start + WINDOW)
+    return float(np.sqrt(np.mean(error[chosen] ** 2))) if chosen.sum() > 0.5 * WINDOW * RATE else np.inf

@@ -1,0 +1,230 @@
+# Copyright 2026 ride_estimation contributors
+"""The table of faults: what is done to a clean run, what must be said about it and how soon, and what may not happen meanwhile.
+
+Printed with measured figures by ``benchmarks/fault_table.py``, enforced by ``test_fault_table.py``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from replay.fault_run import BEGIN, END, LENGTH, MOVING, Behaviour, Message, Outcome, Plant, World, behaviour, judged, world
+from scipy.spatial.transform import Rotation
+
+#: victims: an accelerometer on the cab and one at a mount base
+CAB, BASE = "cab_front_right", "chassis_rear_left"
+_SECOND = 1_000_000_000
+_PERIOD_NS = 10_000_000
+
+
+def _same(time: np.ndarray) -> np.ndarray:
+    return time
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """One row.
+
+    Attributes
+    ----------
+    name
+        Short name.
+    plant
+        What is done to the messages.
+    expected
+        Regular expression of the sentence that must be said; empty where the fault is harmless and nothing need be said.
+    constant
+        Whether the fault is there from the start; then it must be named within 10 s of motion, otherwise within 0.5 s.
+    begin, end
+        When it is there [s].
+    true_time
+        Seconds since the start from stamps, where stamps change.
+    """
+
+    name: str
+    plant: Plant
+    expected: str
+    constant: bool = False
+    begin: float = BEGIN
+    end: float = END
+    true_time: Callable[[np.ndarray], np.ndarray] = _same
+
+    @property
+    def limit_s(self) -> float:
+        """Return the longest time to the sentence [s]."""
+        return 10.0 if self.constant else 0.5
+
+
+def run_fault(fault: Fault, seed: int) -> tuple[Outcome, Behaviour]:
+    """Return figures and behaviour of one fault in one world."""
+    w = world(seed)
+    messages = fault.plant(w, list(w.messages), np.random.default_rng([seed, 99]))
+    begin = MOVING if fault.constant else fault.begin
+    found = behaviour(w.vehicle, messages, fault.expected, begin, fault.true_time)
+    return judged(seed, found, begin, LENGTH if fault.constant else fault.end), found
+
+
+# -- plants ---------------------------------------------------------------------------------------------------------------
+
+
+def _of(sensor: str, change: Callable[[Message, np.random.Generator, int], list[Message]], begin: float, end: float) -> Plant:
+    """Change the messages of a sensor (empty: of all) within a time; the third argument counts them."""
+
+    def plant(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+        out, count = [], 0
+        for m in messages:
+            if sensor in ("", m.sensor) and begin <= (m.stamp_ns - w.messages[0].stamp_ns) * 1e-9 < end:
+                out += change(m, rng, count)
+                count += 1
+            else:
+                out.append(m)
+        return sorted(out, key=lambda m: m.arrival_s)
+
+    return plant
+
+
+def _passing(sensor: str, change: Callable[[Message, np.random.Generator, int], list[Message]]) -> Plant:
+    return _of(sensor, change, BEGIN, END)
+
+
+def _values(change: Callable[[np.ndarray, int], np.ndarray]) -> Callable[[Message, np.random.Generator, int], list[Message]]:
+    return lambda m, rng, n: [dataclasses.replace(m, values=tuple(change(np.array(m.values), n).tolist()))]
+
+
+def _stamp(change: Callable[[int, int], int]) -> Callable[[Message, np.random.Generator, int], list[Message]]:
+    return lambda m, rng, n: [dataclasses.replace(m, stamp_ns=change(m.stamp_ns, n))]
+
+
+def _stuck(sensor: str) -> Plant:
+    held: list[tuple[float, ...]] = []
+
+    def change(m: Message, rng: np.random.Generator, n: int) -> list[Message]:
+        if n == 0:
+            held[:] = [m.values]
+        return [dataclasses.replace(m, values=held[0])]
+
+    return _passing(sensor, change)
+
+
+def _clipping(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Blows as on the end of the travel drive the sensor beyond its full scale for 24 ms twice a second."""
+    scale = w.sensor(CAB).full_scale
+
+    def change(m: Message, rng: np.random.Generator, n: int) -> list[Message]:
+        if n % 50 >= 3:
+            return [m]
+        return [dataclasses.replace(m, values=(m.values[0], m.values[1], scale))]
+
+    return _passing(CAB, change)(w, messages, rng)
+
+
+def _bursts(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Hand a sensor's messages over every 200 ms; the stamps are right."""
+
+    def change(m: Message, rng: np.random.Generator, n: int) -> list[Message]:
+        return [dataclasses.replace(m, arrival_s=np.ceil(m.arrival_s / 0.2) * 0.2 + 1e-6 * n)]
+
+    return _passing(CAB, change)(w, messages, rng)
+
+
+def _exchanged(first: str, second: str) -> Plant:
+    """Exchange two topics for the whole run."""
+    names = {first: second, second: first}
+    return lambda w, messages, rng: [dataclasses.replace(m, sensor=names.get(m.sensor, m.sensor)) for m in messages]
+
+
+def _mounted(sensor: str, **changes: object) -> Plant:
+    return lambda w, messages, rng: w.measured_with(sensor, **changes)
+
+
+def _tilted(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    turned = w.sensor(CAB).rotation @ Rotation.from_euler("x", 2.0, degrees=True).as_matrix()
+    return w.measured_with(CAB, true_rotation=turned)
+
+
+def _misplaced(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    return w.measured_with(CAB, true_position=w.sensor(CAB).position + np.array([0.05, 0.0, 0.0]))
+
+
+def _looped(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Play the first half, then the run from its beginning once more."""
+    first = [m for m in messages if m.arrival_s < BEGIN]
+    return first + [dataclasses.replace(m, arrival_s=m.arrival_s + BEGIN) for m in messages]
+
+
+def _thinned(sensor: str, keep: Callable[[int], bool]) -> Plant:
+    return _of(sensor, lambda m, rng, n: [m] if keep(n) else [], 0.0, LENGTH)
+
+
+def _mixed(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Every sensor at another rate: full, half, a third, full, ..."""
+    for i, name in enumerate(w.vehicle.sensors):
+        messages = _thinned(name, lambda n, i=i: n % (1 + i % 3) == 0)(w, messages, rng)  # type: ignore[misc]
+    return messages
+
+
+def _dropped(m: Message, rng: np.random.Generator, n: int) -> list[Message]:
+    return [] if rng.random() < 0.1 else [m]
+
+
+def _swap_order(m: Message, rng: np.random.Generator, n: int) -> list[Message]:
+    return [dataclasses.replace(m, arrival_s=m.arrival_s + (0.015 if n % 2 == 0 else 0.0))]
+
+
+def _spike(at: tuple[int, ...], size: float) -> Callable[[Message, np.random.Generator, int], list[Message]]:
+    return _values(lambda v, n: v + np.array([0.0, 0.0, size if n in at else 0.0]))
+
+
+def _not_used(sensor: str, why: str) -> str:
+    return rf"^{sensor} was not used.*{why}"
+
+
+_ANY_DOUBT = rf"{CAB}.*(rigid body|mean|explains|gain|position|rotation|delay|jumps)|one of .*{CAB}"
+_LATE = rf"{CAB}.*(explains|delay|rigid body)|one of .*{CAB}|no single sensor"
+
+TABLE: tuple[Fault, ...] = (
+    Fault("sensor off from the start", _of(CAB, lambda m, r, n: [], 0.0, LENGTH), f"{CAB} is configured but contrib", True),
+    Fault("sensor off midway", _of(CAB, lambda m, r, n: [], BEGIN, LENGTH), f"{CAB} has stopped", end=LENGTH),
+    Fault("base sensor off midway", _of(BASE, lambda m, r, n: [], BEGIN, LENGTH), f"{BASE} has stopped", end=LENGTH),
+    Fault("intermittent, 0.2 s of 0.5 s", _passing(CAB, lambda m, r, n: [m] if n % 50 >= 20 else []), rf"{CAB}: \d+ gaps"),
+    Fault("single spike, 30 m/s^2", _passing(CAB, _spike((0,), 30.0)), _not_used(CAB, "jumps"), end=BEGIN),
+    Fault("burst of 12 spikes", _passing(CAB, _spike(tuple(range(0, 192, 16)), 30.0)), _not_used(CAB, "jumps")),
+    Fault("base: burst of spikes", _passing(BASE, _spike(tuple(range(0, 192, 16)), 60.0)), _not_used(BASE, "jumps")),
+    Fault("stuck value", _stuck(CAB), _not_used(CAB, "stuck")),
+    Fault("base: stuck value", _stuck(BASE), _not_used(BASE, "stuck")),
+    Fault("clipping", _clipping, _not_used(CAB, "full scale")),
+    Fault("gain x 9.81 midway", _passing(CAB, _values(lambda v, n: 9.81 * v)), _not_used(CAB, "(jumps|rigid body|mean|full)")),
+    Fault("gain x 9.81", _mounted(CAB, gain=9.81), _ANY_DOUBT, True),
+    Fault("wrong unit: g", _mounted(CAB, gain=1.0 / 9.81), _ANY_DOUBT, True),
+    Fault("base: wrong unit, g", _mounted(BASE, gain=1.0 / 9.81), f"{BASE}.*mean", True),
+    Fault("swapped axes y and z midway", _passing(CAB, _values(lambda v, n: v[[0, 2, 1]])), _not_used(CAB, "(jumps|rigid|mean)")),
+    Fault("inverted axis z midway", _passing(CAB, _values(lambda v, n: v * [1, 1, -1])), _not_used(CAB, "(jumps|rigid|mean)")),
+    Fault("swapped topics, cab and base", _exchanged(CAB, "chassis_front_right"), rf"{CAB}|chassis_front_right", True),
+    Fault("swapped topics, both on the cab", _exchanged(CAB, "cab_rear_left"), rf"{CAB}|cab_rear_left|no single sensor", True),
+    Fault("2 deg tilt", _tilted, _ANY_DOUBT, True),
+    Fault("50 mm wrong position", _misplaced, _ANY_DOUBT, True),
+    Fault("gain 10 % high", _mounted(CAB, gain=1.1), _ANY_DOUBT, True),
+    Fault("5 ms late", _mounted(CAB, delay_s=0.005), _LATE, True),
+    Fault("20 ms late", _mounted(CAB, delay_s=0.02), _LATE, True),
+    Fault("40 ms late", _mounted(CAB, delay_s=0.04), _LATE, True),
+    Fault("200 ms late bursts, stamps right", _bursts, ""),
+    Fault("duplicates", _passing(CAB, lambda m, r, n: [m, m]), f"{CAB}: samples rejected: .*duplicate"),
+    Fault("out of order by one", _passing(CAB, _swap_order), ""),
+    Fault("10 % dropped", _passing(CAB, _dropped), ""),
+    Fault("clock skew 3 s", _passing(CAB, _stamp(lambda s, n: s + 3 * _SECOND)), f"{CAB}: samples rejected: .*clock_ahead"),
+    Fault("clock 3 s behind", _passing(CAB, _stamp(lambda s, n: s - 3 * _SECOND)), f"{CAB}: samples rejected: .*clock_behind"),
+    Fault("all clocks step back 60 s", _of("", _stamp(lambda s, n: s - 60 * _SECOND), BEGIN, LENGTH), "stamps jumped back",
+          end=BEGIN + 0.5, true_time=lambda t: np.where(t < -30.0, t + 60.0, t)),
+    Fault("looped replay", _looped, "restart: stamps jumped back", end=BEGIN + 0.5),
+    Fault("stamp 0", _passing(CAB, _stamp(lambda s, n: 0)), f"{CAB}: samples rejected: .*stamp_not_positive"),
+    Fault("stamp repeats", _passing(CAB, _stamp(lambda s, n: s - n * _PERIOD_NS)), f"{CAB}: samples rejected: .*duplicate"),
+    Fault("NaN in every tenth", _passing(CAB, _values(lambda v, n: v * (np.nan if n % 10 == 0 else 1.0))), "rejected.*not_finite"),
+    Fault("infinite", _passing(CAB, _values(lambda v, n: np.full(3, np.inf))), f"{CAB}: samples rejected: .*not_finite"),
+    Fault("zero covariance", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=0.0)]), ""),
+    Fault("covariance -1 with data", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=-1.0)]),
+          f"{CAB}: covariance_says_not_provided"),
+    Fault("half rate", _thinned(CAB, lambda n: n % 2 == 0), ""),
+    Fault("mixed rates", _mixed, ""),
+)  # fmt: skip

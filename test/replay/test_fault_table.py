@@ -1,0 +1,48 @@
+# Copyright 2026 ride_estimation contributors
+"""The table of faults is kept: every fault is named in time and for the right reason, and does no more harm than is allowed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from replay.fault_table import TABLE, Fault, run_fault
+
+#: world of the tests; the thresholds of the package were not chosen on it
+SEED = 11
+NAMES = {fault.name: fault for fault in TABLE}
+#: a cheap choice for the fast suite: one of each way a fault is noticed
+FAST = ("stuck value", "NaN in every tenth", "covariance -1 with data")
+
+
+def check(fault: Fault, seed: int) -> None:
+    outcome, found = run_fault(fault, seed)
+    assert outcome.not_finite == 0
+    if fault.expected:
+        assert outcome.to_flag_s <= fault.limit_s, f"said: {found.texts}"
+    if not fault.constant:
+        assert outcome.force_ratio <= 1.0
+        assert outcome.to_recover_s <= 5.0
+        assert not found.now
+
+
+def test_the_table_has_every_fault_once() -> None:
+    assert len(NAMES) == len(TABLE) >= 25
+
+
+def test_harmless_changes_are_not_called_faults() -> None:
+    """A sensor that hands its messages over in bursts with right stamps changes nothing but the delay: not one sentence."""
+    outcome, found = run_fault(NAMES["200 ms late bursts, stamps right"], SEED)
+    assert found.texts == ()
+    assert np.isclose(outcome.parameter, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_faults_are_named_in_time(name: str) -> None:
+    check(NAMES[name], SEED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in FAST])
+def test_every_fault_is_named_in_time(name: str) -> None:
+    check(NAMES[name], SEED)
