@@ -140,7 +140,7 @@ class CgMotionEstimator:
         accelerometers = self.rows[: len(directions)]
         self._accelerometer_rows = np.ascontiguousarray(accelerometers)
         self._free_rows = np.ascontiguousarray(accelerometers[:, self._free])
-        self._faults = FaultTest(self.sensors, self._free_rows, points[::3])
+        self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         self.reset()
 

@@ -254,21 +254,22 @@ def average_ticks(
     length
         Ticks per average.
     open_row
-        Sums of the average in work, shape (C + 24,), in place.
+        Sums of the average in work, shape (C + 27,), in place.
     progress
         Ticks in it, finished rows; in place.
     rows
-        Output, shape (N, C + 24): samples, motion, products xx yy zz xy xz yz of the rate, motion at the first and last tick.
+        Output, shape (N, C + 27): samples, motion, products xx yy zz xy xz yz of the rate, rate, motion at first and last tick.
     """
     channels = samples.shape[1]
+    sums = channels + 15
     for k in range(start, samples.shape[0]):
         if progress[1] >= rows.shape[0]:
             return k
         if progress[0] == 0:
-            for c in range(channels + 12):
+            for c in range(sums):
                 open_row[c] = 0.0
             for a in range(6):
-                open_row[channels + 12 + a] = motion[k, a]
+                open_row[sums + a] = motion[k, a]
         for c in range(channels):
             open_row[c] += samples[k, c]
         for a in range(6):
@@ -276,17 +277,18 @@ def average_ticks(
         place = channels + 6
         for a in range(3):
             open_row[place + a] += rate[k, a] * rate[k, a]
+            open_row[place + 6 + a] += rate[k, a]
         open_row[place + 3] += rate[k, 0] * rate[k, 1]
         open_row[place + 4] += rate[k, 0] * rate[k, 2]
         open_row[place + 5] += rate[k, 1] * rate[k, 2]
         progress[0] += 1
         if progress[0] == length:
             for a in range(6):
-                open_row[channels + 18 + a] = motion[k, a]
+                open_row[sums + 6 + a] = motion[k, a]
             row = progress[1]
-            for c in range(channels + 12):
+            for c in range(sums):
                 rows[row, c] = open_row[c] / length
-            for c in range(channels + 12, channels + 24):
+            for c in range(sums, sums + 12):
                 rows[row, c] = open_row[c]
             progress[0] = 0
             progress[1] += 1

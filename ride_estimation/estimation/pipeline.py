@@ -25,6 +25,7 @@ from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEst
 from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.health import Health, SensorHealth, residual_message, sensor_messages
+from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
 from ride_estimation.estimation.loads import InertialLoads
 from ride_estimation.estimation.mount_forces import ForceBlock, MountForceEstimator
@@ -41,7 +42,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-STATE_SCHEMA = "ride_estimation/estimator_state/1"
+_SCHEMA_NAME = "ride_estimation/estimator_state/"
+STATE_SCHEMA = f"{_SCHEMA_NAME}2"
 
 #: distance of two copies of what was learned [s]; the older is taken when a sensor turns out to be faulty
 _TAKE_BACK = 1.0
@@ -106,10 +108,21 @@ class Pipeline:
         self._next_anchor = 0.0
         self._due: Callable[[], None] | None = None
         self._apply()
+        self._hints = self._new_hints()
 
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
         return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
+
+    def _new_hints(self) -> Hints:
+        a, m = self.arrangement, self._motion
+        weights = m.weights(np.ones(len(a.body_sensors), dtype=bool), 0.01).matrix
+        return Hints(a.body_sensors, m.rows, weights, a.free, a.body.name, a.has_base_motion)
+
+    def hints(self) -> tuple[Hint, ...]:
+        """Return what the model or a sensor is suspected of, see :mod:`hints`."""
+        self._settle()
+        return self._hints.hints()
 
     def _layout(self) -> None:
         """Find the columns of every quantity in an aligned block."""
@@ -202,6 +215,7 @@ class Pipeline:
         self._parameters.restart()
         self._gate.reset()
         self._fill.reset()
+        self._hints.reset()
         self._excess = 1.0
 
     # -- one block --------------------------------------------------------------------------------------------------------
@@ -238,7 +252,16 @@ class Pipeline:
         complete = bool(block.valid[:, self._needed].all() and motion.valid.all())
         complete = complete and not verdict.suspects and not verdict.unusual
         before = self._stamp
-        self._due = lambda: self._learn(motion, deflection, support, complete, before, dt)
+        seen = HintBlock(
+            block.values[:, self._body_columns], motion.predicted, motion.motion[:, 3:], support, self._forces.missing,
+            complete and bool(block.valid[:, self._body_streams].all()),
+        )  # fmt: skip
+
+        def learn() -> None:
+            self._learn(motion, deflection, support, complete, before, dt)
+            self._hints.observe(seen, dt)
+
+        self._due = learn
         self._ticks += ticks
         self._invalid_ticks += int(np.sum(~motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
@@ -432,6 +455,7 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
+            "gate": self._gate.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -447,6 +471,12 @@ class Pipeline:
             "sensors": [s.name for s in self._sensors],
             "mounts": list(self.arrangement.mount_names),
         }
+        schema = state.get("schema")
+        if isinstance(schema, str) and schema.startswith(_SCHEMA_NAME) and schema != STATE_SCHEMA:
+            raise InputDataError(
+                f"saved state: schema is {schema!r}, this version writes and reads {STATE_SCHEMA!r}: what the sensors were found "
+                "to be is kept in another form. Delete the state to start from the vehicle file"
+            )
         for key, value in wanted.items():
             if state.get(key) != value:
                 raise InputDataError(f"saved state: {key} is {state.get(key)!r}; this vehicle needs {value!r}")
@@ -455,6 +485,7 @@ class Pipeline:
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
         self._anchor.load(state["anchor"])
+        self._gate.load(state["gate"])
         self._run_time = float(state["run_time"])
         self._apply()
         self._forces.load(state["forces"])

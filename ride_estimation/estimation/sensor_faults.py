@@ -45,6 +45,8 @@ _AVERAGE, _BATCH, _MEMORY = 0.02, 50, 120.0
 _SETTLE, _OUTLIER = 3, 9.0
 #: averages needed before anything is judged
 _LEAST = 4 * _BATCH
+#: relative error of an integrated angular rate
+_RATE_SHARE = 0.1
 #: directions of less information than this share count as not observable
 _RANK = 1e-6
 
@@ -88,12 +90,14 @@ class FaultTest:
         Rows of B of their channels in the free coordinates, shape (3 S, F).
     points
         Places from the CG, shape (S, 3).
+    rate_std
+        Standard deviation of slow errors of the angular rate [rad/s], 0 where gyros measure it.
     """
 
-    def __init__(self, sensors: Sequence[Sensor], rows: Array, points: Array) -> None:
+    def __init__(self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float) -> None:
         self._names = tuple(s.name for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors])
-        self._rows, self._points = rows, points
+        self._rows, self._points, self._rate_std = rows, points, rate_std
         self._size = _COLUMNS * len(self._names)
         # a limit as a standard deviation: rectangular distribution (GUM 4.3.7)
         limits = [BIAS_TOLERANCE, GAIN_TOLERANCE, ANGLE_TOLERANCE, PLACE_TOLERANCE, DELAY_TOLERANCE]
@@ -105,10 +109,10 @@ class FaultTest:
         self._square, self._count = 0.0, 0.0
         self._scatter = np.zeros((2, len(KINDS)))
         self._batches = 0
-        self._buffer = np.zeros((_BATCH + 2, len(rows) + 24))
-        self._open = np.zeros(len(rows) + 24)
+        self._buffer = np.zeros((_BATCH + 2, len(rows) + 27))
+        self._open = np.zeros(len(rows) + 27)
         self._progress = np.zeros(2, dtype=np.int64)
-        self._step = 0.0
+        self._step, self._noise_share = 0.0, 1.0
         self._found: tuple[Fault | None] | None = None
 
     @property
@@ -148,6 +152,7 @@ class FaultTest:
         if not self.possible:
             return
         length = max(1, round(_AVERAGE / dt))
+        self._noise_share = 1.0 / length
         if length * dt != self._step:
             self.interrupt()
             self._step = length * dt
@@ -165,16 +170,19 @@ class FaultTest:
         if ready < 3:
             return
         columns, deviations = self._equations(self._buffer[:ready])
+        kept, freedom = self._without_rate_error(self._buffer[:ready], np.column_stack([columns, deviations]))
         self._buffer[:2] = self._buffer[ready - 2 : ready]
         self._progress[1] = 2
-        information, score = columns.T @ columns, columns.T @ deviations
+        products = np.column_stack([columns, deviations]).T @ kept
+        products = 0.5 * (products + products.T)
+        information, score = products[:-1, :-1], products[:-1, -1]
         if self._batches >= _SETTLE:
             self._follow_scatter(information, score)
         keep = float(np.exp(-(ready - 2) * self._step / _MEMORY))
         self._information = keep * self._information + information
         self._score = keep * self._score + score
-        self._square = keep * self._square + float(deviations @ deviations)
-        self._count = keep * self._count + len(deviations)
+        self._square = keep * self._square + float(products[-1, -1])
+        self._count = keep * self._count + freedom
         self._scatter *= keep
         self._batches += 1
         self._found = None
@@ -184,7 +192,7 @@ class FaultTest:
         channels = len(self._rows)
         inner = averages[1:-1]
         motion, products = inner[:, channels : channels + 6], inner[:, channels + 6 : channels + 12]
-        first, last = averages[:, channels + 12 : channels + 18], averages[:, channels + 18 :]
+        first, last = averages[:, channels + 15 : channels + 21], averages[:, channels + 21 :]
         edges = 0.5 * (last[:-1] + first[1:])
         slope = np.diff(edges, axis=0) / self._step
         ticks, count = len(inner), len(self._names)
@@ -207,6 +215,33 @@ class FaultTest:
         steady = np.einsum("sij,kil,sl->ksj", self._rotation, turning, self._points).reshape(ticks, channels)
         deviations = (inner[:, :channels] - steady) @ self._whitening.T
         return columns, deviations.ravel()
+
+    def _without_rate_error(self, averages: Array, table: Array) -> tuple[Array, float]:
+        """Return the rows of a table weighted for an unknown error of the angular rate, and how many equations are left.
+
+        Without gyros the rate is an integral that leaks; an error ``d`` of it shows as ``d x (omega x r) + omega x (d x r)``.
+        Over a batch it is drift, linear in time, and a share of the rate and of its integral (amplitude and phase of the leak).
+        It is marginalised: ``W = I - N (N^T N + q I)^-1 N^T``, q the noise, columns N in units of the size of the error.
+        """
+        if self._rate_std <= 0.0:
+            return table, float(len(table))
+        rate = averages[1:-1, len(self._rows) + 12 : len(self._rows) + 15]
+        ticks, count, spare = len(rate), len(self._names), len(self._whitening)
+        spin, arms = _skew(rate), _skew(self._points)
+        # d x (omega x r) = -skew(omega x r) d,  omega x (d x r) = -skew(omega) skew(r) d
+        shown = -_skew(np.einsum("kij,sj->ksi", spin, self._points)) - np.einsum("kij,sjl->ksil", spin, arms)
+        shown = np.einsum("sij,ksil->ksjl", self._rotation, shown).reshape(ticks, 3 * count, 3)
+        seen = np.matmul(self._whitening, shown)
+        time = np.linspace(-1.0, 1.0, ticks)[:, None]
+        turned = np.cumsum(rate - rate.mean(axis=0), axis=0)
+        turned -= turned.mean(axis=0) + time * (time * turned).sum(axis=0) / max(float((time * time).sum()), 1e-30)
+        turned *= np.sqrt((rate**2).sum(axis=0) / np.maximum((turned**2).sum(axis=0), 1e-30))
+        sizes = (np.full((1, 3), self._rate_std), self._rate_std * time, _RATE_SHARE * rate, _RATE_SHARE * turned)
+        errors = np.concatenate([seen * size[:, None] for size in sizes], axis=2).reshape(ticks * spare, -1)
+        gram = errors.T @ errors
+        gain = np.linalg.solve(gram + self._noise_share * np.eye(len(gram)), np.column_stack([errors.T @ table, gram]))
+        used = gain[:, : table.shape[1]]
+        return table - errors @ used, len(table) - float(np.trace(gain[:, table.shape[1] :]))
 
     def _follow_scatter(self, information: Array, score: Array) -> None:
         """Compare the errors of prediction of a batch with what white noise lets expect, per kind."""
@@ -274,7 +309,7 @@ class FaultTest:
     def _solved(self, noise: float) -> tuple[Array, Array]:
         """Return K (symmetric) and u for one noise variance."""
         shifted = self._information + noise * np.eye(self._size)
-        both = np.linalg.solve(shifted, np.column_stack([self._information, self._score]))
+        both: Array = np.asarray(np.linalg.solve(shifted, np.column_stack([self._information, self._score])), dtype=np.float64)
         return 0.5 * (both[:, :-1] + both[:, :-1].T), both[:, -1]
 
     @staticmethod
@@ -286,9 +321,9 @@ class FaultTest:
         if not seen.any():
             return 0.0, (np.zeros(len(u)), np.zeros(len(u)))
         along = (vectors[:, seen].T @ u) / np.sqrt(values[seen])
-        inverse: Array = vectors[:, seen] / np.sqrt(values[seen])
+        inverse = vectors[:, seen] / np.sqrt(values[seen])
         probability = _log_tail(float(along @ along), int(seen.sum()))
-        return probability, (np.asarray(inverse @ along), np.asarray(np.sqrt(np.sum(inverse**2, axis=1)), dtype=float))
+        return probability, (inverse @ along, np.asarray(np.linalg.norm(inverse, axis=1), dtype=np.float64))
 
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists; averages not yet added are dropped."""

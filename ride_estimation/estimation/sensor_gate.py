@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,7 +193,7 @@ class SensorGate:
         """
         valid = block.valid[:, self._accels]
         values = np.take(block.values, self._columns, axis=1)
-        if not self._started:
+        if not self._started and self._age == 0.0:
             self._mean = values[0].copy()
         duration = len(values) * dt
         scan = self._scan(values, valid)
@@ -421,3 +422,26 @@ class SensorGate:
                 f"one of {', '.join(self.suspects)} is wrong and nothing tells which: parameters are held, uncertainty is larger"
             )
         return found
+
+    def save(self) -> dict[str, Any]:
+        """Return what a sensor is known for as plain lists; the last samples are not part of it."""
+        return {
+            "refused": {str(stream): dict(counts) for stream, counts in self.refused.items()},
+            "latched": {str(a): reason for a, reason in self._latched.items()}, "well": self._well.tolist(),
+            "blame": np.minimum(self._blame, 2.0 * _BLAME).tolist(), "varied": self._varied.tolist(),
+            "mean": self._mean.tolist(), "square": self._square.tolist(), "step_square": self._step_square.tolist(),
+            "slow": self._slow.tolist(), "age": self._age, "doubtful_ticks": self.doubtful_ticks, "unusual": self.unusual,
+            "ratio": [self._ratio_now, self._ratio_run, self._ratio_age],
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`: a sensor that was refused stays so until it is well again."""
+        self.reset()
+        self.refused = {int(stream): Counter(counts) for stream, counts in saved["refused"].items()}
+        self._latched = {int(a): str(reason) for a, reason in saved["latched"].items()}
+        for name in ("well", "blame", "varied", "mean", "square", "step_square", "slow"):
+            own = getattr(self, f"_{name}")
+            setattr(self, f"_{name}", np.array(saved[name], dtype=own.dtype).reshape(own.shape))
+        self._age, self.doubtful_ticks = float(saved["age"]), int(saved["doubtful_ticks"])
+        self.unusual = bool(saved["unusual"])
+        self._ratio_now, self._ratio_run, self._ratio_age = (float(v) for v in saved["ratio"])
