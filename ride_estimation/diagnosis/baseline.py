@@ -11,13 +11,18 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.frame import twist_spectrum
+from ride_estimation.diagnosis.frame import tilt_spectrum
 from ride_estimation.diagnosis.plant import Plant, Signal
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+
+#: a frame is rigid or rests on a rig that only translates; what its members do in a twist is anybody's guess
+_TILT_STD = {"tilt": 0.5, "twist": 1.0}
+TILT_KINDS = frozenset(_TILT_STD)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +33,7 @@ class Adjustable:
     ----------
     kind
         ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``mount_axes``, ``gain``, ``misalignment``,
-        ``position``, ``delay``, ``bandwidth``, ``attitude``, ``twist``.
+        ``position``, ``delay``, ``bandwidth``, ``attitude``, ``tilt``, ``twist``.
     place, axis
         Port, body or sensor it belongs to.
     prior_std
@@ -156,7 +161,7 @@ def baseline_spectra(
     for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
         _body_columns(scene, columns, body)
     _axes_columns(scene, columns)
-    _twist_columns(scene, columns)
+    _tilt_columns(scene, columns)
     _sensor_columns(scene, columns, table)
     _attitude_columns(scene.plant, columns, table)
     return columns.finish()
@@ -234,12 +239,12 @@ def _axes_columns(scene: Scene, columns: ColumnSet) -> None:
         columns.add(Adjustable("mount_axes", axes, "", 0.5), output)
 
 
-def _twist_columns(scene: Scene, columns: ColumnSet) -> None:
-    """Add the share by which brackets roll and pitch with a twisting frame, full where they are on a plate."""
-    for part, axis in enumerate(("roll", "pitch")):
-        if np.any(scene.plant.twist[part]):
-            item = Adjustable("twist", "frame", axis, 1.0)
-            columns.add(item, twist_spectrum(scene.plant, scene.response, part, scene.input_spectrum))
+def _tilt_columns(scene: Scene, columns: ColumnSet) -> None:
+    """Add how much of every possible tilt the brackets really follow, all of it where nothing speaks against."""
+    plant = scene.plant
+    for tilt, share in zip(plant.tilts, plant.tilt_share):
+        item = Adjustable(tilt.kind, tilt.place, tilt.axis, _TILT_STD[tilt.kind], 1.0 - float(share))
+        columns.add(item, tilt_spectrum(plant, scene.response, tilt.slope, scene.input_spectrum))
 
 
 def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import Adjustable, MeanTable, baseline_columns, mean_table
+from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, MeanTable, baseline_columns, mean_table, port_columns
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.regression import Fit, Regression
@@ -67,6 +67,14 @@ def build_regression(
     return table, adjustables, Regression(scene.residual, rows, table.residual, means, std, offset)
 
 
+def _port_regression(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Regression]:
+    """Return the regression of a scene's residual on stiffness and damping alone."""
+    adjustables, rows = port_columns(scene, prior)
+    std = np.array([a.prior_std for a in adjustables])
+    offset = np.array([a.offset for a in adjustables])
+    return adjustables, Regression(scene.residual, rows, np.zeros(0), np.zeros((0, len(adjustables))), std, offset)
+
+
 def step_factor(value: float) -> float:
     """Return the factor that a coefficient of a stiffness or damping column stands for: the force is linear in both."""
     return float(np.clip(1.0 + value, *_STEP_LIMITS))
@@ -81,6 +89,13 @@ def stepped(state: ModelState, scene: Scene, adjustables: tuple[Adjustable, ...]
             target = stiffness if a.kind == "stiffness" else damping
             target[scene.port_index(a.place, a.axis)] *= factor
     return dataclasses.replace(state, stiffness=stiffness, damping=damping)
+
+
+def tilted(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: Array) -> Plant:
+    """Return the plant whose brackets follow every tilt by the share that a step found."""
+    steps = {(a.kind, a.place, a.axis): float(v) for a, v in zip(adjustables, coefficients) if a.kind in TILT_KINDS}
+    share = [s + steps[t.kind, t.place, t.axis] for s, t in zip(plant.tilt_share, plant.tilts)]
+    return dataclasses.replace(plant, tilt_share=np.array(share))
 
 
 def calibrate(
@@ -99,14 +114,16 @@ def calibrate(
     state = ModelState(prior[0].copy(), prior[1].copy())
     best: Calibrated | None = None
     frozen = True  # tolerances join once stiffness and damping are near: they must not soak up a linearisation error
-    for _ in range(iterations):
+    for number in range(iterations):
         scene = Scene(plant, data, state, settings)
-        table, adjustables, regression = build_regression(scene, prior)
+        if number == iterations - 1:
+            frozen = False
+        if frozen:
+            adjustables, regression = _port_regression(scene, prior)
+        else:
+            table, adjustables, regression = build_regression(scene, prior)
         used = np.arange(scene.blocks.count) if blocks is None else blocks
         dof = float(scene.block_dof[used].sum())
-        if frozen:
-            free = np.array([a.kind in ("stiffness", "damping") for a in adjustables])
-            regression.prior_std = np.where(free, regression.prior_std, 1e-3 * regression.prior_std)
         fit = regression.fit(regression.grams, used)
         for _ in range(2):
             temper = temper_of(regression.misfit(regression.grams, used, fit.coefficients) / dof, scene.inefficiency)
@@ -115,10 +132,12 @@ def calibrate(
         moves = [abs(v) for a, v in zip(adjustables, fit.coefficients) if a.kind in ("stiffness", "damping")]
         if not frozen:
             best = Calibrated(scene, table, adjustables, regression, fit, used)
-            if max(moves, default=0.0) < 0.02:
+            turns = [abs(v) for a, v in zip(adjustables, fit.coefficients) if a.kind in TILT_KINDS]
+            if max(moves, default=0.0) < 0.02 and max(turns, default=0.0) < 0.1:
                 break
+            plant = tilted(plant, adjustables, fit.coefficients)
         frozen = frozen and max(moves, default=0.0) > 0.1
         state = stepped(state, scene, adjustables, fit.coefficients)
     if best is None:
-        best = Calibrated(scene, table, adjustables, regression, fit, used)
+        raise ValueError("at least one step is needed")
     return best

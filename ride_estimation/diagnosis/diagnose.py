@@ -104,7 +104,8 @@ def diagnose(
     selector = Selector(calibrated, splits, build, settings, lambda share: report(0.15 + 0.6 * share))
     selection = selector.run()
     report(0.8)
-    answer = _conclude(_Work(vehicle, plant, data, calibrated, splits, selector, selection, settings), validation)
+    work = _Work(vehicle, calibrated.scene.plant, data, calibrated, splits, selector, selection, settings)
+    answer = _conclude(work, validation)
     report(1.0)
     return answer
 

@@ -116,18 +116,17 @@ def tilt_paths(plant: Plant, response: LinearResponse) -> tuple[ComplexArray, Co
     return np.asarray(output), np.asarray(deflection)
 
 
-def twist_spectrum(plant: Plant, response: LinearResponse, part: int, inputs: ComplexArray) -> ComplexArray:
-    """Return the outputs of the tilt that a twisting frame gives its brackets, shape (F, ny).
+def tilt_spectrum(plant: Plant, response: LinearResponse, slope: Array, inputs: ComplexArray) -> ComplexArray:
+    """Return the outputs of a tilt of brackets: gravity in their sensors, static mount loads that turn, shape (F, ny).
 
     Parameters
     ----------
-    part
-        0: roll of the brackets, 1: pitch.
+    slope
+        Roll, pitch and yaw of the brackets from twice integrated readings, shape (nb, nu).
     inputs
         Shape (F, nu).
     """
     twice = inputs * (-1.0 / response.omega**2)[:, None]
-    slope = plant.twist[part]
     base, wrench = twice @ plant.gravity_tilt(slope).T, twice @ plant.static_tilt(slope).T
     return np.asarray(
         np.einsum("fij,fj->fi", response.output_from_base, base) + np.einsum("fij,fj->fi", response.output_from_wrench, wrench)

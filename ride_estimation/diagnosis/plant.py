@@ -19,6 +19,7 @@ from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
 
 Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 _ACCELERATION_KINDS = ("accelerometer", "imu")
 
@@ -58,6 +59,29 @@ class Signal:
 
 
 @dataclasses.dataclass(frozen=True)
+class BracketTilt:
+    """One way in which brackets tilt, inferred from the vertical motion of their neighbours.
+
+    With a rigid frame brackets follow it fully, unless their sensors are levelled or a rig only translates them. How much
+    each follows a twisting frame depends on the member it sits on: a cross member rolls with it, a rail pitches with it.
+
+    Attributes
+    ----------
+    kind
+        ``tilt`` (rigid frame) or ``twist``.
+    place, axis
+        ``frame`` or a mount; ``roll`` or ``pitch``.
+    slope
+        Roll, pitch, yaw of the brackets from twice integrated readings, shape (nb, nu).
+    """
+
+    kind: str
+    place: str
+    axis: str
+    slope: Array
+
+
+@dataclasses.dataclass(frozen=True)
 class Plant:
     """Matrices of the testable part; nb base accelerations, nu measured inputs, ny measured outputs, P ports.
 
@@ -67,14 +91,14 @@ class Plant:
         Shape (n, n).
     port_map, port_base
         Deflection ``= port_map q - port_base w``, shapes (P, n) and (P, nb).
-    base_direct, base_tilt
-        Base acceleration ``= base_direct u + base_tilt u / (-omega^2)``, shapes (nb, nu): the second term removes the
-        gravity that a tilting DC accelerometer shows.
-    slope
-        Base slope (roll, pitch, yaw of the bracket) ``= slope u / (-omega^2)``, shape (nb, nu).
-    twist
-        Shares of ``slope`` that come from a twisting frame: roll and pitch of the brackets, shape (2, nb, nu). Brackets on a
-        cross member roll with it, brackets on a rail pitch with it; which of both a vehicle has is calibrated.
+    base_direct
+        Base acceleration ``= base_direct u + base_tilt u / (-omega^2)``, shape (nb, nu).
+    base_yaw
+        Yaw of the brackets from twice integrated readings, shape (nb, nu).
+    tilts, tilt_share
+        Ways in which brackets tilt, and how much of each they follow (1: all of it); calibrated.
+    dc_base
+        Which mounts take their base motion from an accelerometer that shows gravity, shape (M,).
     out_acceleration, out_displacement
         Output ``= (-omega^2 out_acceleration + out_displacement) q + out_base w``, shapes (ny, n) and (ny, nb).
     static_force
@@ -92,9 +116,10 @@ class Plant:
     port_map: Array
     port_base: Array
     base_direct: Array
-    base_tilt: Array
-    slope: Array
-    twist: Array
+    base_yaw: Array
+    tilts: tuple[BracketTilt, ...]
+    tilt_share: Array
+    dc_base: BoolArray
     out_acceleration: Array
     out_displacement: Array
     out_base: Array
@@ -106,11 +131,24 @@ class Plant:
         """Return the sensors of inputs and outputs in order."""
         return tuple(dict.fromkeys(s.sensor for s in (*self.outputs, *self.inputs)))
 
+    @property
+    def slope(self) -> Array:
+        """Return the base slope (roll, pitch, yaw of the brackets) ``= slope u / (-omega^2)``, shape (nb, nu)."""
+        out = self.base_yaw.copy()
+        for share, tilt in zip(self.tilt_share, self.tilts):
+            out += share * tilt.slope
+        return out
+
+    @property
+    def base_tilt(self) -> Array:
+        """Return the gravity that tilting DC accelerometers show, to be removed from base accelerations, shape (nb, nu)."""
+        return self.gravity_tilt(self.slope)
+
     def gravity_tilt(self, slope: Array) -> Array:
         """Return the base acceleration that a slope (nb, nu) takes from readings of DC accelerometers, shape (nb, nu)."""
         out = np.zeros_like(slope)
         for j in range(len(self.mounts)):
-            if np.any(self.base_tilt[3 * j : 3 * j + 3]):
+            if self.dc_base[j]:
                 out[3 * j] = self.vehicle.gravity * slope[3 * j + 1]
                 out[3 * j + 1] = -self.vehicle.gravity * slope[3 * j]
         return out
@@ -207,11 +245,11 @@ def _slope_operator(positions: Array) -> tuple[Array, Array, Array, Array]:
 
 def _base_maps(
     vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...], sensors: list[Sensor]
-) -> tuple[Array, Array, Array, Array, list[str]]:
-    """Return base_direct, base_tilt, slope and twist of :class:`Plant` and the mounts without base motion."""
-    ns = len(sensors)
-    direct, tilt = np.zeros((3 * len(mounts), 3 * ns)), np.zeros((3 * len(mounts), 3 * ns))
-    slope, twist = np.zeros((3 * len(mounts), 3 * ns)), np.zeros((2, 3 * len(mounts), 3 * ns))
+) -> tuple[Array, Array, tuple[BracketTilt, ...], BoolArray, list[str]]:
+    """Return base_direct, base_yaw, tilts and dc_base of :class:`Plant` and the mounts without base motion."""
+    shape = (3 * len(mounts), 3 * len(sensors))
+    direct, yaw, rigid, twist = (np.zeros(shape) for _ in range(4))
+    dc = np.zeros(len(mounts), dtype=bool)
     missing: list[str] = []
     for base in dict.fromkeys(vehicle.mounts[m].base for m in mounts if vehicle.mounts[m].base not in bodies):
         own = [i for i, s in enumerate(sensors) if s.body == base]
@@ -220,7 +258,7 @@ def _base_maps(
             continue
         positions = np.array([sensors[i].position for i in own])
         along_x, along_y, twist_x, twist_y = _slope_operator(positions)
-        rotation = np.zeros((3 * len(own), 3 * ns))
+        rotation = np.zeros((3 * len(own), shape[1]))
         for row, i in enumerate(own):
             rotation[3 * row : 3 * row + 3, 3 * i : 3 * i + 3] = sensors[i].rotation
         for m in (m for m in mounts if vehicle.mounts[m].base == base):
@@ -234,12 +272,25 @@ def _base_maps(
             rows = slice(3 * j, 3 * j + 3)
             angular = np.stack([dzdy, -dzdx, 0.5 * (dydx - dxdy)])
             direct[rows] = rotation[3 * k : 3 * k + 3] + point_motion_matrix(offset)[:, 3:] @ angular
-            slope[rows] = angular
-            twist[0, 3 * j], twist[1, 3 * j + 1] = twist_y[k] @ rotation[2::3], -twist_x[k] @ rotation[2::3]
-            if sensors[own[k]].coupling == "dc":
-                tilt[3 * j] = -vehicle.gravity * dzdx
-                tilt[3 * j + 1] = -vehicle.gravity * dzdy
-    return direct, tilt, slope, twist, missing
+            yaw[3 * j + 2] = angular[2]
+            twist[3 * j], twist[3 * j + 1] = twist_y[k] @ rotation[2::3], -twist_x[k] @ rotation[2::3]
+            rigid[3 * j : 3 * j + 2] = angular[:2] - twist[3 * j : 3 * j + 2]
+            dc[j] = sensors[own[k]].coupling == "dc"
+    return direct, yaw, _bracket_tilts(mounts, rigid, twist), dc, missing
+
+
+def _bracket_tilts(mounts: tuple[str, ...], rigid: Array, twist: Array) -> tuple[BracketTilt, ...]:
+    """Return the tilts of a rigid frame and, bracket by bracket, of a twisting one that the base sensors show at all."""
+    out: list[BracketTilt] = []
+    for part, axis in enumerate(("roll", "pitch")):
+        whole = np.zeros_like(rigid)
+        whole[part::3] = rigid[part::3]
+        out.append(BracketTilt("tilt", "frame", axis, whole))
+        for j, mount in enumerate(mounts):
+            own = np.zeros_like(twist)
+            own[3 * j + part] = twist[3 * j + part]
+            out.append(BracketTilt("twist", mount, axis, own))
+    return tuple(t for t in out if np.any(t.slope))
 
 
 def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
@@ -294,14 +345,10 @@ def build_plant(
         raise InputDataError(
             "no base motion was measured: an accelerometer on the chassis side of the mounts is needed to test the model"
         )
-    transducers = [s for s in sensors.values() if s.kind == "displacement" and s.mount in mounts]
-    if not out_sensors and not transducers:
-        raise InputDataError(
-            "neither an accelerometer on a sprung body nor a displacement transducer at its mounts spoke in this run: "
-            "there is nothing to compare the model with"
-        )
+    if not out_sensors:
+        raise InputDataError("no accelerometer on a sprung body spoke in this run: there is nothing to compare the model with")
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
-    direct, tilt, slope, twist, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
+    direct, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
     n, size = len(coordinates), 3 * len(mounts)
     mass, gravity_k = np.zeros((n, n)), np.zeros((n, n))
     index = {key: i for i, key in enumerate(coordinates)}
@@ -329,8 +376,8 @@ def build_plant(
     )
     warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
     return Plant(
-        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, tilt, slope, twist,
-        out_a, out_d, out_b, static, warnings,
+        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, yaw,
+        tilts, np.ones(len(tilts)), dc_base,         out_a, out_d, out_b, static, warnings,
     )
 
 
