@@ -6,13 +6,19 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
+
+from ride_estimation.assessment import seat
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification import free_decay, hysteresis_loop, modal_stiffness, static_tests, voigt_limits
+from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
 from ride_estimation.io.tables import column, read_table
 from ride_estimation.io.vehicle_file import load_vehicle
-from ride_estimation.signals.spectra import welch_spectrum
+from ride_estimation.signals import integration
+from ride_estimation.signals.spectra import label_peaks, welch_spectrum
+from ride_estimation.vehicles.assembly import assemble
+from ride_estimation.vehicles.modes import linearise, undamped_modes
 
-HELP = "identify from a loop, a lift, a weighing, a drop test, a spectrum or measured modes; limits of a Voigt mount"
+HELP = "classical procedures: loop, lift, weighing, drop test, leaf spring, velocity, seat, spectrum, peaks, modes, Voigt limits"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +47,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     drop.add_argument("--pivot-inertia-kg-m2", type=float, required=True, help="inertia about the pivot")
     drop.add_argument("--arm-m", type=float, required=True, help="distance of the spring from the pivot")
     drop.set_defaults(procedure_run=_drop)
+
+    leaf = kinds.add_parser("leaf-spring", help="spring rate from geometry or from a load test")
+    leaf.add_argument("--span-m", type=float, help="distance of the eyes")
+    leaf.add_argument("--width-m", type=float, help="width of a leaf")
+    leaf.add_argument("--thickness-m", type=float, help="thickness of a leaf")
+    leaf.add_argument("--leaves", type=int, default=1, help="number of leaves (default 1)")
+    leaf.add_argument("--force-n", type=float, help="load of a test instead of the geometry")
+    leaf.add_argument("--deflection-m", type=float, help="deflection under that load")
+    leaf.set_defaults(procedure_run=_leaf)
+
+    velocity = kinds.add_parser("velocity", help="velocity from a measured acceleration, offset removed and high-passed")
+    velocity.add_argument("file", type=Path, help="CSV: time_s and the column")
+    velocity.add_argument("--column", required=True, help="acceleration column without its unit suffix")
+    velocity.add_argument("--corner-hz", type=float, default=0.3, help="corner of the high-pass (default 0.3)")
+    velocity.add_argument("--noise-m-per-s2", type=float, default=0.02, help="noise of the accelerometer (default 0.02)")
+    velocity.add_argument("--out", type=Path, required=True, metavar="CSV", help="table of time_s and velocity_m_per_s")
+    velocity.set_defaults(procedure_run=_velocity)
+
+    pad = kinds.add_parser("seat", help="seat pad: separation of the occupant, signal to noise, exposure")
+    pad.add_argument("file", type=Path, help="CSV: time_s and the column, gravity removed, up positive")
+    pad.add_argument("--column", required=True, help="column without its unit suffix")
+    pad.add_argument("--standstill", type=Path, default=None, help="CSV with the same column, vehicle at rest, engine off")
+    pad.set_defaults(procedure_run=_seat)
+
+    peaks = kinds.add_parser("peaks", help="tell peaks that are modes from peaks that are lines of the input")
+    peaks.add_argument("file", type=Path, help="CSV: time_s, input and output columns")
+    peaks.add_argument("--input", required=True, help="input column without its unit suffix (axle, chassis)")
+    peaks.add_argument("--output", required=True, help="output column without its unit suffix (cab, seat)")
+    peaks.add_argument("--block", type=int, required=True, help="samples per block")
+    peaks.add_argument("--vehicle", type=Path, default=None, help="vehicle file whose modes count")
+    peaks.add_argument("--modes-hz", type=float, nargs="+", default=[], help="natural frequencies instead of a vehicle file")
+    peaks.set_defaults(procedure_run=_peaks)
 
     spectrum = kinds.add_parser("spectrum", help="Welch spectrum with its true resolution")
     spectrum.add_argument("file", type=Path, help="CSV: time_s and the column")
@@ -124,6 +162,67 @@ def _drop(options: argparse.Namespace) -> None:
     )
     if decay.spread > 0.2:
         print(f"warning: the decrement varies by {100 * decay.spread:.0f} %: the decay is not exponential (friction?)")
+
+
+def _leaf(options: argparse.Namespace) -> None:
+    geometry = (options.span_m, options.width_m, options.thickness_m)
+    if options.force_n is not None and options.deflection_m is not None:
+        rate = leaf_spring.rate_from_load(options.force_n, options.deflection_m)
+    elif all(v is not None for v in geometry):
+        rate = leaf_spring.semi_elliptic_rate(*geometry, leaves=options.leaves)
+    else:
+        raise InputDataError("give --span-m, --width-m and --thickness-m, or --force-n and --deflection-m")
+    spread = f" +- {rate.std:.2g}" if rate.std else ""
+    print(f"spring rate {rate.value:.6g}{spread} N/m ({rate.source}); quarter-car --spring-rate-n-per-m holds it")
+
+
+def _velocity(options: argparse.Namespace) -> None:
+    table = read_table(options.file)
+    rate = _uniform_rate(options.file, table)
+    acceleration = column(table, options.file, options.column)
+    found = integration.acceleration_to_velocity(acceleration, rate, options.corner_hz)
+    duration = acceleration.size / rate
+    drift = integration.velocity_drift(options.noise_m_per_s2, rate, duration)
+    rows = np.column_stack([table["time"], found])
+    np.savetxt(options.out, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
+    print(
+        f"offset {acceleration.mean():.4g} m/s^2 removed: left in, it would drift to "
+        f"{abs(acceleration.mean()) * duration:.3g} m/s in {duration:.4g} s, the noise alone to {drift:.3g} m/s; high-pass {options.corner_hz:g} Hz without phase"
+    )
+    print(f"{options.out}: velocity {np.std(found):.4g} m/s rms; filter every signal it is compared with alike")
+
+
+def _seat(options: argparse.Namespace) -> None:
+    table = read_table(options.file)
+    rate = _uniform_rate(options.file, table)
+    values = column(table, options.file, options.column)
+    times = seat.separation_times(values, rate)
+    if times:
+        listed = ", ".join(f"{t:.2f}" for t in times[:10]) + (" ..." if len(times) > 10 else "")
+        print(f"warning: the occupant left the seat {len(times)} times (at {listed} s); the pad then measures only itself")
+    else:
+        print("the occupant never left the seat (vertical acceleration stays above -1 g)")
+    if options.standstill is not None:
+        rest = column(read_table(options.standstill), options.standstill, options.column)
+        ratio = seat.signal_to_noise_db(values, rest)
+        print(f"signal to noise {ratio:.1f} dB, a ratio of {10 ** (ratio / 20):.4g} (stand-still {np.std(rest):.3g} m/s^2 rms)")
+
+
+def _peaks(options: argparse.Namespace) -> None:
+    table = read_table(options.file)
+    rate = _uniform_rate(options.file, table)
+    natural = list(options.modes_hz)
+    if options.vehicle is not None:
+        natural += [m.frequency_hz for m in undamped_modes(linearise(assemble(load_vehicle(options.vehicle))))]
+    if not natural:
+        raise InputDataError("give --vehicle or --modes-hz: without natural frequencies no peak can be told from a mode")
+    spectra = [welch_spectrum(column(table, options.file, n), rate, options.block) for n in (options.output, options.input)]
+    print(spectra[0].describe())
+    found = label_peaks(spectra[0], spectra[1], natural)
+    for peak in found:
+        print(f"  {peak.frequency_hz:8.3f} Hz  {peak.label:<12}{peak.explained_by}")
+    if not found:
+        print("  no peak stands out of its neighbourhood")
 
 
 def _spectrum(options: argparse.Namespace) -> None:

@@ -1,6 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """End to end: ``ride-estimation procedure``."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,58 @@ def test_spectrum_refuses_the_claimed_resolution(tmp_path, capsys):
     claim = ["--claimed-resolution-hz", "0.2"]
     assert main(["procedure", "spectrum", file, "--column", "seat", "--block", "1024", *claim]) == 2
     assert "0.09766" in capsys.readouterr().err
+
+
+def test_leaf_spring_from_geometry_and_from_the_load_of_document_002(capsys):
+    assert main(["procedure", "leaf-spring", "--force-n", "10000", "--deflection-m", "0.030455"]) == 0
+    assert "spring rate 328353 N/m" in capsys.readouterr().out  # document 002 prints 328 407
+    size = ["--span-m", "1.5", "--width-m", "0.09", "--thickness-m", "0.015", "--leaves", "8"]
+    assert main(["procedure", "leaf-spring", *size]) == 0
+    rate = 8 * 2 * 206e9 * 0.09 * 0.015**3 / (6 * 0.75**3)  # two cantilevers of uniform strength
+    assert float(capsys.readouterr().out.split()[2]) == pytest.approx(rate, rel=1e-5)
+    assert main(["procedure", "leaf-spring", "--span-m", "1.5"]) == 2
+    assert "--deflection-m" in capsys.readouterr().err
+
+
+def test_velocity_of_a_biased_sine_is_written(tmp_path, capsys):
+    t = np.arange(0, 60, 0.01)
+    w = 2 * np.pi * 2.0
+    file = write(tmp_path / "axle.csv", "time_s,axle_m_per_s2", t, w * 0.1 * np.cos(w * t) + 0.05)
+    out = tmp_path / "velocity.csv"
+    assert main(["procedure", "velocity", file, "--column", "axle", "--out", str(out)]) == 0
+    assert "would drift to 3 m/s in 60 s" in capsys.readouterr().out
+    found = np.loadtxt(out, delimiter=",", skiprows=1)
+    inner = (found[:, 0] > 10) & (found[:, 0] < 50)
+    np.testing.assert_allclose(found[inner, 1], 0.1 * np.sin(w * found[inner, 0]), atol=2e-3)  # trapezoids at 50 points a cycle
+
+
+def test_seat_pad_separation_and_signal_to_noise(tmp_path, capsys):
+    t = np.arange(0, 20, 0.01)
+    a = 3.98 * np.sqrt(2) * np.sin(2 * np.pi * 1.1 * t)
+    a[500:510] = -11.0
+    file = write(tmp_path / "seat.csv", "time_s,seat_m_per_s2", t, a)
+    rest = write(tmp_path / "rest.csv", "time_s,seat_m_per_s2", t, 0.01 * np.where(np.arange(t.size) % 2, 1.0, -1.0))
+    assert main(["procedure", "seat", file, "--column", "seat", "--standstill", rest]) == 0
+    text = capsys.readouterr().out
+    assert "left the seat 1 times (at 5.00 s)" in text
+    assert "signal to noise 52." in text
+
+
+def test_peaks_of_the_input_are_told_from_modes(tmp_path, capsys):
+    rng = np.random.default_rng(4)
+    t = np.arange(30_000) / 100.0
+    ground = rng.standard_normal(t.size) + 2.0 * np.sin(2 * np.pi * 1.6 * t)
+    w, z = 2 * np.pi * 4.5, 0.05
+    h = np.exp(-z * w * t[:1000]) * np.sin(w * t[:1000]) * w / 100.0
+    file = write(tmp_path / "run.csv", "time_s,axle_m_per_s2,cab_m_per_s2", t, ground, np.convolve(ground, h)[: t.size])
+    common = ["procedure", "peaks", file, "--input", "axle", "--output", "cab", "--block", "2048"]
+    assert main([*common, "--modes-hz", "1.0", "4.5", "21.7"]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"1\.6\d+ Hz +input", text) or re.search(r"1\.5[89]\d* Hz +input", text)
+    assert re.search(r"4\.\d+ Hz +mode +natural frequency 4\.5 Hz", text)
+    assert "resolution 0.04883 Hz" in text
+    assert main(common) == 2
+    assert "--modes-hz" in capsys.readouterr().err
 
 
 def test_modes_that_cannot_be_reached_are_named(capsys):

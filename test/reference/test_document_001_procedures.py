@@ -8,6 +8,7 @@ import pytest
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, static_tests
+from ride_estimation.signals import integration
 
 
 def loop(frequency, force, amplitude=2e-3, cycles=3, per_cycle=2000):
@@ -92,6 +93,35 @@ def test_drop_test_damping_needs_the_inertia_about_the_pivot():
     printed = free_decay.damping_constant(0.06, 8e5, static_load / 9.80665)
     ratio = (static_load / 9.80665) / (pivot_inertia / arm**2)
     assert printed / right == pytest.approx(math.sqrt(ratio), rel=1e-12)
+
+
+def test_drift_of_a_bias_and_what_a_high_pass_leaves_of_the_noise():
+    """Row 1-11 with 60 s at 100 Hz: 0.01 m/s^2 of bias (0.06 deg of tilt) is 0.6 m/s and 18 m; 0.3 Hz leaves 0.23 to 0.47 mm."""
+    rate, count = 100.0, 6000
+    bias = np.full(count, 0.01)
+    v = integration.integrate(bias, rate)
+    assert v[-1] == pytest.approx(0.6, rel=1e-3)
+    assert integration.integrate(v, rate)[-1] == pytest.approx(18.0, rel=1e-3)
+    assert math.degrees(math.asin(0.01 / 9.80665)) == pytest.approx(0.058, abs=1e-3)
+    noise = 0.02 * np.random.default_rng(3).standard_normal((20, count))
+    left = [np.std(integration.acceleration_to_displacement(a, rate, 0.3)[1000:-1000]) for a in noise]
+    assert 0.1e-3 < np.mean(left) < 0.47e-3  # m
+
+
+def test_a_causal_high_pass_turns_the_phase_and_the_zero_phase_one_does_not():
+    """Row 1-11: second order at 0.3 Hz is 12 deg at 2 Hz, twice it (acceleration to displacement) 24 deg."""
+    rate = 200.0
+    t = np.arange(0, 40, 1 / rate)
+    wave = np.sin(2 * np.pi * 2.0 * t)
+    inner = slice(2000, 6000)
+    lag = []
+    for zero_phase in (False, True):
+        filtered = wave
+        for _ in range(1 if zero_phase else 2):
+            filtered = integration.high_pass(filtered, rate, 0.3, zero_phase)
+        lag.append(np.degrees(np.angle(np.sum(filtered[inner] * np.exp(-2j * np.pi * 2.0 * t[inner])) * 1j)))
+    assert lag[0] == pytest.approx(24.0, abs=1.0)
+    assert lag[1] == pytest.approx(0.0, abs=0.1)
 
 
 def test_the_report_line_says_by_which_factor_stiffness_over_mass_is_off():
