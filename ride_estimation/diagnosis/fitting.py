@@ -121,16 +121,12 @@ class FullFitter:
         """Return the regression with port columns of this scene and the tolerance columns of the calibrated model."""
         cal = self._cal
         adjustables, rows = port_columns(scene, self._prior)
-        columns = cal.regression.columns.copy()
-        columns[:, :, self._ports] = rows
         everything = list(cal.adjustables)
         for i, a in zip(self._ports, adjustables):
             everything[i] = a
         std = np.array([a.prior_std for a in everything])
         offset = np.array([a.offset for a in everything])
-        table = cal.table
-        means = cal.regression.mean_columns / np.sqrt(cal.regression.temper)
-        return tuple(everything), Regression(residual, columns, table.residual, means, std, offset, temper)
+        return tuple(everything), cal.regression.replaced(self._ports, rows, residual, (std, offset), temper)
 
     def fit(self, start: Sequence[Score | Fitted], iterations: int = 4) -> FullFit:
         """Fit hypotheses together, starting from screening scores or earlier fits.
@@ -155,7 +151,7 @@ class FullFitter:
             if iteration:
                 scene = Scene(
                     cal.scene.plant, cal.scene.data, dataclasses.replace(state, effects=effects), cal.scene.settings,
-                    (cal.scene.noise_covariance, cal.scene.whitener),
+                    cal.scene,
                 )
             residual = scene.residual
             if effects:
@@ -239,7 +235,7 @@ class FullFitter:
             ) -> float:
                 own = h.columns(scene, trial)
                 columns = own + others
-                normal, right = projector.reduce(scene.push(columns), mean_rows(self._cal.table, columns))
+                normal, right = projector.reduce(scene.push(columns, single=True), mean_rows(self._cal.table, columns))
                 return solve_signed(normal, right, [*h.column_signs(len(own)), *signs])[1]
 
             current = drop(shapes[index])

@@ -68,7 +68,7 @@ class Regression:
         self.prior_std, self.prior_offset = prior_std / root, prior_offset
         self.temper = temper
         self.count = columns.shape[2]
-        full = np.concatenate([columns, residual[:, :, None]], axis=2)
+        full = np.ascontiguousarray(np.concatenate([columns, residual[:, :, None]], axis=2))
         self.full = full
         self.grams = np.swapaxes(full, 1, 2) @ full
 
@@ -135,6 +135,38 @@ class Regression:
         other.temper = temper
         other.mean_residual, other.mean_columns = factor * self.mean_residual, factor * self.mean_columns
         other.prior_std = self.prior_std / factor
+        return other
+
+    def replaced(
+        self, index: Sequence[int], rows: Array, residual: Array, prior: tuple[Array, Array], temper: float
+    ) -> Regression:
+        """Return the regression with some columns and the residual replaced; Grams of the rest are kept.
+
+        Parameters
+        ----------
+        index, rows
+            Columns to replace and their rows, shape (B, R, len(index)).
+        residual
+            Shape (B, R).
+        prior
+            Standard deviation and offset of all baseline coefficients.
+        temper
+            Of the new regression.
+        """
+        other = copy.copy(self)
+        places = [*index, self.count]
+        fresh = np.ascontiguousarray(np.concatenate([rows, residual[:, :, None]], axis=2))
+        other.full = self.full.copy()
+        other.full[:, :, places] = fresh
+        other.columns, other.residual = other.full[:, :, : self.count], residual
+        cross = np.swapaxes(fresh, 1, 2) @ other.full
+        other.grams = self.grams.copy()
+        other.grams[:, places, :] = cross
+        other.grams[:, :, places] = np.swapaxes(cross, 1, 2)
+        root, old = np.sqrt(temper), np.sqrt(self.temper)
+        other.mean_residual, other.mean_columns = self.mean_residual * root / old, self.mean_columns * root / old
+        other.prior_std, other.prior_offset = prior[0] / root, prior[1]
+        other.temper = temper
         return other
 
     @staticmethod

@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.frame import local_motion, tilt_paths
 from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
 from ride_estimation.diagnosis.noise import (
+    DeflectionFilter,
     deflection_filter,
     excess_inefficiency,
     noise_scale,
@@ -146,9 +148,9 @@ class Scene:
     ----------
     plant, data, state, settings
         What is tested, with what.
-    whitener
-        Residual covariance and whitening operator to use instead of those of this model state, so that two states are
-        compared by the same measure.
+    like
+        A scene of the same run whose noise (residual covariance, whitening, filter of deflections) is used instead of that of
+        this model state, so that two states are compared by the same measure.
     scales
         Deflection and rate rms of the ports that shape parameters of laws refer to, where they come from another run.
     smooth
@@ -161,7 +163,7 @@ class Scene:
         data: Measurement,
         state: ModelState,
         settings: Settings,
-        whitener: tuple[ComplexArray, ComplexArray] | None = None,
+        like: Scene | None = None,
         scales: Mapping[int, tuple[float, float]] | None = None,
         smooth: bool = True,
     ) -> None:
@@ -174,9 +176,9 @@ class Scene:
         self._prepare()
         self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
         self._simulate()
-        self._disturb()
-        self._whiten(whitener)
-        self._smooth_motion(smooth)
+        self._disturb(like)
+        self._whiten(like)
+        self._smooth_motion(smooth, like)
         self.scales = dict(scales) if scales is not None else self._port_scales()
 
     # ------------------------------------------------------------------ preparation
@@ -280,8 +282,13 @@ class Scene:
                 modulus[0][i], modulus[1][i] = self.state.stiffness[p], self.state.damping[p]
         return wrench_correction(plant, self.motion, (d, v), (self.slope, self.slope_rate), modulus, axes)
 
-    def _disturb(self) -> None:
+    def _disturb(self, like: Scene | None) -> None:
         """Collect what is wrong with the measured base motion: sensor noise, and tilt of brackets that no sensor sees."""
+        if like is not None:
+            self.disturbance: Array = like.disturbance
+            self.noise_transfer: ComplexArray = like.noise_transfer
+            self._deflection_noise: ComplexArray = like._deflection_noise
+            return
         grid, r, plant = self.grid, self.response, self.plant
         std = self.noise_scale * np.array([s.noise_std for s in plant.inputs])
         twice = (-1.0 / grid.omega**2)[:, None, None]
@@ -299,23 +306,24 @@ class Scene:
         """Return the number of bins within half a hertz."""
         return max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
 
-    def _whiten(self, given: tuple[ComplexArray, ComplexArray] | None) -> None:
-        if given is None:
-            covariance = residual_covariance(
+    def _whiten(self, like: Scene | None) -> None:
+        if like is None:
+            self.noise_covariance = residual_covariance(
                 self.noise_scale * np.array([s.noise_std for s in self.plant.outputs]),
                 self.noise_transfer * self.disturbance[:, None, :],
                 smoothed_power(self.measured_spectrum, self.grid.samples, self._smoothing),
                 self.settings.adequacy,
             )
-            given = covariance, whitening(covariance, self.grid.band_weight)
-        self.noise_covariance, self.whitener = given
+            self.whitener = whitening(self.noise_covariance, self.grid.band_weight)
+        else:
+            self.noise_covariance, self.whitener = like.noise_covariance, like.whitener
         self.residual_spectrum = self.measured_spectrum - self.predicted_spectrum
         self.residual = self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
         share = float(np.sum(self.grid.band_weight**2) / (self.grid.decimated / 2))
         #: degrees of freedom of every block
         self.block_dof = self.blocks.weight.sum(axis=1) * len(self.plant.outputs) * share
 
-    def _smooth_motion(self, correct: bool) -> None:
+    def _smooth_motion(self, correct: bool, like: Scene | None) -> None:
         """Correct deflections and body motion by what the residual says about forces the model does not have.
 
         Unknown port forces with the spectrum of the known ones, at the level that explains the excess of the residual, are
@@ -325,7 +333,7 @@ class Scene:
         grid, r, n = self.grid, self.response, self.grid.samples
         modulus = self.state.stiffness + 1j * grid.omega[:, None] * self.state.damping
         # below the band the apparent deflection is integration drift; the body follows slow base motion
-        self._filter = deflection_filter(
+        self._filter: DeflectionFilter = like._filter if like is not None else deflection_filter(
             self.deflection_spectrum, self._deflection_noise * self.disturbance[:, None, :], n, max(3, self._smoothing // 2)
         )
         self.deflection_spectrum = grid.low_flank[:, None] * self._filter.apply(self.deflection_spectrum)
@@ -362,13 +370,24 @@ class Scene:
         return {p: (float(max(x[p], 1e-15)), float(max(v[p], 1e-15))) for p in range(len(self.plant.ports))}
 
     # ------------------------------------------------------------------ entry points
-    def rows(self, output_spectrum: ComplexArray) -> Array:
-        """Return whitened rows of output spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""
-        white = self.whitener @ output_spectrum
-        signal = self.grid.decimated_signal(white)
-        picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None]
-        blocks, length, ny, q = picked.shape
-        return np.asarray(picked.reshape(blocks, length * ny, q))
+    def rows(self, output_spectrum: NDArray[Any], single: bool = False) -> Array:
+        """Return whitened rows of output spectra (F, ny, q) as blocks, shape (B, L * ny, q).
+
+        Parameters
+        ----------
+        single
+            Compute in single precision, for scores of many columns.
+        """
+        white: NDArray[Any] = self.whitener
+        if single:
+            white, output_spectrum = white.astype(np.complex64), output_spectrum.astype(np.complex64)
+        signal = self.grid.decimated_signal(white @ output_spectrum)
+        blocks, length = self.blocks.index.shape
+        first = int(self.blocks.index[0, 0]) if blocks else 0
+        if blocks and np.all(self.blocks.weight == 1.0) and self.blocks.index[-1, -1] == first + blocks * length - 1:
+            return np.ascontiguousarray(signal[first : first + blocks * length]).reshape(blocks, -1, signal.shape[2])
+        picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None].astype(signal.dtype)
+        return np.asarray(picked.reshape(blocks, -1, signal.shape[2]))
 
     def output_of(self, column: Column) -> ComplexArray:
         """Return the output spectrum of one column of effects, shape (F, ny)."""
@@ -387,9 +406,9 @@ class Scene:
             out += matrix[:, :, effect.index] * spectrum[:, None]
         return out
 
-    def push(self, columns: Sequence[Column]) -> Array:
-        """Return the whitened rows of columns of effects, shape (B, L * ny, q)."""
-        return self.rows(np.stack([self.output_of(c) for c in columns], axis=2))
+    def push(self, columns: Sequence[Column], single: bool = False) -> Array:
+        """Return the whitened rows of columns of effects, shape (B, L * ny, q); see :meth:`rows`."""
+        return self.rows(np.stack([self.output_of(c) for c in columns], axis=2), single)
 
     def derivative(self, signal: Array) -> Array:
         """Return the time derivative of a signal within the kept band, shape (N,)."""

@@ -87,12 +87,14 @@ class Projector:
         """Return the normal matrix (Q, Q) and right side (Q,) of candidate rows after the baseline is removed."""
         means = np.sqrt(self.regression.temper) * means
         flat = np.ascontiguousarray(rows[self.blocks].reshape(-1, rows.shape[2]))
-        size = np.maximum(np.sqrt(np.einsum("ij,ij->j", flat, flat)), 1e-300)
-        flat = flat / size
+        least = np.finfo(flat.dtype).tiny
+        size = np.sqrt(np.einsum("ij,ij->j", flat, flat, dtype=float))
+        flat = flat / np.maximum(size, least).astype(flat.dtype)
         p = self.regression.count
-        cross = (self._full.T @ flat.astype(np.float32)).astype(float) * size
+        cross = (self._full.T @ flat.astype(np.float32, copy=False)).astype(float) * size
         against = cross[:p] + self.regression.mean_columns.T @ means
-        normal = (flat.T @ flat) * np.outer(size, size) + means.T @ means - against.T @ self._solve(against)
+        own = (flat.T @ flat).astype(float) * np.outer(size, size)
+        normal = own + means.T @ means - against.T @ self._solve(against)
         right = cross[p] + means.T @ self.regression.mean_residual - against.T @ self._solution
         return normal, right
 
@@ -194,7 +196,7 @@ def _score_batch(
 ) -> None:
     """Score the jobs of one batch and keep the best score of every hypothesis."""
     flat = [c for _, columns in batch for c in columns]
-    normal, right = projector.reduce(scene.push(flat), mean_rows(table, flat))
+    normal, right = projector.reduce(scene.push(flat, single=True), mean_rows(table, flat))
     offset = 0
     for (main, shape, members), columns in batch:
         per_port = len(columns) // max(len(main.ports), 1)

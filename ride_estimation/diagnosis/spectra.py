@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,12 +73,13 @@ class FrequencyGrid:
         full[self.first : self.last] = spectrum
         return np.asarray(irfft(full, n=self.padded, axis=0)[: self.samples])
 
-    def decimated_signal(self, spectrum: ComplexArray) -> Array:
+    def decimated_signal(self, spectrum: NDArray[Any]) -> Array:
         """Return decimated signals scaled so that unit white noise in the kept band has one unit per degree of freedom."""
-        full = np.zeros((self.decimated // 2 + 1, *spectrum.shape[1:]), dtype=complex)
+        full = np.zeros((self.decimated // 2 + 1, *spectrum.shape[1:]), dtype=spectrum.dtype)
         full[self.first : self.last] = spectrum
-        scale = np.sqrt(self.decimated / self.padded)
-        return np.asarray(irfft(full, n=self.decimated, axis=0) * scale)
+        signal = irfft(full, n=self.decimated, axis=0, overwrite_x=True)
+        signal *= np.sqrt(self.decimated / self.padded)
+        return np.asarray(signal)
 
 
 def make_grid(samples: int, rate_hz: float, band_hz: tuple[float, float]) -> FrequencyGrid:

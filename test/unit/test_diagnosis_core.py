@@ -161,7 +161,7 @@ def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
     settings = Settings()
     here = Scene(plant, data, ModelState(k, c), settings, smooth=False)
     shifted = Scene(
-        plant, data, ModelState(k * 1.001, c), settings, (here.noise_covariance, here.whitener), smooth=False
+        plant, data, ModelState(k * 1.001, c), settings, like=here, smooth=False
     )
     adjustables, rows, _ = baseline_columns(here, mean_table(here), (k, c))
     index = [a.kind for a in adjustables].index("stiffness")
