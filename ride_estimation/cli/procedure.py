@@ -187,7 +187,8 @@ def _velocity(options: argparse.Namespace) -> None:
     np.savetxt(options.out, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
     print(
         f"offset {acceleration.mean():.4g} m/s^2 removed: left in, it would drift to "
-        f"{abs(acceleration.mean()) * duration:.3g} m/s in {duration:.4g} s, the noise alone to {drift:.3g} m/s; high-pass {options.corner_hz:g} Hz without phase"
+        f"{abs(acceleration.mean()) * duration:.3g} m/s in {duration:.4g} s, the noise alone to {drift:.3g} m/s; "
+        f"high-pass {options.corner_hz:g} Hz without phase"
     )
     print(f"{options.out}: velocity {np.std(found):.4g} m/s rms; filter every signal it is compared with alike")
 

@@ -6,8 +6,10 @@ import math
 import numpy as np
 import pytest
 
+from ride_estimation.diagnosis.result import Calibration
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, static_tests
+from ride_estimation.reporting.diagnosis_report import stiffness_words
 from ride_estimation.signals import integration
 
 
@@ -126,3 +128,15 @@ def test_a_causal_high_pass_turns_the_phase_and_the_zero_phase_one_does_not():
 
 def test_the_report_line_says_by_which_factor_stiffness_over_mass_is_off():
     assert "1.86 times" in static_tests.stiffness_ratio(1.1, 1.5)
+
+
+def test_the_diagnosis_report_names_stiffnesses_that_are_off_and_no_others():
+    """Row 1-20 in the report of a diagnosis: 1.5 Hz measured, 1.1 Hz by the file; what is within three deviations is silent."""
+    measured = 1e5 * (1.5 / 1.1) ** 2
+    words = stiffness_words([
+        Calibration("front.z.stiffness", measured, 500.0, "N/m", 1e5), Calibration("rear.z.stiffness", 1.1e5, 4e3, "N/m", 1e5),
+        Calibration("front.z.damping", 2e3, 10.0, "N s/m", 1e3),
+    ])  # fmt: skip
+    assert len(words) == 1
+    assert "front.z.stiffness: stiffness over mass must be 1.86 times" in words[0]
+    assert "1.36 times as high" in words[0]
