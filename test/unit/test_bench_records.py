@@ -45,6 +45,25 @@ def test_bad_records_are_refused_with_the_reason(record, says):
         check_record(record)
 
 
+def test_a_force_of_the_wrong_sign_is_refused_and_a_late_one_warned_of():
+    v = np.gradient(X, T)
+    spring, damper = 1e5 * X + 50 * v, 3e3 * v
+    for force in (spring, damper):
+        assert not check_record(make(T, X, force)).warnings
+        with pytest.raises(InputDataError, match="--sign opposed"):
+            check_record(make(T, X, -force))
+        # a mechanism that really pushes away from rest can be accepted
+        assert any("opposite signs" in w for w in check_record(make(T, X, -force), allow_stiffness_outside=True).warnings)
+    # 8 ms late at 3 Hz: the loop of the spring turns the other way round; 8 ms early it only looks more damped
+    assert any("late against the displacement" in w for w in check_record(make(T, X, np.roll(spring, 8))).warnings)
+    assert not any("late" in w for w in check_record(make(T, X, np.roll(spring, -8))).warnings)
+    # a record that ends where it did not begin gives its spring energy back without being suspicious
+    assert not check_record(make(T[:900], X[83:983], spring[83:983])).warnings
+    t = np.arange(2000) * 1e-3
+    out = 5e-3 * (1.0 - t / t[-1])
+    assert not check_record(make(t, out, 1e5 * out)).warnings
+
+
 def test_implausible_stiffness_can_be_accepted_and_is_still_said():
     assert any("1000 times softer" in w for w in check_record(make(T, 1e3 * X, 0.1 * F), allow_stiffness_outside=True).warnings)
 

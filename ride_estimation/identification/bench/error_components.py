@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 Array = NDArray[np.float64]
 
@@ -20,6 +19,8 @@ Array = NDArray[np.float64]
 SHARE = (1e-4, 0.3)
 #: limits of the force noise on top of the stated one, in shares of the largest force amplitude
 NOISE = (1e-7, 1e-2)
+#: grids of the search; the last is spaced by half a percent
+_GRIDS = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,17 +71,17 @@ def estimate_components(
     """
     largest = float(np.max(stiffness * amplitude))
     square = np.abs(misfit) ** 2 * (2.0 * misfit.size / max(2 * misfit.size - parameters, 1))
+    stated, unit = (stated_noise / (amplitude * stiffness)) ** 2, (largest / (amplitude * stiffness)) ** 2
 
-    def components(p: Array) -> ErrorComponents:
-        return ErrorComponents(float(np.exp(p[0])), largest * float(np.exp(p[1])))
+    def costs(shares: Array, noises: Array) -> Array:
+        variance = np.exp(2.0 * shares)[:, None, None] + stated + np.exp(2.0 * noises)[None, :, None] * unit
+        return np.asarray(np.sum(np.log(variance) + 0.5 * square / variance, axis=2))
 
-    def cost(p: Array) -> float:
-        variance = components(p).relative_sigma(stiffness, amplitude, stated_noise) ** 2
-        return float(np.sum(np.log(variance) + 0.5 * square / variance))
-
+    # the likelihood may have a ridge between the two: grids around the best point, each a third as wide as the one before
     limits = [(math.log(low), math.log(high)) for low, high in (SHARE, NOISE)]
-    # the likelihood may have a ridge between the two: the best of a coarse grid starts the search
-    grid = [np.array([a, b]) for a in np.linspace(*limits[0], 7) for b in np.linspace(*limits[1], 7)]
-    start = min(grid, key=cost)
-    found = minimize(cost, start, bounds=limits, method="L-BFGS-B")
-    return components(found.x if found.fun <= cost(start) else start)
+    best, half = [0.5 * (low + high) for low, high in limits], [0.5 * (high - low) for low, high in limits]
+    for _ in range(_GRIDS):
+        axes = [np.clip(np.linspace(b - h, b + h, 9), *limit) for b, h, limit in zip(best, half, limits, strict=True)]
+        i, j = np.unravel_index(int(np.argmin(costs(axes[0], axes[1]))), (9, 9))
+        best, half = [float(axes[0][i]), float(axes[1][j])], [h / 3.0 for h in half]
+    return ErrorComponents(math.exp(best[0]), largest * math.exp(best[1]))
