@@ -28,10 +28,12 @@ DECODE_ERRORS = (RuntimeError, ValueError, OverflowError, struct.error)
 #: what arithmetic on unforeseen numbers may raise (LinAlgError is a ValueError)
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
 
-#: length and rate of the made-up data that compile the kernels
-WARM_UP_S = 3.0
+#: length and rate of the made-up drive that compiles the kernels: long enough for the first estimate of the parameters
+WARM_UP_S = 9.0
 WARM_UP_RATE_HZ = 50.0
 WARM_UP_START_NS = 1_000_000_000_000
+#: vertical acceleration of the body and of the bases in it [m/s^2] and its frequencies [Hz]
+WARM_UP_ACCEL, WARM_UP_BASE_ACCEL, WARM_UP_HZ = 1.0, 0.6, (1.3, 3.1)
 
 UNDECODABLE = "message_not_decodable"
 WRONG_TYPE = "message_type_not_accepted"
@@ -78,15 +80,19 @@ class Session:
         return self.pipeline.arrangement.mount_names
 
     def warm_up(self) -> None:
-        """Run a second, throw-away pipeline so that every kernel is compiled before the first message is waiting."""
+        """Run a made-up drive through a throw-away pipeline, so that all kernels are compiled before the first message."""
         pipeline = Pipeline(self.vehicle, self.pipeline.settings)
+        body = {s.name for s in pipeline.arrangement.body_sensors}
         period_ns = round(1e9 / WARM_UP_RATE_HZ)
         for k in range(round(WARM_UP_S * WARM_UP_RATE_HZ)):
-            for number, sensor in enumerate(self.vehicle.sensors.values()):
-                phase = 0.3 * k + number
-                sample = [0.01 * math.sin(phase + channel) for channel in range(sensor.channels)]
+            wave = sum(math.sin(2.0 * math.pi * f * k / WARM_UP_RATE_HZ) for f in WARM_UP_HZ)
+            for sensor in self.vehicle.sensors.values():
+                size = WARM_UP_ACCEL if sensor.name in body else WARM_UP_BASE_ACCEL
+                # a little of its own in every sample, or it would count as stuck
+                sample = [1e-3 * math.sin(0.3 * k + channel) for channel in range(sensor.channels)]
                 if sensor.kind in ("accelerometer", "imu"):
-                    sample[2] += self.vehicle.gravity
+                    up = sensor.rotation[2] * (self.vehicle.gravity + size * wave)
+                    sample[:3] = [v + float(u) for v, u in zip(sample, up)]
                 pipeline.observe(sensor.name, WARM_UP_START_NS + k * period_ns, sample, None)
         pipeline.finish()
         pipeline.parameters()
