@@ -71,16 +71,18 @@ def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"ride_estimation {ride_estimation.__version__}")
-    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB", prog=parser.prog, help=argparse.SUPPRESS)
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB", prog=parser.prog, help="one of the above")
     for name, text in helps.items():
         if name not in wanted:
             commands.add_parser(name, description=text)
             continue
         module = verb_module(name)
         teach = getattr(module, "EXAMPLES", "")
+        # shell completion takes only verbs with a help line; the help itself lists them by topic instead
+        listed = {"help": text} if only is None else {}
         sub = commands.add_parser(
             name, description=f"{text[0].upper()}{text[1:]}.", epilog=f"examples:\n{teach}" if teach else "",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=argparse.RawDescriptionHelpFormatter, **listed,
         )  # fmt: skip
         module.add_arguments(sub)
         sub.set_defaults(execute=module.run)
