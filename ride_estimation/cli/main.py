@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import ride_estimation
 import ride_estimation.cli as package
@@ -79,7 +80,7 @@ def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
         module = verb_module(name)
         teach = getattr(module, "EXAMPLES", "")
         # shell completion takes only verbs with a help line; the help itself lists them by topic instead
-        listed = {"help": text} if only is None else {}
+        listed: dict[str, Any] = {"help": text} if only is None else {}
         sub = commands.add_parser(
             name, description=f"{text[0].upper()}{text[1:]}.", epilog=f"examples:\n{teach}" if teach else "",
             formatter_class=argparse.RawDescriptionHelpFormatter, **listed,
