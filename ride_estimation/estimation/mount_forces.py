@@ -131,6 +131,8 @@ class MountForceEstimator:
 
     def reset(self) -> None:
         """Forget running statistics."""
+        #: what the mount model does not explain of the force on the body in the last block, shape (K, 6) [N, N m]
+        self.missing = np.zeros((0, 6))
         count = self._count
         if self._frame is not None:
             self._frame.reset()
@@ -192,6 +194,7 @@ class MountForceEstimator:
             self._update_gains(deflection, load_covariance)
         flat = force.reshape(ticks, 3 * count)
         error = support - flat @ self.arrangement.wrench.T
+        self.missing = error
         slow = low_pass(error, 1.0 - np.exp(-_SLOW_CORNER * dt), self._slow)
         fast = error - slow
         self._square += np.sum(error**2, axis=0)

@@ -19,6 +19,7 @@ from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.messages import Converter, Sample, make_converter
 from ride_estimation.io.vehicle_file import body_layout
 from ride_estimation.nodes.cdr import Reader, make_reader
+from ride_estimation.nodes.hint_status import hint_status
 from ride_estimation.nodes.inputs import input_topics
 from ride_estimation.nodes.node_health import TopicState, pipeline_statuses
 from ride_estimation.vehicles.vehicle import Body, Vehicle
@@ -163,5 +164,6 @@ class Session:
     def statuses(self) -> Iterator[DiagnosticStatus]:
         """Return the statuses of the estimates, of every sensor and of every topic."""
         yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished)
+        yield hint_status(self.pipeline.hints(), self.body.name)
         for state in self.states.values():
             yield state.status()
