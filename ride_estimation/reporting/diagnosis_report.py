@@ -115,7 +115,7 @@ def stiffness_words(parameters: Sequence[Calibration]) -> tuple[str, ...]:
         factor = p.value / p.prior
         if abs(factor - 1.0) > max(0.05, 3.0 * p.std / p.prior):
             found.append(
-                f"{p.name}: stiffness over mass must be {factor:.2f} times the vehicle file's; a mode that rests on it alone lies "
+                f"{p.name}: stiffness over mass must be {factor:.2f} times the vehicle file's; a mode on it alone lies "
                 f"{math.sqrt(factor):.2f} times as high"
             )
     return tuple(found)

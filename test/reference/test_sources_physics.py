@@ -11,6 +11,9 @@ import pytest
 from worlds.quarter_car import QuarterCar, drive_quarter_car, measure_quarter_car, road_height
 from worlds.roads import Road
 
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.elements.maxwell import Maxwell
+from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.rls import RecursiveLeastSquares
@@ -53,7 +56,10 @@ def test_sum_of_mount_forces_is_mass_times_specific_force():
 
 
 def parity(change):
-    """Return the residual RMS per sensor for 20 s of rigid motion with a fault put into the readings by ``change``."""
+    """Return the residual RMS per sensor for 20 s of rigid motion with a fault put into the readings by ``change``.
+
+    ``change(name, values, at)`` returns the readings of one sensor; ``at(delay)`` are those of some seconds ago.
+    """
     rng = np.random.default_rng(8)
     t = np.arange(4000) / 200.0
     lines = rng.uniform(0.8, 8.0, 10)
@@ -66,11 +72,11 @@ def parity(change):
 
     readings = {}
     for name, place in CORNERS.items():
-        now = motion(0.0)
-        values = now[:, :3] + np.cross(now[:, 3:], np.array(place)) + np.array([0.0, 0.0, GRAVITY])
-        late = motion(0.005)
-        shifted = late[:, :3] + np.cross(late[:, 3:], np.array(place)) + np.array([0.0, 0.0, GRAVITY])
-        readings[name] = change(name, values, shifted) + 0.02 * rng.standard_normal((4000, 3))
+        def at(delay, place=place):
+            late = motion(delay)
+            return late[:, :3] + np.cross(late[:, 3:], np.array(place)) + np.array([0.0, 0.0, GRAVITY])
+
+        readings[name] = change(name, at(0.0), at) + 0.02 * rng.standard_normal((4000, 3))
     sensors = [Sensor(n, "accelerometer", f"/{n}", "cab", position=np.array(p), noise_std=0.02) for n, p in CORNERS.items()]
     estimator = CgMotionEstimator(sensors, np.zeros(3), np.ones(6, dtype=bool), GRAVITY)
     samples = np.hstack(list(readings.values()))
@@ -80,18 +86,18 @@ def parity(change):
     return dict(zip(CORNERS, rms)), estimator.residual_test()
 
 
-def vertical_gain(name, values, late):
+def vertical_gain(name, values, at):
     return values * np.array([1.0, 1.0, 1.03 if name == "FR" else 1.0])
 
 
-def vertical_delay(name, values, late):
-    return np.column_stack([values[:, :2], late[:, 2] if name == "FR" else values[:, 2]])
+def vertical_delay(name, values, at):
+    return np.column_stack([values[:, :2], at(0.005)[:, 2] if name == "FR" else values[:, 2]])
 
 
 @pytest.mark.parametrize("fault", [vertical_gain, vertical_delay])
 def test_vertical_faults_look_alike_on_all_four_sensors(fault):
     """4.4: of six spare equations one is vertical, direction [1, -1, -1, 1]: it tells that, never where."""
-    clean, _ = parity(lambda name, values, late: values)
+    clean, _ = parity(lambda name, values, at: values)
     found, judged = parity(fault)
     assert min(found.values()) > 1.15 * max(clean.values())
     assert max(found.values()) < 1.05 * min(found.values())
@@ -100,9 +106,76 @@ def test_vertical_faults_look_alike_on_all_four_sensors(fault):
 
 
 def test_a_sensor_that_is_late_in_all_axes_is_placed():
-    found, judged = parity(lambda name, values, late: late if name == "FR" else values)
+    found, judged = parity(lambda name, values, at: at(0.005) if name == "FR" else values)
     assert max(found, key=found.get) == "FR"
     assert judged.sensor == "FR"
+
+
+def tilted(degrees):
+    s, c = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    return lambda name, values, at: values @ turn.T if name == "FR" else values
+
+
+def late(milliseconds):
+    return lambda name, values, at: at(1e-3 * milliseconds) if name == "FR" else values
+
+
+def scaled(*factors):
+    return lambda name, values, at: values * np.array(factors) if name == "FR" else values
+
+
+def swapped(name, values, at):
+    return values[:, [1, 0, 2]] if name == "FR" else values
+
+
+def warped(name, values, at):
+    sign = {"FL": 1.0, "FR": -1.0, "RL": -1.0, "RR": 1.0}[name]
+    wave = 0.3 * np.sqrt(2.0) * np.sin(2 * np.pi * 3.1 * np.arange(len(values)) / 200.0)
+    return values + sign * wave[:, None] * np.array([0.0, 0.0, 1.0])
+
+
+# FL FR RL RR; None: depends on the motion, which is not stated
+FAULTS_4_4 = {
+    "tilt 1 deg": (tilted(1.0), (0.048, 0.062, 0.020, 0.020)),
+    "tilt 2 deg": (tilted(2.0), (None, 0.121, None, None)),
+    "tilt 5 deg": (tilted(5.0), (None, 0.301, None, None)),
+    "late 1 ms": (late(1.0), None),
+    "late 10 ms": (late(10.0), None),
+    "gain 3 %": (scaled(1.03, 1.03, 1.03), (0.049, 0.052, 0.047, 0.048)),
+    "x, y swapped": (swapped, None),
+    "z sign flipped": (scaled(1.0, 1.0, -1.0), None),
+    "warp": (warped, (0.174, 0.174, 0.174, 0.174)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS_4_4)
+def test_residuals_of_a_fault_are_its_projection_and_the_figures_of_the_table(fault):
+    """4.4: own projector on the spare equations; figures of the table where gravity makes them, not its unstated motion."""
+    change, printed = FAULTS_4_4[fault]
+    seen = {}
+
+    def noted(name, values, at):
+        seen[name] = change(name, values, at) - values
+        return values + seen[name]
+
+    found, _ = parity(noted)
+    rows = np.vstack([np.hstack([np.eye(3), np.cross(np.array(p), np.eye(3)).T]) for p in CORNERS.values()])
+    spare = np.eye(12) - rows @ np.linalg.pinv(rows)
+    left = (np.hstack([seen[n] for n in CORNERS]) @ spare.T).reshape(-1, 4, 3)
+    noise = 0.02**2 * np.diag(spare).reshape(4, 3).mean(axis=1)
+    wanted = np.sqrt(np.mean(left**2, axis=(0, 2)) + noise)
+    if fault == "z sign flipped":
+        # twice gravity on one axis also spins the rates the centripetal terms need: more than the projection, on all alike
+        assert min(found.values()) > 2.8
+        assert max(found.values()) < 1.03 * min(found.values())
+        return
+    # 4000 samples of noise; a constant fault leans on the rates too, a tenth of it
+    np.testing.assert_allclose(list(found.values()), wanted, rtol=0.12)
+    for value, figure in zip(found.values(), printed or ()):
+        assert figure is None or value == pytest.approx(figure, rel=0.15)
+    if printed is None:
+        assert max(found, key=found.get) == "FR"
 
 
 def test_mass_with_known_stiffness_follows_a_load_of_400_kg():
@@ -153,3 +226,59 @@ def test_six_equations_leave_six_directions_one_of_them_pure_warp():
     assert np.all(error > 0.2)  # independent bases, half of the motion is warp: unknowable from cab accelerometers
     doubled = wrench @ np.linalg.inv(g @ (2 * stiffness) @ g.T) @ g @ (2 * stiffness)
     np.testing.assert_allclose(doubled.reshape(force.shape), split, rtol=1e-9, atol=1e-6)  # only ratios of stiffness matter
+
+
+def regressed(noise, corner, seed):
+    """Return errors of k/m and of the mass with known k by plain least squares on integrated, high-passed signals."""
+    rate, step = 200.0, 1e-3
+    car = QuarterCar()
+    height, slope = road_height(dataclasses.replace(Road(), roughness=64e-6, speed=5.0), 60.0, step, seed)
+    data = measure_quarter_car(drive_quarter_car(car, height, slope, step), rate, seed, noise)
+    body, axle = (data[n][:, 2] - GRAVITY for n in ("body", "axle"))
+    z = acceleration_to_displacement(body - axle, rate, corner)
+    v = high_pass(acceleration_to_velocity(body - axle, rate, corner), rate, corner)
+    a = high_pass(high_pass(body - body.mean(), rate, corner), rate, corner)
+    inner = slice(1000, -1000)
+    ratio = np.linalg.lstsq(np.column_stack([-z, -v])[inner], a[inner], rcond=None)[0][0]
+    mass = np.linalg.lstsq(np.column_stack([a, v])[inner], -car.stiffness * z[inner], rcond=None)[0][0]
+    return ratio / (car.stiffness / car.sprung) - 1.0, mass / car.sprung - 1.0
+
+
+def test_noise_in_the_regressors_biases_least_squares_and_a_higher_corner_cures_it():
+    """4.8, class B at 5 m/s. k/m there: -0.9 % at 0.02 m/s^2, -22 % at 0.1 with 0.3 Hz, -1.7 % with 0.7 Hz.
+
+    On this quarter car, seeds 1 to 4: -0.3, -11.5 and -0.2 %; mass with known k -0.9 % at 0.02 m/s^2. Judged on other seeds.
+    """
+    means = {
+        key: np.mean([regressed(*key, seed) for seed in range(11, 15)], axis=0) for key in ((0.02, 0.3), (0.1, 0.3), (0.1, 0.7))
+    }
+    assert abs(means[0.02, 0.3][0]) < 0.01
+    assert -0.25 < means[0.1, 0.3][0] < -0.06
+    assert abs(means[0.1, 0.7][0]) < 0.02
+    assert abs(means[0.02, 0.3][1]) < 0.02
+
+
+def test_one_sinusoid_tells_two_of_four_parameters_of_a_maxwell_mount_two_tell_all():
+    """4.10: k, c, k_M, tau of a mass of 2500 kg on its mount, base acceleration lines of 1 m/s^2 for 60 s, noise 0.02 m/s^2."""
+    mass, theta = 2500.0, np.log([3e5, 2e4, 1e5, 0.05])
+
+    def response(log_parameters, frequencies):
+        k, c, branch, tau = np.exp(log_parameters)
+        s = 2j * np.pi * np.asarray(frequencies)
+        element = SumOfElements((KelvinVoigt(k, c), Maxwell(branch, branch * tau)))
+        stiff = np.array([element.dynamic_stiffness(abs(w), 1e-3) for w in s])
+        return stiff / (stiff + mass * s**2)
+
+    def information(frequencies):
+        columns = [
+            (response(theta + 1e-5 * e, frequencies) - response(theta - 1e-5 * e, frequencies)) / 2e-5 for e in np.eye(4)
+        ]
+        sensitivity = np.column_stack(columns)
+        both = np.vstack([sensitivity.real, sensitivity.imag])
+        return both.T @ both * (60.0 * 200.0 / 2.0) / 0.02**2
+
+    one, two = information([1.5]), information([1.5, 6.0])
+    assert np.linalg.matrix_rank(one, tol=1e-8 * np.abs(one).max()) == 2
+    assert np.linalg.matrix_rank(two, tol=1e-8 * np.abs(two).max()) == 4
+    bound = np.sqrt(np.diag(np.linalg.inv(two)))
+    assert np.all(bound < 0.02), bound  # the table: 0.06 to 0.24 % for lines of unstated size
