@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.signals.quality import ChannelQuality, gravity_findings, judge_channel
+from ride_estimation.signals.quality import NOTHING, ChannelQuality, gravity_findings, judge_channel, with_action
 from ride_estimation.signals.recording import Channel, Recording
 
 #: rate of an accelerometer below which part of the ride motion cannot be in the signal [Hz]
@@ -41,7 +41,7 @@ def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: 
             extra.append(f"{quality.rate_hz:.3g} Hz shows motion below {seen:.2g} Hz only; wheel hop is at 10 to 15 Hz")
         if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and quality.samples:
             extra += gravity_findings(sensor.rotation @ quality.mean[:3], gravity)
-        judged[name] = dataclasses.replace(quality, findings=(*quality.findings, *extra))
+        judged[name] = dataclasses.replace(quality, findings=(*quality.findings, *(with_action(f, NOTHING) for f in extra)))
     return judged
 
 
@@ -71,4 +71,6 @@ def _twins(channels: Mapping[str, Channel]) -> Mapping[str, Sequence[str]]:
         same_kind = first.values.shape[1] == second.values.shape[1] >= 3
         if n >= 16 and same_kind and np.array_equal(first.values[:n], second.values[:n]) and np.ptp(first.values[:n]) > 0.0:
             found.setdefault(b, []).append(f"delivers the same numbers as {a}: one topic recorded twice?")
+        elif n >= 16 and same_kind and np.array_equal(first.values[:n], -second.values[:n]) and np.ptp(first.values[:n]) > 0.0:
+            found.setdefault(b, []).append(f"delivers the numbers of {a} with opposite sign: one of the two is no measurement")
     return found

@@ -1,7 +1,8 @@
 # Copyright 2026 ride_estimation contributors
 """Data quality of raw samples, before anything is estimated: rate, gaps, clipping, flat line, spikes, gravity, units.
 
-Every finding is a sentence with numbers; thresholds are relative to the signal itself, none belongs to a vehicle.
+Every finding is a sentence with numbers that ends with what is done about it; thresholds are relative to the signal itself, none
+belongs to a vehicle.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.recording import Channel
 
 Array = NDArray[np.float64]
@@ -23,6 +25,9 @@ FAR_PERIODS = 10.0
 FLAT_SECONDS = 1.0
 #: distance of a sample from its neighbours, in robust standard deviations of that distance, that makes a spike
 SPIKE_RATIO = 15.0
+#: what is done about samples that say nothing, and about what only a person can put right
+LEFT_OUT = "left out and counted"
+NOTHING = "none: used as it is; check wiring, driver and vehicle file"
 _AXES = "xyz"
 
 
@@ -51,7 +56,7 @@ class ChannelQuality:
     mean, std
         Per value, of the finite samples.
     findings
-        Sentences about what is not well.
+        Sentences about what is not well, each with what is done about it behind an arrow.
     """
 
     samples: int
@@ -111,28 +116,43 @@ def judge_channel(channel: Channel, full_scale: float = float("inf")) -> Channel
 
 
 def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
-    found = []
+    found: list[tuple[str, str]] = []
     if q.not_finite:
-        found.append(f"{q.not_finite} samples are not finite")
+        found.append((f"{q.not_finite} samples are not finite", LEFT_OUT))
     if np.any(channel.stamp_ns <= 0):
-        found.append(f"{int(np.sum(channel.stamp_ns <= 0))} stamps are zero")
+        found.append((f"{int(np.sum(channel.stamp_ns <= 0))} stamps are zero", LEFT_OUT))
     if q.duplicates:
-        found.append(f"{q.duplicates} stamps are repeated")
+        found.append((f"{q.duplicates} stamps are repeated", "the later samples are left out and counted"))
     back = np.diff(channel.stamp_ns)
     far = back[back < -FAR_PERIODS * period * 1e9] if period else back[back < 0]
     if len(far):
-        found.append(f"stamps run backwards {len(far)} times, the farthest by {-float(far.min()) * 1e-9:.3g} s")
+        text = f"stamps run backwards {len(far)} times, the farthest by {-float(far.min()) * 1e-9:.3g} s"
+        found.append((text, "left out, until most sensors follow: then the time base begins anew"))
     if q.gaps:
-        found.append(f"{q.gaps} gaps of more than {GAP_PERIODS:g} periods, the longest {q.longest_gap_s:.3g} s")
+        text = f"{q.gaps} gaps of more than {GAP_PERIODS:g} periods, the longest {q.longest_gap_s:.3g} s"
+        found.append((text, "the sensor is not used inside them, the others carry on"))
     if period and q.jitter_s > 0.1 * period:
-        found.append(f"stamps jitter by {1e3 * q.jitter_s:.2g} ms at a period of {1e3 * period:.3g} ms")
+        text = f"stamps jitter by {1e3 * q.jitter_s:.2g} ms at a period of {1e3 * period:.3g} ms"
+        found.append((text, "samples are interpolated at their own stamps"))
     if q.clipped:
-        found.append(f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped")
+        text = f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped"
+        found.append((text, "those at the full scale of the vehicle file are not used; without one, all are"))
     if q.flat_s > FLAT_SECONDS:
-        found.append(f"no change at all during {q.flat_s:.3g} s (flat line)")
+        found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", "not used while the other sensors move"))
     if q.spikes:
-        found.append(f"{q.spikes} isolated spikes")
-    return found
+        found.append((f"{q.spikes} isolated spikes", "not used, with their neighbours, where no other sensor sees them"))
+    good = np.all(np.isfinite(channel.values), axis=1)
+    stamps, places = np.unique(channel.stamp_ns[good], return_index=True)
+    values = channel.values[good][places]
+    if len(stamps):
+        found += [(t, "none: used as it is") for t in drift_findings(values, (stamps - stamps[0]) * 1e-9)]
+    found += [(t, NOTHING) for t in derived_findings(values)]
+    return [with_action(text, done) for text, done in found]
+
+
+def with_action(finding: str, done: str) -> str:
+    """Return a finding with what is done about it."""
+    return f"{finding} -> {done}"
 
 
 def _clipped(values: Array, full_scale: float) -> int:

@@ -240,12 +240,12 @@ def clean(seed: int) -> Behaviour:
 
 
 def judged(seed: int, found: Behaviour, begin: float, end: float) -> Outcome:
-    """Compare a behaviour with the truth and with the clean run of the same world; times are of arrival."""
+    """Compare a behaviour with the truth and with the clean run of the same world; times are of arrival, forces count from 5 s on."""
     usual = clean(seed)
     error, std, time = _errors(seed, found)
     base, _, base_time = _errors(seed, usual)
     allowed = 3.0 * np.abs(base[base_time > 5.0]).max(axis=0) + 5.0 * std
-    after = time >= begin
+    after = time >= max(begin, 5.0)
     ratios = np.abs(error[after]) / allowed[after]
     worst = max(_changes(found, usual), default=(0.0, "none valid"))
     usual_rms = max(_rms(base_time, base, edge) for edge in np.arange(5.0, base_time[-1] - WINDOW, WINDOW))

@@ -194,7 +194,7 @@ TABLE: tuple[Fault, ...] = (
     Fault("base: burst of spikes", _passing(BASE, _spike(tuple(range(0, 192, 16)), 60.0)), _not_used(BASE, "jumps")),
     Fault("stuck value", _stuck(CAB), _not_used(CAB, "stuck")),
     Fault("base: stuck value", _stuck(BASE), _not_used(BASE, "stuck")),
-    Fault("clipping", _clipping, _not_used(CAB, "full scale")),
+    Fault("clipping", _clipping, rf"{CAB} was (not used.*|)at full scale"),
     Fault("gain x 9.81 midway", _passing(CAB, _values(lambda v, n: 9.81 * v)), _not_used(CAB, "(jumps|rigid body|mean|full)")),
     Fault("gain x 9.81", _mounted(CAB, gain=9.81), _ANY_DOUBT, True),
     Fault("wrong unit: g", _mounted(CAB, gain=1.0 / 9.81), _ANY_DOUBT, True),

@@ -14,6 +14,7 @@ from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.quality import gravity_findings, judge_channel
 from ride_estimation.signals.recording import Channel, Recording
 
@@ -203,3 +204,44 @@ def test_a_topic_recorded_under_two_names_is_noticed() -> None:
     judged = judge_sensors(twin, by_name, G)
     assert any("same numbers as fl" in f for f in judged["fr"].findings)
     assert not any("same numbers" in f for q in judge_sensors(recording, by_name, G).values() for f in q.findings)
+
+
+def test_every_finding_says_what_is_done_about_it() -> None:
+    values = clean().values.copy()
+    values[[500, 1500, 2500], 1] += 50.0
+    values[1000:1400] = values[1000]
+    values[10, 0] = np.nan
+    for finding in judge_channel(changed(values=values)).findings:
+        assert " -> " in finding, finding
+
+
+def test_a_drift_is_found_and_slow_motion_is_none() -> None:
+    """2.0 over the run on one column; a slow swing of the same size has no straight trend."""
+    count = 4000
+    ramp = np.linspace(-1.0, 1.0, count)
+    rng = np.random.default_rng(5)
+    values = np.column_stack([rng.normal(size=count), rng.normal(size=count) + ramp, np.sin(6.0 * np.pi * ramp)])
+    found = drift_findings(values, np.arange(count) * 0.01)
+    assert len(found) == 1
+    assert "column 2 drifts by" in found[0]
+    size = float(found[0].split("by ")[1].split(" ")[0])
+    assert size == pytest.approx(2.0, abs=4.0 * np.sqrt(12.0 / count))  # standard deviation of a fitted slope, unit noise
+    assert drift_findings(values[:1500], np.arange(1500) * 0.01) == []
+
+
+def test_columns_that_are_computed_from_others_are_found() -> None:
+    rng = np.random.default_rng(6)
+    x, y = rng.normal(size=500).cumsum(), rng.normal(size=500)
+    assert derived_findings(np.column_stack([x, y, rng.normal(size=500)])) == []
+    assert any("column 2 is -2 times column 1" in f for f in derived_findings(np.column_stack([x, -2.0 * x + 3.0, y])))
+    rate = np.column_stack([x, 100.0 * np.gradient(x), y])
+    assert any("column 2 is the derivative of column 1" in f for f in derived_findings(rate))
+    assert any("column 3 is the magnitude" in f for f in derived_findings(np.column_stack([x, y, np.hypot(x, y)])))
+
+
+def test_inverted_twins_are_found() -> None:
+    first = clean()
+    second = Channel("b", first.stamp_ns, -first.values, first.arrival_ns)
+    sensors = {n: Sensor(n, "accelerometer", f"/{n}", "cab") for n in ("a", "b")}
+    judged = judge_sensors(Recording("r", {"a": first, "b": second}), sensors, G)
+    assert any("opposite sign" in f for f in judged["b"].findings)
