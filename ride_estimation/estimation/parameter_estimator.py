@@ -47,8 +47,6 @@ _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 #: improvement of the squared error that moves the parameters then, in units of its scatter
 _CLEARLY = 6.0
-#: intervals of excitation kept in memory by the forgetting
-_MEMORY_INTERVALS = 60
 #: standard deviation a change of the vehicle opens in every logarithm
 _CHANGE_STD = 0.15
 #: refused intervals in a row that make a change
@@ -341,7 +339,8 @@ class ParameterEstimator:
         root = np.sqrt(values[keep])
         jacobian = root[:, None] * basis[:, keep].T
         residual = (basis[:, keep].T @ interval.gradient) / root - jacobian @ (ekf.x - centre)
-        ekf.predict(forgetting_noise(ekf.p, interval.information / scale, 1.0 - 1.0 / _MEMORY_INTERVALS))
+        kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
+        ekf.predict(forgetting_noise(ekf.p, interval.information / scale, kept))
         established = self._memory.length >= 8
         ratio = self._normalised(ekf, residual, jacobian, scale)
         self.innovation_ratio += 0.1 * (ratio - self.innovation_ratio)

@@ -27,6 +27,10 @@ class PipelineSettings:
         Corner of the high-pass every signal of the parameter estimators passes [Hz].
     parameter_interval
         Time between two updates of the parameters [s].
+    parameter_memory
+        Excited time after which what was learned counts a third [s]: the forgetting of the parameters.
+    noise_scale
+        Factor on the sensor noise of the vehicle file; noise that messages state is taken as it is.
     excitation_accel
         Cab acceleration [m/s^2 RMS over an interval, high-passed] below which nothing is learned.
     prior_stiffness_std, prior_damping_std
@@ -45,6 +49,8 @@ class PipelineSettings:
     tilt_correlation_time: float = 0.3
     parameter_corner_hz: float = 0.4
     parameter_interval: float = 0.5
+    parameter_memory: float = 30.0
+    noise_scale: float = 1.0
     excitation_accel: float = 0.05
     prior_stiffness_std: float = 0.3
     prior_damping_std: float = 0.5
@@ -56,7 +62,8 @@ class PipelineSettings:
         problems = []
         ranges = {
             "block_ticks": (1, 1000), "tilt_acceleration_std": (1e-3, 100.0), "tilt_correlation_time": (1e-3, 100.0),
-            "parameter_corner_hz": (0.05, 5.0), "parameter_interval": (0.05, 10.0), "excitation_accel": (0.0, 10.0),
+            "parameter_corner_hz": (0.05, 5.0), "parameter_interval": (0.05, 10.0), "parameter_memory": (5.0, 3600.0),
+            "noise_scale": (0.1, 100.0), "excitation_accel": (0.0, 10.0),
             "prior_stiffness_std": (1e-3, 3.0), "prior_damping_std": (1e-3, 3.0), "largest_ratio": (1.1, 100.0),
             "largest_step": (1e-3, 2.0),
         }  # fmt: skip

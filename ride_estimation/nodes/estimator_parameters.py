@@ -59,6 +59,10 @@ PIPELINE_PARAMETERS: tuple[NodeParameter, ...] = (
     ),
     NodeParameter("parameter_interval", _DEFAULTS.parameter_interval, "s", "time between two parameter updates", 0.05, 10.0),
     NodeParameter(
+        "parameter_memory", _DEFAULTS.parameter_memory, "s", "excited time after which knowledge counts a third", 5.0, 3600.0
+    ),
+    NodeParameter("noise_scale", _DEFAULTS.noise_scale, "-", "factor on the sensor noise of the vehicle file", 0.1, 100.0),
+    NodeParameter(
         "excitation_accel", _DEFAULTS.excitation_accel, "m/s^2", "RMS cab acceleration below which nothing is learned", 0.0, 10.0
     ),
     NodeParameter(

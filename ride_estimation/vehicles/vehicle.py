@@ -127,6 +127,16 @@ class Vehicle:
         """Return the mount names in file order, the order of every (.., M, 3) array."""
         return tuple(self.mounts)
 
+    def with_noise_scaled(self, factor: float) -> Vehicle:
+        """Return a copy whose sensors are noisier by a factor, the vehicle itself for 1."""
+        if factor == 1.0:
+            return self
+        louder = {
+            name: dataclasses.replace(s, noise_std=factor * s.noise_std, gyro_noise_std=factor * s.gyro_noise_std)
+            for name, s in self.sensors.items()
+        }
+        return dataclasses.replace(self, sensors=louder)
+
     def replace_elements(self, changes: Mapping[tuple[str, str], ForceElement]) -> Vehicle:
         """Return a copy with the elements at some (mount, axis) replaced."""
         mounts = dict(self.mounts)

@@ -402,3 +402,29 @@ def test_imu_with_fields_checked_is_what_the_node_reads() -> None:
     with pytest.raises(AssertionError):
         message.linear_acceleration.x = 1
     assert IMU == "sensor_msgs/msg/Imu"
+
+
+@pytest.mark.parametrize(("name", "value"), [("noise_scale", 3.0), ("parameter_memory", 60.0), ("prior_stiffness_std", 0.5)])
+def test_noise_and_forgetting_can_be_tuned_while_running(ros_single: Ros, name: str, value: float) -> None:
+    node = estimator(ros_single)
+    feed(node, 1.0)
+    assert set_parameter(ros_single, name, value).successful
+    assert getattr(node.session.pipeline.settings, name) == value
+    assert feed(node, 0.5) > 0
+
+
+def test_noise_scaled_live_reaches_the_estimate_and_not_the_vehicle(ros_single: Ros) -> None:
+    node = estimator(ros_single)
+    before = {s.name: s.noise_std for s in node.session.pipeline.arrangement.body_sensors}
+    assert set_parameter(ros_single, "noise_scale", 3.0).successful
+    pipeline = node.session.pipeline
+    assert {s.name: s.noise_std / 3.0 for s in pipeline.arrangement.body_sensors} == pytest.approx(before)
+    assert {name: pipeline.vehicle.sensors[name].noise_std for name in before} == before
+
+
+@pytest.mark.parametrize("name", ["vehicle", "rate_hz", "block_ticks", "cg_frame"])
+def test_geometry_and_time_base_are_locked(ros_single: Ros, name: str) -> None:
+    node = estimator(ros_single)
+    value = node.get_parameter(name).value
+    other = f"{value}x" if isinstance(value, str) else value + type(value)(100)
+    assert "read-only" in set_parameter(ros_single, name, other).reason
