@@ -72,7 +72,7 @@ class Pipeline:
     def __init__(self, vehicle: Vehicle, settings: PipelineSettings | None = None) -> None:
         self.vehicle = vehicle
         self.settings = settings or PipelineSettings()
-        self.arrangement = arrange(vehicle)
+        self.arrangement = arrange(vehicle.with_noise_scaled(self.settings.noise_scale))
         a = self.arrangement
         self._motion = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity, self.settings)
         self._loads = InertialLoads.of(a.body)
