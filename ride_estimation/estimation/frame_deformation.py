@@ -5,14 +5,11 @@ Deflections are ``D = Phi q + e``: rigid relative motion q (equilibrium tells wh
 ``Q = I - Phi Phi^+`` and ``Q D'' = -Q a_base``: the body and everything common to all brackets (attitude, bias of the body)
 cancel. Integrated twice the noise of the base sensors grows as ``1 / omega^4`` below about 2 Hz, where frames are nearly rigid.
 
-Per axis a steady-state Kalman filter of (value, rate) with acceleration noise density q and a pseudo measurement of the value,
-``e_hat = A / (s^2 + sqrt(2) w s + w^2)``; the corner w minimises the expected squared error of the force
-
-``sum_m S_m (k^2 |1 - H(w_m)|^2 + c^2 w_m^2 |1 - H_v(w_m)|^2) + q (k^2 + 3 c^2 w^2) / (2 sqrt(2) w^3)``
-
-with S_m the mean squared deformation in octave m, estimated online from the measured acceleration less the noise. To the noise of
-horizontal axes belongs what gravity adds when the twist of the frame tilts the brackets. The same sum is the variance the
-attachment forces state. What a finite rotation strains in second order is no deformation and comes from the rotation itself.
+Per axis the spectrum of ``Q D''`` is followed (:mod:`deformation_spectrum`) and the causal filter that leaves least of the
+force, ``k^2 var(e) + c^2 var(e')``, is chosen from a bank of optimal ones (:mod:`deformation_filter`); what it leaves is the
+variance the attachment forces state. Vertical deformation twists the frame and tilts the brackets; gravity then appears in their
+horizontal axes and is taken out with the estimated twist, and what is left of it is noise there. What a finite rotation strains in
+second order is no deformation and comes from the rotation itself.
 """
 
 from __future__ import annotations
@@ -23,78 +20,84 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.block_math import cross
+from ride_estimation.estimation.deformation_filter import FilterBank
+from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
 from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
 
-#: centres of the octaves [Hz]
-_OCTAVES = 0.2 * 2.0 ** np.arange(7)
-#: half the reciprocal quality of a section of the band-pass (one octave wide)
-_DAMPING = 0.36
-#: corners to choose from [Hz]
-_CORNERS = np.geomspace(0.2, 8.0, 36)
-#: memory of the spectrum [s]
-_MEMORY = 10.0
 #: memory of the constant bias [s]
-_BIAS_MEMORY = 8.0
-#: a corner w is allowed once w times the time since the start exceeds this: what the start left has then decayed
-_SETTLED = 8.0
-#: time between two choices of the corner [s]
-_INTERVAL = 0.2
+_BIAS_MEMORY = 30.0
+#: deformation [m] and its rate [m/s] while nothing is known of the spectrum, standard deviations
+_UNKNOWN, _UNKNOWN_RATE = 5e-4, 1e-2
+#: a filter is left only for one with so much less error variance
+_WORTH = 0.9
+#: share of the twist's mean square its error must be below for its tilt to be taken out, and time in which that fades in [s]
+_TRUSTED, _FADE = 0.25, 2.0
+#: largest corner over the rate of the ticks, for the linear course between samples
+_RESOLVED = 0.05
 
 
 @compile_kernel
 def deformation_block(
-    acceleration: Array, dt: float, forget_bias: float, corner: Array, coefficients: Array, state: Array, sections: Array,
-    power: Array, value: Array, rate: Array,
+    acceleration: Array, first: int, stride: int, dt: float, forget: float, transition: Array, old_share: Array, new_share: Array,
+    state: Array, value: Array, rate: Array,
 ) -> None:  # fmt: skip
-    """Integrate the deformation of every channel and gather the power of its acceleration per octave.
+    """Pass the channels ``first, first + stride, ...`` through their filter.
 
     Parameters
     ----------
     acceleration
         Q times relative acceleration, shape (K, N).
-    dt, forget_bias
+    dt, forget
         Tick [s]; share of a new sample in the mean that is taken as bias.
-    corner
-        w of every channel [rad/s], shape (N,).
-    coefficients
-        b, a1, a2 of a section ``b (1 - z^-2) / (1 + a1 z^-1 + a2 z^-2)`` of every octave, shape (B, 3).
+    transition, old_share, new_share
+        Filter with states ``int int e, int e, e, e'``, shapes (4, 4), (4,), (4,).
     state
-        (4, N): value, rate, bias, last acceleration; in place.
-    sections
-        (B, 4, N): memories of the two sections of every octave; in place.
-    power
-        (B, N): sum of squares is added.
+        (6, N): states, bias, last acceleration; in place.
     value, rate
         Outputs (K, N).
     """
-    bands = coefficients.shape[0]
-    for n in range(acceleration.shape[1]):
-        w = corner[n]
-        # exact for the closed loop of a pseudo measurement at every tick to second order of w dt
-        gain_value, gain_rate = 2.0**0.5 * w * dt, w * w * dt
+    new = np.zeros(4)
+    for n in range(first, acceleration.shape[1], stride):
         for k in range(acceleration.shape[0]):
-            state[2, n] += forget_bias * (acceleration[k, n] - state[2, n])
-            u = acceleration[k, n] - state[2, n]
-            old = state[3, n]
-            state[3, n] = u
-            e = state[0, n] + dt * state[1, n] + dt * dt * (old / 3.0 + u / 6.0)
-            v = state[1, n] + 0.5 * dt * (old + u)
-            state[0, n] = e - gain_value * e
-            state[1, n] = v - gain_rate * e
-            # the linear hold between samples loses (omega dt)^2 / 12 of the value; put it back
-            value[k, n] = state[0, n] - dt * dt / 12.0 * u
-            rate[k, n] = state[1, n] - dt / 12.0 * (u - old)
-            for m in range(bands):
-                b, a1, a2 = coefficients[m, 0], coefficients[m, 1], coefficients[m, 2]
-                y = b * u + sections[m, 0, n]
-                sections[m, 0, n] = sections[m, 1, n] - a1 * y
-                sections[m, 1, n] = -b * u - a2 * y
-                z = b * y + sections[m, 2, n]
-                sections[m, 2, n] = sections[m, 3, n] - a1 * z
-                sections[m, 3, n] = -b * y - a2 * z
-                power[m, n] += z * z
+            state[4, n] += forget * (acceleration[k, n] - state[4, n])
+            u = acceleration[k, n] - state[4, n]
+            old = state[5, n]
+            for i in range(4):
+                total = old_share[i] * old + new_share[i] * u
+                for j in range(4):
+                    total += transition[i, j] * state[j, n]
+                new[i] = total
+            for i in range(4):
+                state[i, n] = new[i]
+            state[5, n] = u
+            # the linear course between samples loses (omega dt)^2 / 12 of the value; put it back
+            value[k, n] = new[2] - dt * dt / 12.0 * u
+            rate[k, n] = new[3] - dt / 12.0 * (u - old)
+
+
+@compile_kernel
+def filter_history(samples: Array, b: Array, transition: Array, old_share: Array, new_share: Array, state: Array) -> Array:
+    """Pass samples (K, N) through one filter and return its innovations (K, N); ``state`` (4, N) in place."""
+    innovation = np.empty_like(samples)
+    new = np.zeros(4)
+    for n in range(samples.shape[1]):
+        old = samples[0, n] if len(samples) else 0.0
+        for k in range(samples.shape[0]):
+            u = samples[k, n]
+            for i in range(4):
+                total = old_share[i] * old + new_share[i] * u
+                for j in range(4):
+                    total += transition[i, j] * state[j, n]
+                new[i] = total
+            expected = 0.0
+            for i in range(4):
+                state[i, n] = new[i]
+                expected -= b[i] * new[i]
+            innovation[k, n] = u - expected
+            old = u
+    return innovation
 
 
 class FrameDeformation:
@@ -119,27 +122,25 @@ class FrameDeformation:
         self.projector = np.eye(size) - np.linalg.pinv(wrench) @ wrench
         self._count = size // 3
         self._arms, self._turn_map = arms, tilt_maps.mean(axis=0)
-        self._axes = np.tile(np.arange(3), self._count)
         self._freedom = np.array([np.trace(self.projector[a::3, a::3]) for a in range(3)])
         self._base_variance = float(np.mean(base_variance))
-        # twist of the frame may tilt the brackets, and gravity appears in their horizontal axes: noise as large as the twist
+        # what gravity adds to the projected relative acceleration through the tilt of the brackets, from the vertical deflections
         tilt = np.zeros((size, size))
         tilt[0::3], tilt[1::3] = gravity * tilt_maps[:, 1], -gravity * tilt_maps[:, 0]
-        tilt = self.projector @ tilt[:, 2::3] @ self.projector[2::3, 2::3]
-        self._tilt_square = np.sum(tilt**2, axis=1).reshape(self._count, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9)
+        self._tilt = self.projector @ tilt[:, 2::3]
+        self._tilt[2::3] = 0.0
+        square = np.sum((self._tilt @ self.projector[2::3, 2::3]) ** 2, axis=1)
+        self._tilt_square = square.reshape(self._count, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9)
         self.reset()
 
     def reset(self) -> None:
         """Start again from an undeformed frame."""
-        size = len(self.projector)
-        self._state = np.zeros((4, size))
-        self._sections = np.zeros((len(_OCTAVES), 4, size))
-        self._sum = np.zeros((len(_OCTAVES), size))
-        self._mean_square = np.zeros((len(_OCTAVES), 3))
-        self._pending, self._time, self._step = 0.0, 0.0, 0.0
-        self._corner = np.full(3, 2.0 * np.pi * _CORNERS[-1])
+        self._state = np.zeros((6, len(self.projector)))
+        self._time, self._step = 0.0, 0.0
+        self._trusted, self._trust = False, 0.0
+        self._chosen = np.full(3, -1)
         #: error variance of value and rate of a channel before projection, per axis
-        self.variance, self.rate_variance = np.zeros(3), np.zeros(3)
+        self.variance, self.rate_variance = np.full(3, _UNKNOWN**2), np.full(3, _UNKNOWN_RATE**2)
 
     def observe(
         self, relative: Array, turn: Array, turn_rate: Array, stiffness: Array, damping: Array, dt: float
@@ -161,7 +162,23 @@ class FrameDeformation:
         if dt != self._step:
             self._design(dt)
         self._time += ticks * dt
-        flat = relative.reshape(ticks, -1)
+        flat, bent, bent_rate = self._straightened(relative, turn, turn_rate)
+        value, rate = np.zeros_like(flat), np.zeros_like(flat)
+        forget = 1.0 - np.exp(-dt / min(_BIAS_MEMORY, self._time))
+        for axis in (2, 0, 1):
+            if axis == 0 and self._trust > 0.0:
+                flat += self._trust * value[:, 2::3] @ self._tilt.T
+            deformation_block(flat, axis, 3, dt, forget, *self._filters[axis], self._state, value, rate)
+        self._trust = float(np.clip(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0, 1.0))
+        if self._spectrum.add(flat):
+            self._choose(stiffness, damping)
+        # bias and rounding leave the range of the projector only through the axes having filters of their own
+        value, rate = (value + bent) @ self.projector.T, (rate + bent_rate) @ self.projector.T
+        return value.reshape(relative.shape), rate.reshape(relative.shape)
+
+    def _straightened(self, relative: Array, turn: Array, turn_rate: Array) -> tuple[Array, Array, Array]:
+        """Return the projected acceleration without what a finite rotation strains, and that strain with its rate, (K, 3 M)."""
+        flat = relative.reshape(len(relative), -1)
         # a finite rotation strains the mounts in second order like a deformation: -theta x (theta x r) / 2 in body axes
         spin = (flat @ self._turn_map.T)[:, None]
         arms, theta, omega = self._arms, turn[:, None], turn_rate[:, None]
@@ -170,17 +187,7 @@ class FrameDeformation:
         bent_rate = -0.5 * (cross(omega, across) + cross(theta, across_rate))
         bent_accel = -0.5 * (cross(spin, across) + 2.0 * cross(omega, across_rate) + cross(theta, cross(spin, arms)))
         flat = (flat - bent_accel.reshape(flat.shape)) @ self.projector.T
-        value, rate = np.empty_like(flat), np.empty_like(flat)
-        deformation_block(
-            flat, dt, 1.0 - np.exp(-dt / min(_BIAS_MEMORY, self._time)), self._corner[self._axes], self._coefficients,
-            self._state, self._sections, self._sum, value, rate,
-        )  # fmt: skip
-        self._pending += ticks * dt
-        if self._pending >= _INTERVAL - 1e-9:
-            self._choose(stiffness, damping, dt)
-        value += bent.reshape(flat.shape) @ self.projector.T
-        rate += bent_rate.reshape(flat.shape) @ self.projector.T
-        return value.reshape(relative.shape), rate.reshape(relative.shape)
+        return flat, bent.reshape(flat.shape), bent_rate.reshape(flat.shape)
 
     def covariance(self) -> tuple[Array, Array]:
         """Return the error covariances of value and rate, shape (3 M, 3 M) each."""
@@ -188,84 +195,94 @@ class FrameDeformation:
         return (q * np.tile(self.variance, self._count)) @ q, (q * np.tile(self.rate_variance, self._count)) @ q
 
     def _design(self, dt: float) -> None:
-        """Design the octaves that fit below the Nyquist frequency and their gain for white noise."""
+        """Make ready for a tick: the highest corner until the spectrum is known."""
         self._step = dt
-        half = np.minimum(np.pi * _OCTAVES * dt, 1.2)
-        t = np.tan(half)
-        norm = 1.0 + 2.0 * _DAMPING * t + t * t
-        self._coefficients = np.column_stack(
-            [2.0 * _DAMPING * t / norm, 2.0 * (t * t - 1.0) / norm, (1.0 - 2.0 * _DAMPING * t + t * t) / norm]
-        )
-        grid = np.geomspace(0.002, 0.5 / dt, 4000)
-        z = np.exp(-2j * np.pi * grid * dt)[:, None]
-        b, a1, a2 = self._coefficients.T
-        gain = np.abs(b * (1 - z**2) / (1 + a1 * z + a2 * z**2)) ** 4
-        width = np.sum(0.5 * (gain[1:] + gain[:-1]) * np.diff(grid)[:, None], axis=0)
-        self._noise_gain, self._width = 2.0 * dt * width, width
-        self._used = _OCTAVES * dt < 0.2
+        self._spectrum = DeformationSpectrum(self._freedom, dt)
+        self._bank = FilterBank(self._spectrum.frequencies, self._spectrum.widths, _RESOLVED / dt)
+        self._chosen[:] = -1
+        self._filters = [self._bank.discretised(len(self._bank.corner) - 1, dt)] * 3
 
-    def _choose(self, stiffness: Array, damping: Array, dt: float) -> None:
-        """Estimate the spectrum and choose the corner of every axis."""
-        forget = 1.0 - np.exp(-self._pending / min(_MEMORY, self._time))
-        ticks = self._pending / dt
-        freedom = np.maximum(self._freedom, 1e-9)
-        fresh = self._sum.reshape(len(_OCTAVES), self._count, 3).sum(axis=1) / (ticks * freedom)
-        self._mean_square += forget * (fresh - self._mean_square)
-        self._sum[:] = 0.0
-        self._pending = 0.0
+    def _choose(self, stiffness: Array, damping: Array) -> None:
+        """Choose the filter of every axis; the vertical one first, as what it leaves tilts the others."""
         k2, c2 = np.mean(stiffness**2, axis=0), np.mean(damping**2, axis=0)
-        twist = np.zeros(len(_OCTAVES))
+        tilt = np.zeros(len(self._spectrum.frequencies))
         for axis in (2, 0, 1):
             if self._freedom[axis] > 1e-6:
-                square = self._choose_axis(axis, k2[axis], c2[axis], twist * self._tilt_square[axis])
-                twist = square if axis == 2 else twist
+                left = self._choose_axis(axis, k2[axis], c2[axis], tilt * self._tilt_square[axis])
+                tilt = left if axis == 2 else tilt
 
     def _choose_axis(self, axis: int, k2: float, c2: float, tilt: Array) -> Array:
-        """Choose the corner of an axis for what errors cost and what tilt adds; return the mean square per octave."""
-        dt, omega = self._step, 2.0 * np.pi * _OCTAVES
-        # mean square of an octave over that of its band-pass
-        whole = np.sqrt(0.5) * _OCTAVES / self._width
-        # relative standard deviation of a mean square over the memory
-        spread = 1.0 / np.sqrt(np.maximum(self._width * min(_MEMORY, self._time) * self._freedom[axis], 0.25))
-        measured, expected = self._mean_square[:, axis], self._noise_gain * self._base_variance + tilt / whole
+        """Choose a filter for what errors cost; return the density of the value's error [m^2/Hz]."""
+        spectrum, bank, dt = self._spectrum, self._bank, self._step
+        measured, spread = spectrum.density[:, axis], spectrum.spread[:, axis]
+        white = 2.0 * self._base_variance * dt
         # a stated noise larger than what was ever measured is too large
-        share = min(1.0, float(np.min((measured * (1.0 + 2.0 * spread) / expected)[self._used])))
-        expected = share * expected
-        excess = np.maximum(measured - expected * (1.0 + 2.0 * spread), 0.0) * self._used
-        square = excess * whole / omega**4
-        resolved = _CORNERS[_CORNERS * dt < 0.05] if _CORNERS[0] * dt < 0.05 else _CORNERS[:1]
-        settled = resolved[2.0 * np.pi * resolved * self._time >= _SETTLED]
-        w = 2.0 * np.pi * (settled if settled.size else resolved[-1:])[:, None]
-        pole = (1j * omega) ** 2 + np.sqrt(2.0) * w * 1j * omega + w * w
-        missing = np.abs((np.sqrt(2.0) * w * 1j * omega + w * w) / pole) ** 2
-        missing_rate = np.abs(w * w / pole) ** 2 * omega**2
-        passed = np.abs(1.0 / pole) ** 2
-        density = share * self._base_variance * dt
-        # the running mean that stands for the bias follows what is slow; its error is integrated like an acceleration
-        drift = measured[0] / self._width[0] / (4.0 * min(_BIAS_MEMORY, self._time))
-        variance = missing @ square + passed @ (share * tilt) + density / (2.0 * np.sqrt(2.0) * w[:, 0] ** 3)
-        variance += drift / w[:, 0] ** 4
-        rate_variance = missing_rate @ square + 3.0 * density / (2.0 * np.sqrt(2.0) * w[:, 0])
-        best = int(np.argmin(k2 * variance + c2 * rate_variance))
-        self._corner[axis] = w[best, 0]
-        self.variance[axis], self.rate_variance[axis] = variance[best], rate_variance[best]
-        return np.asarray(square)
+        share = min(1.0, float(np.min(measured * (1.0 + 2.0 * spread) / (white + tilt))))
+        white, tilt = share * white, share * tilt
+        signal = np.where(measured > (1.0 + 2.0 * spread) * (white + tilt), measured - white - tilt, 0.0)
+        signal = signal * max(1.0, float(spectrum.surge[axis]))
+        value, rate = bank.errors(signal, tilt, white, self._time)
+        # the mean that stands for the bias is as good as the slowest part of the signal lets it be
+        value = value + bank.static * measured[0] / (4.0 * min(_BIAS_MEMORY, self._time))
+        cost = k2 * value + c2 * rate
+        best, now = int(np.argmin(cost)), int(self._chosen[axis])
+        if now < 0 or cost[best] < _WORTH * cost[now]:
+            self._chosen[axis] = now = best
+            self._filters[axis] = bank.discretised(now, dt)
+            self._warm_up(axis)
+        self.variance[axis], self.rate_variance[axis] = value[now], rate[now]
+        if axis != 2:
+            return tilt
+        whole = signal / (2.0 * np.pi * spectrum.frequencies) ** 4
+        self._trusted = bool(value[now] < _TRUSTED * float(spectrum.widths @ whole))
+        return self._trust * bank.left(now, signal, tilt + white) + (1.0 - self._trust) * whole
+
+    def _warm_up(self, axis: int) -> None:
+        """Give a new filter the states it would have had it run all the time: without them its integrals would ring.
+
+        It runs over the remembered samples from the start that makes its innovations smallest.
+        """
+        averages, step, rest = self._spectrum.history()
+        index, count = int(self._chosen[axis]), self._count
+        b, bias = self._bank.b[index], self._state[4, axis::3]
+        # channels from rest, then the response to each state at the start
+        state = np.hstack([np.zeros((4, count)), np.eye(4)])
+        samples = np.hstack([averages[:, axis::3] - bias, np.zeros((len(averages), 4))])
+        transition, old, new = self._bank.discretised(index, step)
+        # averages held over their interval: its integral, the rate, is then exact
+        innovation = filter_history(samples, b, transition, np.zeros(4), old + new, state)
+        seen, own = innovation[:, count:], innovation[:, :count]
+        normal = seen.T @ seen + self._bank.start_weight(index, step)
+        scale = 1.0 / np.sqrt(np.diag(normal))
+        start = scale[:, None] * np.linalg.solve(normal * np.outer(scale, scale), -scale[:, None] * (seen.T @ own))
+        now = state[:, :count] + state[:, count:] @ start
+        # the interval of the last average ends half a tick after its last sample
+        edge = rest[0, axis::3] - bias if len(rest) else self._state[5, axis::3]
+        now[:3] -= 0.5 * self._step * now[1:]
+        now[3] -= 0.5 * self._step * edge
+        filter_history(rest[:, axis::3] - bias, b, *self._filters[axis], now)
+        self._state[:4, axis::3] = now
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
-            "state": self._state.tolist(), "sections": self._sections.tolist(), "sum": self._sum.tolist(),
-            "mean_square": self._mean_square.tolist(), "corner": self._corner.tolist(), "variance": self.variance.tolist(),
-            "rate_variance": self.rate_variance.tolist(), "pending": self._pending, "time": self._time,
+            "state": self._state.tolist(), "variance": self.variance.tolist(), "rate_variance": self.rate_variance.tolist(),
+            "time": self._time,
+            "trusted": self._trusted, "trust": self._trust, "step": self._step, "chosen": self._chosen.tolist(),
+            "spectrum": self._spectrum.save() if self._step else None,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
+        self.reset()
+        if saved["spectrum"] is None:
+            return
+        self._design(float(saved["step"]))
+        self._spectrum.load(saved["spectrum"])
+        self._chosen = np.array(saved["chosen"], dtype=int)
+        self._filters = [f if n < 0 else self._bank.discretised(int(n), self._step) for n, f in zip(self._chosen, self._filters)]
         self._state = np.array(saved["state"], dtype=float).reshape(self._state.shape)
-        self._sections = np.array(saved["sections"], dtype=float).reshape(self._sections.shape)
-        self._sum = np.array(saved["sum"], dtype=float).reshape(self._sum.shape)
-        self._mean_square = np.array(saved["mean_square"], dtype=float).reshape(self._mean_square.shape)
-        self._corner = np.array(saved["corner"], dtype=float)
         self.variance = np.array(saved["variance"], dtype=float)
         self.rate_variance = np.array(saved["rate_variance"], dtype=float)
-        self._pending, self._time = float(saved["pending"]), float(saved["time"])
+        self._time = float(saved["time"])
+        self._trusted, self._trust = bool(saved["trusted"]), float(saved["trust"])
