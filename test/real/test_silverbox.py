@@ -31,15 +31,20 @@ def test_the_cubic_spring_is_found_and_hardens(ladder):
 
 def test_gain_on_unseen_data(ladder):
     rungs, _ = ladder
-    for name, (linear, _) in rungs["linear"].held_out.items():
-        # both unseen records: factor 20 and more, and below 1 mV (arrow measured 0.56 mV, other record 0.61 mV)
-        assert rungs["cubic_spring"].held_out[name][0] < linear / 20
-        assert rungs["cubic_spring"].held_out[name][0] < 1e-3
+    linear, cubic = rungs["linear"].held_out, rungs["cubic_spring"].held_out
+    for name in linear:
+        # a linear model is left with 27 and 31 % of the response; the cubic one with a twentieth of that at most and 1 mV of 80,
+        # on a record that was not fitted and on amplitudes larger than any fitted one
+        assert linear[name][1] > 0.2
+        assert cubic[name][0] < linear[name][0] / 20
+        assert cubic[name][0] < 1e-3
     # a quadratic spring alone does not explain it
     assert abs(rungs["quadratic_spring"].gain) < 0.01
 
 
 def test_what_stays_is_said(ladder):
-    # 0.4 mV of simulation error remain, well above the quantisation of the record: the ladder does not explain everything
+    # the ladder does not explain everything: the error grows on amplitudes and on a record that were not fitted (from 0.27 to
+    # 0.41 and 0.53 mV), but stays far above what rounding would leave
     _, chosen = ladder
     assert 1e-4 < chosen.fitted_rms < 4e-4
+    assert all(rms > chosen.fitted_rms for rms, _ in chosen.held_out.values())
