@@ -214,7 +214,8 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
-    soft = soft_mount(work.calibrated, state.stiffness, log_std[0])
+    bent = {p for f in (accepted.fitted if accepted is not None else ()) for p in f.hypothesis.ports}
+    soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent)
     floor = noise_floor(scene)
     verdict, remaining = _verdict(work, soft, base, floor)
     causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)

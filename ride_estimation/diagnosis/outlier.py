@@ -3,50 +3,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
-from ride_estimation.diagnosis.calibration import Calibrated, file_parameters
+from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, stepped
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 
 Array = NDArray[np.float64]
 
-#: a stiffness 15 % off its file is calibration; a cause must lie beyond that by its own uncertainty and by the usual
-#: scatter among mounts
+#: a stiffness 15 % off its file is calibration; a cause must lie beyond that by three standard deviations of its estimate
 _CALIBRATION = 0.15
-_SCATTER = 3.0
+#: 15 % is taken as two standard deviations of the scatter among mounts whose files are merely off, worth so many observations
+_USUAL_SCATTER = 0.5 * _CALIBRATION
+_USUAL_WEIGHT = 4
+#: chance that a vehicle whose mounts only scatter has one that is called an outlier
+_FALSE_ALARM = 0.01
+#: an estimate of the logarithm less certain than that is no evidence
+_LEAST_CERTAIN = 0.1
 
 
-def soft_mount(calibrated: Calibrated, stiffness: Array, log_std: Array) -> Fitted | None:
+def soft_mount(
+    calibrated: Calibrated, stiffness: Array, log_std: Array, bent: Collection[int] = ()
+) -> Fitted | None:
     """Return the mount axis that is an outlier towards soft, None where there is none.
 
-    The logarithm of calibrated over stated stiffness of each mount is compared with the median of the other mounts of the
-    axis (a common error of the file is calibration). It must lie below that median by more than 15 % (calibration) plus
-    three standard deviations of the estimate, and by three times the scatter of the others.
+    The logarithm of calibrated over stated stiffness of a mount is compared with the mean of the other mounts of the axis (a
+    common error of the file is calibration). It must lie below that mean by more than 15 % (calibration) plus three standard
+    deviations of the estimate, and beyond what the scatter of the other mounts, pooled over the axes and with 7.5 % (half of
+    15 %) as if seen four times, makes likely: Student's t at a chance of 1 % over all ports that are tested.
 
     Parameters
     ----------
     stiffness, log_std
         Calibrated stiffness of every port and the standard deviation of its logarithm, shape (P,).
+    bent
+        Ports that carry a found force law. What is left as their spring rate depends on how the law is split from it, so
+        they are as stiff as the larger of it and of their spring rate in the plain calibrated model.
     """
     ports = calibrated.scene.plant.ports
     prior, _ = file_parameters(calibrated.scene.plant)
-    ratio = np.log(stiffness / np.maximum(prior, 1e-12))
+    plain = stepped(calibrated.scene.state, calibrated.scene, calibrated.adjustables, calibrated.fit.coefficients).stiffness
+    judged = np.array([max(k, plain[i]) if i in bent else k for i, k in enumerate(stiffness)])
+    ratio = np.log(judged / np.maximum(prior, 1e-12))
+    axes = tuple(dict.fromkeys(p.axis for p in ports))
+    known = {a: [i for i, p in enumerate(ports) if p.axis == a and log_std[i] < _LEAST_CERTAIN] for a in axes}
+    tested = [i for a in axes for i in known[a] if len(known[a]) > 1]
     best: tuple[float, Fitted] | None = None
-    for axis in dict.fromkeys(p.axis for p in ports):
-        group = [i for i, p in enumerate(ports) if p.axis == axis]
-        if len(group) < 2:
-            continue
-        for i in group:
-            others = [j for j in group if j != i and log_std[j] < 0.1]
-            if not others or log_std[i] > 0.1:
-                continue
-            middle = float(np.median(ratio[others]))
-            scatter = float(np.max(np.abs(ratio[others] - middle))) if len(others) > 1 else 0.0
-            deviation = float(ratio[i]) - middle
-            limit = max(-np.log1p(-_CALIBRATION) + 3.0 * log_std[i], _SCATTER * scatter if scatter < 0.12 else 2.0 * scatter)
-            margin = -deviation - limit
-            if margin > 0.0 and (best is None or margin > best[0]):
-                h = Hypothesis("one_soft_mount", ports[i].mount, axis, lambda scene, shape: [])
-                best = margin, Fitted(h, np.array([deviation]), np.array([[log_std[i] ** 2]]), {})
+    for i in tested:
+        others = {a: [j for j in known[a] if ports[j].mount != ports[i].mount] for a in axes}
+        around = [ratio[o] - np.mean(ratio[o]) for o in others.values() if o]
+        freedom = _USUAL_WEIGHT + sum(len(d) - 1 for d in around)
+        squares = _USUAL_WEIGHT * _USUAL_SCATTER**2 + sum(float(d @ d) for d in around)
+        peers = others[ports[i].axis]
+        scatter = float(np.sqrt(squares / freedom * (1.0 + 1.0 / len(peers))))
+        deviation = float(ratio[i] - np.mean(ratio[peers]))
+        likely = float(stats.t.isf(_FALSE_ALARM / len(tested), freedom)) * scatter
+        margin = -deviation - max(-np.log1p(-_CALIBRATION) + 3.0 * log_std[i], likely)
+        if margin > 0.0 and (best is None or margin > best[0]):
+            h = Hypothesis("one_soft_mount", ports[i].mount, ports[i].axis, lambda scene, shape: [])
+            best = margin, Fitted(h, np.array([deviation]), np.array([[log_std[i] ** 2]]), {})
     return None if best is None else best[1]
