@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.frames import COORDINATES, point_motion_matrix, skew
+from ride_estimation.frames import COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
 
 Array = NDArray[np.float64]
 
 ACCELEROMETERS = ("accelerometer", "imu")
+#: distance of a base sensor from its mount that matters [m], extent across their longest line that base sensors need to tell the
+#: rotation of the frame [m]
+AWAY, LEAST_SPREAD = 0.02, 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,18 +116,48 @@ def _base_sensor(vehicle: Vehicle, mount: Mount) -> Sensor | None:
     return None
 
 
-def motion_rows(sensors: Sequence[Sensor], cg: Array) -> tuple[Array, Array, Array]:
-    """Return directions and places of accelerometer channels and their rows of B.
+def channel_geometry(sensors: Sequence[Sensor], cg: Array) -> tuple[Array, Array]:
+    """Return directions e in body axes and points r from the CG of accelerometer channels, shapes (C, 3).
 
-    Returns
-    -------
-    tuple
-        Directions e in body axes (C, 3), points r from the CG (C, 3), rows ``[e, r x e]`` (C, 6).
+    Their rows of B are :func:`ride_estimation.sensors.layout.motion_rows`.
     """
     directions = np.vstack([s.rotation.T for s in sensors])
     points = np.vstack([np.tile(s.position - cg, (3, 1)) for s in sensors])
-    rows = np.vstack([s.rotation.T @ point_motion_matrix(s.position - cg) for s in sensors])
-    return directions, points, rows
+    return directions, points
+
+
+def base_transport(mounts: Sequence[Mount], sensors: Sequence[Sensor | None]) -> Array | None:
+    """Return T, shape (3 M, 3 M): from the stacked readings of base sensors, body axes, to the motion of the mount bases.
+
+    ``a_mount = a_sensor + alpha x (r_mount - r_sensor)`` with the angular acceleration of the frame at that mount from the base
+    sensors themselves (rigid frame, with four or more also its twist). Centripetal terms, ``|omega|^2`` times the distance, are
+    left out. None where no sensor is away from its mount, or where the sensors do not tell the rotation of the frame: fewer
+    than three, or nearly on one line.
+
+    Parameters
+    ----------
+    mounts
+        M of them.
+    sensors
+        On their bases, None where there is none.
+    """
+    there = [s for s in sensors if s is not None]
+    if len(there) < max(3, len(mounts)) or all(d <= AWAY for d in base_distances(mounts, sensors)):
+        return None
+    places = np.array([s.position for s in there])
+    spread = np.linalg.svd((places - places.mean(axis=0))[:, :2], compute_uv=False)
+    if spread[1] < LEAST_SPREAD:
+        return None
+    spins = relative_tilt_maps([dataclasses.replace(m, position=s.position) for m, s in zip(mounts, there)])
+    transport = np.eye(3 * len(mounts))
+    for i, (mount, sensor) in enumerate(zip(mounts, there)):
+        transport[3 * i : 3 * i + 3] -= skew(mount.position - sensor.position) @ spins[i]
+    return transport
+
+
+def base_distances(mounts: Sequence[Mount], sensors: Sequence[Sensor | None]) -> list[float]:
+    """Return how far each base sensor is from its mount [m], 0 where there is none."""
+    return [0.0 if s is None else float(np.linalg.norm(m.position - s.position)) for m, s in zip(mounts, sensors)]
 
 
 def relative_tilt_maps(mounts: Sequence[Mount]) -> Array:

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Base motion at a mount whose sensor is missing, from the other base sensors, and how uncertain the deflection is then.
+"""Base motion at the mounts: carried over from sensors beside them, made up for by the others where a sensor is missing.
 
 The frame is taken as rigid: vertical acceleration linear in x and y, horizontal linear in y and x (yaw). What the frame twists is
 lost, so the deflection of that mount is only known to a share of its usual size.
@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.arrangement import Arrangement, base_transport
 from ride_estimation.estimation.block_math import follow_scatter, follow_squares
 from ride_estimation.estimation.deflection import DeflectionBlock
 from ride_estimation.estimation.mount_forces import ForceBlock
@@ -37,10 +37,12 @@ class BaseFill:
     """
 
     def __init__(self, arrangement: Arrangement) -> None:
-        place = np.array([m.position for m in arrangement.mounts]).reshape(-1, 3)
+        both = zip(arrangement.mounts, arrangement.base_sensors)
+        place = np.array([m.position if s is None else s.position for m, s in both]).reshape(-1, 3)
         self._place = place - place.mean(axis=0) if len(place) else place
         self._has = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
         self._complete = bool(self._has.all())
+        self._transport = base_transport(arrangement.mounts, arrangement.base_sensors)
         self._maps: dict[bytes, Array] = {}
         self.reset()
 
@@ -66,7 +68,13 @@ class BaseFill:
         return found
 
     def fill(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
-        """Replace missing ticks; return the signals (K, M, 3) and which ticks have one (K, M)."""
+        """Replace missing ticks and carry over to the mounts; return the signals (K, M, 3) and which ticks have one (K, M)."""
+        base, ok = self._filled(base, ok, duration)
+        if self._transport is None:
+            return base, ok
+        return np.asarray(base.reshape(len(base), -1) @ self._transport.T).reshape(base.shape), ok
+
+    def _filled(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
         self._doubt *= math.exp(-duration / _FADES)
         if self._complete and ok.all():
             return base, ok

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.arrangement import motion_rows
+from ride_estimation.estimation.arrangement import channel_geometry
 from ride_estimation.estimation.motion_kernel import cg_block, predict_block, remove_gravity
 from ride_estimation.estimation.residuals import ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -126,7 +127,8 @@ class CgMotionEstimator:
         self._free = np.asarray(free, dtype=bool)
         self._gravity = gravity
         self._settings = settings or PipelineSettings()
-        directions, points, rows = motion_rows(self.sensors, np.asarray(cg, dtype=float))
+        directions, points = channel_geometry(self.sensors, np.asarray(cg, dtype=float))
+        rows = motion_rows(self.sensors, np.asarray(cg, dtype=float))
         extra = 3 * len(self.gyros)
         self.directions = np.vstack([directions, np.zeros((extra, 3))])
         self.points = np.vstack([points, np.zeros((extra, 3))])

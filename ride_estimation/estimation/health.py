@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.arrangement import AWAY, Arrangement, base_distances, base_transport
 from ride_estimation.estimation.residuals import ResidualTest
 from ride_estimation.estimation.sensor_faults import Fault
 
@@ -134,6 +135,19 @@ def sensor_messages(sensors: Sequence[SensorHealth], ticks: int) -> list[str]:
         if s.gaps:
             found.append(f"{s.name}: {s.gaps} gaps, the longest {s.longest_gap_s:.3g} s")
     return found
+
+
+def base_messages(arrangement: Arrangement) -> list[str]:
+    """Return one sentence per base sensor away from its mount whose motion cannot be carried over to it."""
+    if base_transport(arrangement.mounts, arrangement.base_sensors) is not None:
+        return []
+    distances = base_distances(arrangement.mounts, arrangement.base_sensors)
+    return [
+        f"{sensor.name} is {distance:.2f} m from the base of {mount.name} and taken as its motion: the rotation of the frame "
+        "that would carry it over is not known (it takes sensors at the bases of all mounts, three or more, not on one line)"
+        for mount, sensor, distance in zip(arrangement.mounts, arrangement.base_sensors, distances)
+        if sensor is not None and distance > AWAY
+    ]
 
 
 def _counts(rejected: Mapping[str, int]) -> str:

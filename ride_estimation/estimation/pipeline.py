@@ -24,7 +24,7 @@ from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.force_balance import BalanceInput
-from ride_estimation.estimation.health import Health, SensorHealth, residual_message, sensor_messages
+from ride_estimation.estimation.health import Health, SensorHealth, base_messages, residual_message, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
 from ride_estimation.estimation.loads import InertialLoads
@@ -435,7 +435,7 @@ class Pipeline:
                 int(self._invalid[i]), ratio.get(s.name, 0.0), dict(self._gate.refused.get(i, {})),
             )  # fmt: skip
         messages = self._gate.messages() + [m for m in (residual_message(test),) if m]
-        messages += sensor_messages(list(sensors.values()), self._ticks)
+        messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += self._parameters.notes()
         if self._taken_back:
             messages.append(f"{self._taken_back} times what was learned in the last seconds was taken back for a faulty sensor")

@@ -12,11 +12,11 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Unpack
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.context import Context
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
@@ -37,7 +37,7 @@ from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABL
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
 from ride_estimation.nodes.node_health import NODE, load_status
-from ride_estimation.nodes.parameters import declare, values, verdict
+from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
 from ride_estimation.nodes.session import Session
 from ride_estimation.resources import shared_path
@@ -51,27 +51,12 @@ class EstimatorNode(LifecycleNode):
 
     Parameters
     ----------
-    context
-        ROS context, None for the default one.
-    parameter_overrides
-        Values that win over the command line and parameter files.
-    use_global_arguments
-        Whether the command line of the process applies.
+    options
+        See :class:`NodeOptions`.
     """
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        parameter_overrides: Sequence[Parameter] = (),
-        use_global_arguments: bool = True,
-    ) -> None:
-        super().__init__(
-            "estimator",
-            namespace="ride",
-            context=context,
-            parameter_overrides=list(parameter_overrides),
-            use_global_arguments=use_global_arguments,
-        )
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("estimator", namespace="ride", **options)
         self._session: Session | None = None
         self._outputs: EstimatePublishers | None = None
         self._subscriptions_by_topic: dict[str, Subscription] = {}

@@ -5,12 +5,33 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from typing import TypedDict
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 Value = bool | int | float | str
+
+
+class NodeOptions(TypedDict, total=False):
+    """How a node is created, as keyword arguments of its constructor.
+
+    Attributes
+    ----------
+    context
+        ROS context, the default one where absent.
+    parameter_overrides
+        Values that win over the command line and parameter files.
+    use_global_arguments
+        Whether the command line of the process applies; it does where absent.
+    """
+
+    context: Context | None
+    parameter_overrides: list[Parameter]
+    use_global_arguments: bool
+
 
 _TYPES: dict[type, Parameter.Type] = {
     bool: Parameter.Type.BOOL,

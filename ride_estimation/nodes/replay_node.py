@@ -9,11 +9,10 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from typing import Unpack
 
 from rclpy.clock import Clock, ClockType
-from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMessage
 
@@ -23,7 +22,7 @@ from ride_estimation.nodes import qos
 from ride_estimation.nodes.conversions import time_message
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
-from ride_estimation.nodes.parameters import NodeParameter, declare, values
+from ride_estimation.nodes.parameters import NodeOptions, NodeParameter, declare, values
 
 TABLE: tuple[NodeParameter, ...] = (
     NodeParameter("bag", "", "", "run to play: rosbag2 folder, .mcap, .db3 or ROS 1 .bag", read_only=True),
@@ -45,27 +44,12 @@ class ReplayNode(Node):
 
     Parameters
     ----------
-    context
-        ROS context, None for the default one.
-    parameter_overrides
-        Values that win over the command line and parameter files.
-    use_global_arguments
-        Whether the command line of the process applies.
+    options
+        See :class:`NodeOptions`.
     """
 
-    def __init__(
-        self,
-        context: Context | None = None,
-        parameter_overrides: Sequence[Parameter] = (),
-        use_global_arguments: bool = True,
-    ) -> None:
-        super().__init__(
-            "replay",
-            namespace="ride",
-            context=context,
-            parameter_overrides=list(parameter_overrides),
-            use_global_arguments=use_global_arguments,
-        )
+    def __init__(self, **options: Unpack[NodeOptions]) -> None:
+        super().__init__("replay", namespace="ride", **options)
         declare(self, TABLE)
         given = values(self, TABLE)
         self.finished = False

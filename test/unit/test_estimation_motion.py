@@ -3,11 +3,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.base_fill import BaseFill
 from ride_estimation.estimation.cg_motion import CgMotionEstimator
+from ride_estimation.estimation.health import base_messages
 from ride_estimation.estimation.loads import InertialLoads
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.resources import shared_path
 from ride_estimation.sensors.sensor import Sensor
 
 GRAVITY = 9.80665
@@ -125,6 +132,51 @@ def test_residuals_point_at_the_sensor_that_is_turned(sensor, seed):
     assert not test.passed
     assert test.sensor == f"s{sensor}"
     assert test.explained > 0.5
+
+
+def frame_readings(places, twist=0.0):
+    """Return what triaxial accelerometers read on a frame that heaves, rolls, pitches, yaws and twists (roll growing with x)."""
+    rng = np.random.default_rng(3)
+    linear, alpha = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
+    turning = rng.normal(size=50)
+    read = np.stack([linear + np.cross(alpha, p) + np.array([0.0, 0.0, GRAVITY]) for p in places], axis=1)
+    read[:, :, 2] += twist * turning[:, None] * places[:, 0] * places[:, 1]
+    return read
+
+
+@pytest.mark.parametrize("twist", [0.0, 0.4])
+def test_base_sensors_beside_their_mounts_are_carried_over(twist):
+    """Sensors 0.2 m outside and 0.1 m behind: readings of a frame that moves as a whole and twists, at the mounts, to 1e-9."""
+    vehicle = load_vehicle(shared_path("config", "vehicles", "truck_cab.yaml"))
+    shift = {"left": np.array([-0.1, 0.2, 0.0]), "right": np.array([-0.1, -0.2, 0.0])}
+    moved = {
+        n: dataclasses.replace(s, position=s.position + shift[n.rsplit("_", 1)[1]]) if n.startswith("chassis_") else s
+        for n, s in vehicle.sensors.items()
+    }
+    a = arrange(dataclasses.replace(vehicle, sensors=moved))
+    mounts, sensors = [m.position for m in a.mounts], [s.position for s in a.base_sensors]
+    read, wanted = frame_readings(np.array(sensors), twist), frame_readings(np.array(mounts), twist)
+    carried, ok = BaseFill(a).fill(read, np.ones((50, 4), dtype=bool), 0.1)
+    assert ok.all()
+    assert np.max(np.abs(read - wanted)) > 0.1
+    if twist == 0.0:
+        np.testing.assert_allclose(carried, wanted, atol=1e-9)
+    else:
+        # what twist bends between sensor and mount along y is carried, the rest is second order in the distance
+        assert np.max(np.abs(carried - wanted)) < 0.25 * np.max(np.abs(read - wanted))
+    assert base_messages(a) == []
+
+
+def test_a_base_sensor_away_from_its_mount_that_cannot_be_carried_over_is_named():
+    vehicle = load_vehicle(shared_path("config", "vehicles", "truck_cab.yaml"))
+    sensors = {n: s for n, s in vehicle.sensors.items() if n not in ("chassis_rear_left", "chassis_rear_right")}
+    sensors["chassis_front_left"] = dataclasses.replace(
+        sensors["chassis_front_left"], position=sensors["chassis_front_left"].position + np.array([0.3, 0.0, 0.4])
+    )
+    a = arrange(dataclasses.replace(vehicle, sensors=sensors))
+    said = base_messages(a)
+    assert len(said) == 1
+    assert "chassis_front_left is 0.50 m from the base of front_left" in said[0]
 
 
 def test_moment_has_products_of_inertia_and_the_gyroscopic_term():
