@@ -176,7 +176,7 @@ def replay_run(
         result.mount_names, result.signals["mount_force"], result.signals["mount_force_std"], result.valid, tick_rate(result),
         side.accelerations, side.cells, job.slope, job.daily_exposure_s,
     )  # fmt: skip
-    document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment)
+    document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, job.settings)
     write_json(folder / "result.json", document)
     write_signals(folder / "signals.npz", result)
     written = ["result.json", "signals.npz"]

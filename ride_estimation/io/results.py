@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import platform
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,9 @@ from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.frames import AXES
+from ride_estimation.jit import COMPILED
 from ride_estimation.metrics import nrmse
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording
@@ -42,12 +46,16 @@ def output_folder(path: str | Path) -> Path:
 
 
 def software() -> dict[str, str]:
-    """Return the versions a result depends on."""
+    """Return the versions a result depends on, and whether the kernels were compiled (they round otherwise than plain Python)."""
     return {
         "ride_estimation": ride_estimation.__version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "scipy": scipy.__version__,
+        "filterpy": metadata.version("filterpy"),
+        "rosbags": metadata.version("rosbags"),
+        "kernels": f"numba {metadata.version('numba')}" if COMPILED else "plain Python",
+        "machine": platform.machine(),
     }
 
 
@@ -80,8 +88,9 @@ def result_document(
     warnings: tuple[str, ...],
     layout: tuple[str, ...],
     assessment: RunAssessment,
+    settings: PipelineSettings,
 ) -> dict[str, Any]:
-    """Return the content of ``result.json``."""
+    """Return the content of ``result.json``; with the same files, versions and machine it is the same, byte by byte."""
     channels = {}
     for name, q in quality.items():
         health = run.health.sensors.get(name)
@@ -89,6 +98,7 @@ def result_document(
             "samples": q.samples, "used": health.accepted if health else 0, "rate_hz": q.rate_hz,
             "gaps": q.gaps, "longest_gap_s": q.longest_gap_s, "clipped": q.clipped,
             "rejected": dict(sorted(health.rejected.items())) if health else {"not_used_by_the_estimator": q.samples},
+            "refused_ticks": dict(sorted(health.refused.items())) if health else {},
             "findings": list(q.findings),
         }
     return {
@@ -101,6 +111,7 @@ def result_document(
             "channels": channels, "ignored": dict(recording.ignored),
         },
         "vehicle": {"name": vehicle.name, "checksum": vehicle.checksum},
+        "settings": dataclasses.asdict(settings),
         "parameters": [parameter_entry(estimate) for estimate in run.parameters],
         "layout": list(layout),
         "identifiability": run.identifiability,
