@@ -21,9 +21,8 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.maxwell import Maxwell
 from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.errors import InputDataError
-from ride_estimation.signals.integration import high_pass
 from ride_estimation.signals.recording import UniformRun
-from ride_estimation.simulation.base_motion import BaseMotion
+from ride_estimation.simulation.base_motion import BaseMotion, high_passed
 from ride_estimation.simulation.simulate import CompiledModel
 from ride_estimation.vehicles.assembly import Assembly, assemble
 from ride_estimation.vehicles.tangent import equivalent
@@ -155,7 +154,8 @@ class MeasuredRun:
         measured = np.column_stack([(run.data[n][:, :3] @ rotations[n].T)[:, 2] for n in self.sensors])
         edge = round(_SETTLING_S * run.rate_hz)
         self.kept = slice(edge, run.samples - edge)
-        self.measured = _compared(measured, run.rate_hz)[self.kept]
+        # what the model answers to a filtered base is compared with the measurement behind the same filter, no other
+        self.measured = high_passed(measured - measured.mean(axis=0), run.rate_hz, CORNER_HZ)[self.kept]
         self._rotations = rotations
 
     @staticmethod
@@ -172,11 +172,7 @@ class MeasuredRun:
         """Return the vertical accelerations of a model, compared band, shape as ``measured``."""
         response = model.run(elements)
         vertical = np.column_stack([(response.specific_force(n)[:, :3] @ self._rotations[n].T)[:, 2] for n in self.sensors])
-        return _compared(vertical, self.rate_hz)[self.kept]
-
-
-def _compared(values: Array, rate_hz: float) -> Array:
-    return high_pass(values - values.mean(axis=0), rate_hz, CORNER_HZ)
+        return np.asarray(vertical - vertical.mean(axis=0))[self.kept]
 
 
 def fit_candidates(

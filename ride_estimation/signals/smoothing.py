@@ -87,10 +87,15 @@ def fourth_order_rate(signal: Array, step_s: float) -> Array:
     _require_finite(signal, 5)
     if not step_s > 0.0:
         raise InputDataError(f"step: {step_s:g} s must be positive")
-    rate = np.empty(signal.size)
+    return difference(signal, step_s)
+
+
+def difference(signal: Array, step_s: float) -> Array:
+    """Return :func:`fourth_order_rate` of every column along axis 0, nothing checked; shape (N, ...), N >= 5."""
+    rate = np.empty(signal.shape)
     rate[2:-2] = (signal[:-4] - 8.0 * signal[1:-3] + 8.0 * signal[3:-1] - signal[4:]) / 12.0
-    rate[:2] = _ONE_SIDED @ signal[:5]
-    rate[-1:-3:-1] = -_ONE_SIDED @ signal[-1:-6:-1]
+    rate[:2] = np.tensordot(_ONE_SIDED, signal[:5], axes=1)
+    rate[-1:-3:-1] = -np.tensordot(_ONE_SIDED, signal[-1:-6:-1], axes=1)
     return rate / step_s
 
 

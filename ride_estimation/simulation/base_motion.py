@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.signals.smoothing import difference
 
 Array = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ class BaseMotion:
 
 
 def derivative(signal: Array, rate_hz: float) -> Array:
-    """Return the time derivative along axis 0: fourth-order central differences inside, second order at the ends.
+    """Return the time derivative along axis 0 by differences of fourth order; by plain differences below five samples.
 
     Parameters
     ----------
@@ -127,9 +128,20 @@ def derivative(signal: Array, rate_hz: float) -> Array:
     """
     if len(signal) < 5:
         return np.asarray(np.gradient(signal, 1.0 / rate_hz, axis=0), dtype=float)
-    result = np.gradient(signal, 1.0 / rate_hz, axis=0, edge_order=2)
-    result[2:-2] = (signal[:-4] - 8.0 * signal[1:-3] + 8.0 * signal[3:-1] - signal[4:]) * (rate_hz / 12.0)
-    return np.asarray(result, dtype=float)
+    return difference(signal, 1.0 / rate_hz)
+
+
+def high_passed(signal: Array, rate_hz: float, corner_hz: float) -> Array:
+    """Return a signal behind the high-pass of :meth:`BaseMotion.from_acceleration`, for what is compared with its response.
+
+    Parameters
+    ----------
+    signal
+        Shape (N, ...).
+    rate_hz, corner_hz
+        [Hz]; the gain is ``f^4 / (f^4 + corner^4)``, without phase.
+    """
+    return _integrate_high_passed(np.asarray(signal, dtype=float), rate_hz, corner_hz)[2]
 
 
 def _integrate_high_passed(signal: Array, rate_hz: float, corner_hz: float) -> tuple[Array, Array, Array]:

@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy import signal
 from worlds.quarter_car import QuarterCar, drive_quarter_car, law_of, measure_quarter_car, one_mass_yaml, road_height
 from worlds.roads import Road
 
@@ -59,6 +60,30 @@ def test_viscoelastic_truth_filter_beside_voigt_equals_a_maxwell_branch_and_both
     held_out = {name: s[1]["rmse_percent"] for name, s in found.items()}
     assert held_out["Voigt + Maxwell"] < 0.6 * held_out["Voigt"]
     assert held_out["Voigt + filter"] == pytest.approx(held_out["Voigt + Maxwell"], rel=0.15)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_band_filter_and_voigt_come_back_from_a_run_within_half_a_percent(vehicle_file, seed):
+    """Row 0-15 on signals: k, c, K, omega_0, Q of a linear system (lsim at 1 kHz) on a class C road, 0.02 m/s^2 on both."""
+    mass, k, c, gain, centre, quality = 2500.0, 3e5, 1e4, 2e4, 12.6, 0.5
+    height, rate = road_height(Road(), DURATION, STEP, seed)
+    base = measure_quarter_car(drive_quarter_car(QuarterCar(), height, rate, STEP), 1000.0, seed, 0.0)["axle"][:, 2] - 9.80665
+    band = np.array([1.0, centre / quality, centre**2])
+    mount = np.polyadd(np.polymul([c, k], band), [gain * centre / quality, 0.0, 0.0])
+    body = signal.lsim(
+        signal.TransferFunction(mount, np.polyadd(np.polymul([mass, 0.0, 0.0], band), mount)), base, np.arange(base.size) / 1000.0
+    )[1]
+    rng = np.random.default_rng(seed)
+    data = {}
+    for name, values in (("body", body[::5]), ("axle", base[::5])):
+        data[name] = NOISE * rng.standard_normal((values.size, 3))
+        data[name][:, 2] += values + 9.80665
+    run = UniformRun("band", RATE, 0, data, {n: np.ones(len(v), bool) for n, v in data.items()})
+    vehicle = load_vehicle(vehicle_file)
+    fit = fit_candidates(vehicle, MeasuredRun(vehicle, run), [m for m in CANDIDATES if m.name in ("Voigt", "Voigt + filter")])[1]
+    stiffness = fit.stiffness["suspension"]
+    found = [stiffness, fit.damping["suspension"], fit.shape["gain_time"] * stiffness, fit.shape["centre"], fit.shape["quality"]]
+    assert found == pytest.approx([k, c, gain, centre, quality], rel=5e-3)
 
 
 def test_runs_without_base_accelerometer_or_too_short_are_refused(vehicle_file):
