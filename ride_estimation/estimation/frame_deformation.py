@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.block_math import cross
-from ride_estimation.estimation.deformation_filter import FilterBank
+from ride_estimation.estimation.deformation_filter import filter_bank
 from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
 from ride_estimation.jit import compile_kernel
 
@@ -198,7 +198,8 @@ class FrameDeformation:
         """Make ready for a tick: the highest corner until the spectrum is known."""
         self._step = dt
         self._spectrum = DeformationSpectrum(self._freedom, dt)
-        self._bank = FilterBank(self._spectrum.frequencies, self._spectrum.widths, _RESOLVED / dt)
+        frequencies, widths = self._spectrum.frequencies, self._spectrum.widths
+        self._bank = filter_bank(tuple(frequencies.tolist()), tuple(widths.tolist()), _RESOLVED / dt)
         self._chosen[:] = -1
         self._filters = [self._bank.discretised(len(self._bank.corner) - 1, dt)] * 3
 
