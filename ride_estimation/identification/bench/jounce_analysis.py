@@ -116,16 +116,8 @@ def identify_jounce(
     held_out = {load.name: loaded_nrmse(load, predict(load), load.held_out) for load in loads if load.held_out.any()}
     held_out |= {load.name: loaded_nrmse(load, predict(load)) for load in held}
     warnings = [w for r in (*records, *validation) for w in r.warnings]
-    exported: dict[str, float] = {}
-    built = element_from_mapping(element)
-    for load in loads:
-        exported[load.name] = loaded_nrmse(load, _response(built, load))
-    worse = max(exported[n] / max(fitted[n], 1e-9) for n in fitted)
-    if worse > 1.1:
-        warnings.append(
-            f"the exported element is {worse:.2g} times less accurate than the fitted model: "
-            "see the column of the exported element"
-        )
+    exported, doubts = _exported(element, loads, fitted)
+    warnings += doubts
     shown = held or [load for load in loads if load.held_out.any()] or loads
     curves = tuple(_stretch(load, predict(load)) for load in shown[:4])
     return JounceIdentification(
@@ -140,6 +132,20 @@ def identify_jounce(
         curves,
         tuple(dict.fromkeys(warnings)),
     )
+
+
+def _exported(
+    element: dict[str, Any], loads: Sequence[Load], fitted: dict[str, float]
+) -> tuple[dict[str, float], list[str]]:
+    """Return the NRMSE of the element as it is written to file, and a warning where it is worse than the fitted model."""
+    built = element_from_mapping(element)
+    exported = {load.name: loaded_nrmse(load, _response(built, load)) for load in loads}
+    worse = max(exported[n] / max(fitted[n], 1e-9) for n in fitted)
+    if worse <= 1.1:
+        return exported, []
+    return exported, [
+        f"the exported element is {worse:.2g} times less accurate than the fitted model: see the column of the exported element"
+    ]
 
 
 def _response(element: ForceElement, load: Load) -> Array:
