@@ -142,6 +142,12 @@ class Page:
 
 def png(picture: Picture, dpi: int) -> bytes:
     """Return a picture as PNG, the same bytes for the same figure."""
+    from matplotlib.text import Text as Label
+
+    for label in picture.figure.findobj(Label):
+        if "$" in label.get_text():
+            # a name from outside is no formula; tick labels get theirs while they are drawn
+            label.set_parse_math(False)
     buffer = io.BytesIO()
     box = "tight" if picture.tight else None
     picture.figure.savefig(buffer, format="png", dpi=dpi, bbox_inches=box, metadata={"Software": None})

@@ -1,0 +1,175 @@
+# Copyright 2026 ride_estimation contributors
+"""Reports: what the pictures show against closed forms, units on every axis, nothing from outside becomes markup."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from scipy import signal
+
+from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.reporting import replay_sections as sections
+from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.pdf import write_pdf
+from ride_estimation.reporting.replay_mounts import mount_curves, stiffness_by_amplitude
+from ride_estimation.reporting.replay_spectra import motion_at, tick_rate, transmissibilities
+from ride_estimation.reporting.side_signals import SideSignals, place_of
+
+RATE, SECONDS = 200.0, 40.0
+STIFFNESS, DAMPING = 5.0e4, 1.5e3
+NASTY = "<script>alert('x')</script> & $\\frac{$"
+
+
+def band_limited(rng: np.random.Generator, samples: int, corner: float) -> np.ndarray:
+    return signal.sosfiltfilt(signal.butter(2, corner, fs=RATE, output="sos"), rng.normal(size=samples))
+
+
+@pytest.fixture(scope="module")
+def run() -> OfflineRun:
+    """A made-up run: body follows its bases through a known filter, one mount with a known law."""
+    rng = np.random.default_rng(1)
+    n = round(RATE * SECONDS)
+    x = 0.005 * band_limited(rng, n, 10.0)
+    force = 3000.0 - (STIFFNESS * x + DAMPING * np.gradient(x, 1.0 / RATE))
+    accel = np.zeros((n, 6))
+    accel[:, 2] = signal.lfilter(*LAG, band_limited(np.random.default_rng(2), n, 40.0))
+    signals: dict[str, Any] = {
+        "cg_accel": accel, "angular_rate": np.zeros((n, 3)), "mount_force": np.zeros((n, 1, 3)),
+        "mount_deflection": np.zeros((n, 1, 3)), "mount_force_std": np.full((n, 1, 3), 30.0),
+    }  # fmt: skip
+    signals["mount_force"][:, 0, 2], signals["mount_deflection"][:, 0, 2] = force, x
+    stamps = 10**9 + np.round(np.arange(n) / RATE * 1e9).astype(np.int64)
+    empty: Any = {}
+    return OfflineRun(
+        mount_names=(NASTY,), signals=signals, stamp_ns=stamps, valid=np.ones(n, dtype=bool), measured=empty, predicted=empty,
+        parameters=(), history=empty, health=empty, identifiability=empty, digest="",
+    )  # fmt: skip
+
+
+LAG = signal.butter(1, 3.0, fs=RATE)
+
+
+@pytest.fixture(scope="module")
+def side(run: OfflineRun) -> SideSignals:
+    base = np.zeros((len(run.stamp_ns), 3))
+    base[:, 2] = band_limited(np.random.default_rng(2), len(base), 40.0)
+    cell = run.signals["mount_force"][:, 0] * 0.9
+    return SideSignals(
+        {NASTY: base}, {NASTY: cell}, {place_of(NASTY, "cab"): base + np.array([0.0, 0.0, 9.81])}, {NASTY: np.zeros(3)},
+        {(0, 2): KelvinVoigt(STIFFNESS, DAMPING)},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def assessment(run: OfflineRun, side: SideSignals) -> RunAssessment:
+    return assess_run(
+        run.mount_names, run.signals["mount_force"], run.signals["mount_force_std"], run.valid, tick_rate(run),
+        side.accelerations, side.cells,
+    )  # fmt: skip
+
+
+def test_transmissibility_is_that_of_the_filter(run: OfflineRun, side: SideSignals) -> None:
+    found = transmissibilities(run, side.offsets, side.base)[NASTY]
+    band = (found.frequency_hz > 0.5) & (found.frequency_hz < 20.0)
+    exact = signal.freqz(*LAG, worN=found.frequency_hz[band], fs=RATE)[1]
+    # the blocks of 4 s leak a little where the filter bends
+    assert np.max(np.abs(found.h1[band] / exact - 1.0)) < 0.03
+    assert np.min(found.coherence[band]) > 0.99
+
+
+def test_motion_of_a_point_of_a_turning_body(run: OfflineRun) -> None:
+    n = len(run.stamp_ns)
+    signals = {**run.signals, "cg_accel": np.tile([0, 0, 0, 0, 0, 2.0], (n, 1)), "angular_rate": np.tile([0, 0, 3.0], (n, 1))}
+    moved = motion_at(dataclasses.replace(run, signals=signals), np.array([0.5, 0.0, 0.0]))
+    assert np.allclose(moved, [-9.0 * 0.5, 2.0 * 0.5, 0.0])  # towards the centre and along the circle
+
+
+def test_dynamic_stiffness_of_a_spring_and_damper_at_every_amplitude(run: OfflineRun) -> None:
+    curves = mount_curves(run, 0, 2, KelvinVoigt(STIFFNESS, DAMPING), None)
+    classes = stiffness_by_amplitude(curves.deflection, curves.estimated, run.valid, RATE)
+    assert len(classes) == 3 and classes[0].amplitude < classes[-1].amplitude
+    for one in classes:
+        exact = STIFFNESS + 2j * np.pi * one.frequency_hz * DAMPING
+        low = one.frequency_hz < 8.0
+        assert low.sum() > 8
+        # leakage of blocks of 2 s moves single lines a little, either way; central differences of the made-up rate fall short
+        # by (w dt)^2 / 6, 1 % at 8 Hz
+        assert np.sqrt(np.mean((one.stiffness[low] / np.abs(exact[low]) - 1.0) ** 2)) < 0.02
+        assert np.sqrt(np.mean((one.loss_angle[low] - np.angle(exact[low])) ** 2)) < 0.02
+    assert np.max(np.abs(curves.law - curves.estimated)) < 0.02 * np.ptp(curves.estimated)
+
+
+def test_damage_against_a_load_cell(assessment: RunAssessment) -> None:
+    vertical = next(d for d in assessment.damages if d.axis == "z")
+    assert vertical.ratio == pytest.approx(0.9**-5.0, rel=1e-9)
+    document = assessment.document()
+    entry = next(e for e in document["durability"]["mounts"] if e["axis"] == "z")
+    assert entry["ratio_to_measured"] == vertical.ratio and entry["damage_lower"] < entry["damage"] < entry["damage_upper"]
+    assert next(d for d in assessment.damages if d.axis == "x").ratio is None  # no load, no ratio
+
+
+def labelled(figure: Figure) -> list[str]:
+    """Return the axes without a unit in brackets; inner ones may leave the shared label to the lowest."""
+    missing = []
+    for axes in figure.axes:
+        names = [axes.get_ylabel()]
+        sharing = axes.get_shared_x_axes().get_siblings(axes)
+        if axes.get_position().y0 == min(other.get_position().y0 for other in sharing):
+            names.append(axes.get_xlabel())
+        if axes.get_label() == "<colorbar>":
+            names = [axes.get_ylabel() or axes.get_xlabel()]
+        missing += [f"{figure.axes.index(axes)}: {name!r}" for name in names if not re.search(r"\[[^\]]+\]", name)]
+    return missing
+
+
+@pytest.fixture(scope="module")
+def page(run: OfflineRun, side: SideSignals, assessment: RunAssessment) -> Page:
+    page = Page(f"Replay of {NASTY}")
+    sections.spectra(page, run, side)
+    sections.mounts(page, run, side)
+    sections.durability(page, run, assessment)
+    sections.comfort(page, assessment)
+    step = {"model": NASTY, "nrmse": 0.1, "misfit_per_degree": None, "log_likelihood": 3.0}
+    cause = {"id": NASTY, "location": NASTY, "axis": "z", "parameters": [{"name": NASTY, "value": 1.0, "std": None, "unit": "N"}]}
+    sections.ladder(page, {"sentence": NASTY, "ladder": [step], "causes": [cause], "run": {"checksum": "x"}}, "y")
+    page.warning(NASTY)
+    page.table([NASTY], [[NASTY]])
+    return page
+
+
+def test_every_axis_of_every_picture_has_its_unit(page: Page) -> None:
+    assert len(page.pictures) >= 7
+    assert {p.caption: labelled(p.figure) for p in page.pictures if labelled(p.figure)} == {}
+
+
+def test_nothing_from_outside_becomes_markup_and_nothing_is_loaded(page: Page, tmp_path: Path) -> None:
+    page.write(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "<script" not in text and "&lt;script&gt;" in text
+    assert not re.search(r"(src|href)=\"(?!data:|#)", text)
+    assert 'name="viewport"' in text and "@media print" in text and len(text) < 6_000_000
+    for part in ("Spectra", "hysteresis", "Durability", "Ride comfort", "floor, not seat", "Ladder", "another recording"):
+        assert part in text
+
+
+def test_the_report_as_pdf_and_as_pictures(page: Page, tmp_path: Path) -> None:
+    short = Page(NASTY)
+    short.blocks = [b for b in page.blocks if b not in page.pictures] + list(page.pictures[:1])
+    write_pdf(short, tmp_path / "report.pdf")
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
+    files = short.write_png(tmp_path / "pictures")
+    assert len(files) == 1 and all(f.read_bytes().startswith(b"\x89PNG") for f in files)
+    assert all(re.fullmatch(r"\d\d_[a-z0-9_]+\.png", f.name) for f in files)
+
+
+def test_only_a_seat_is_a_seat() -> None:
+    assert "seat" in place_of("pad", "seat") and "seat" in place_of("driver_seat", "cab")
+    assert place_of("front_left", "cab") == "cab at front_left"
