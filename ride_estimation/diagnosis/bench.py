@@ -209,10 +209,12 @@ def diagnose_bench(
     answer = diagnose(bench_vehicle(KelvinVoigt(k, c), noise), run, others, settings, causes=causes)
     warnings, remarks = answer.warnings, answer.remarks + _channel_remarks(answer)
     if tone and answer.verdict != INSUFFICIENT:
-        warnings += (
+        words = (
             f"{sample.name} is driven at one frequency: {' and '.join(_NEED_TWO_FREQUENCIES)} cannot be told from a stiffness "
-            "and a damping on it; what separates them: a test at a second frequency",
+            "and a damping on it; what separates them: a test at a second frequency"
         )
+        answer = dataclasses.replace(answer, isolability=(*answer.isolability, words))
+        warnings += (words,)
     return dataclasses.replace(answer, extended=_element_alone(answer.extended, k), warnings=warnings, remarks=remarks)
 
 

@@ -44,6 +44,7 @@ from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, meas
 from ride_estimation.diagnosis.selection import Selection, Selector, Splits, make_splits
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.verdict import describe, name_causes
+from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -227,10 +228,8 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
             "the measured noise is used"
         )
     named = len(accepted.fitted) if accepted is not None else 0
-    warnings += [
-        f"{c.first} and {c.second} cannot be told apart on this run ({c.deficit:.1f} nat); what separates them: {c.separable_by}"
-        for c in confusions(work.selection.rounds[:named])
-    ]
+    isolability = tuple(c.words for c in confusions(work.selection.rounds[:named]))
+    warnings += isolability
     gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     residual = residual_summary(base, extended, remaining, accepted is not None)
@@ -247,6 +246,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
         parameters=_calibrations(work, state, log_std),
         remarks=remarks,
         evidence=make_evidence(base, extended),
+        isolability=isolability,
     )
 
 
@@ -399,4 +399,4 @@ def _ladder(work: _Work, base: Prediction, extended: Prediction) -> tuple[Step, 
 
 
 def _label(h: Hypothesis) -> str:
-    return " ".join(part for part in (h.cause, h.location, h.axis) if part)
+    return title(h.cause, h.location, h.axis)

@@ -34,6 +34,10 @@ _SEPARATORS: dict[frozenset[str], str] = {
 }
 
 
+#: log-likelihoods that differ by less are no evidence to speak of [nat], odds of 20 to 1
+_ALIKE = 3.0
+
+
 @dataclasses.dataclass(frozen=True)
 class Confusion:
     """Two explanations of a run that differ little.
@@ -48,6 +52,14 @@ class Confusion:
     second: str
     deficit: float
     separable_by: str
+
+    @property
+    def words(self) -> str:
+        """Return what cannot be told apart, how far that goes, and what would separate it."""
+        how = "cannot be told apart" if self.deficit < _ALIKE else "can hardly be told apart"
+        return (
+            f"{self.first} and {self.second} {how} on this run ({self.deficit:.1f} nat); what separates them: {self.separable_by}"
+        )
 
 
 def separation(first: str, second: str) -> str:

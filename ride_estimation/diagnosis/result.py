@@ -140,6 +140,8 @@ class Diagnosis:
         The verdict in words.
     extended
         The vehicle with the calibrated parameters and the found causes.
+    isolability
+        Causes this run cannot tell apart and what would separate them, in words; they are among the warnings too.
     """
 
     verdict: str
@@ -153,6 +155,7 @@ class Diagnosis:
     parameters: tuple[Calibration, ...] = ()
     remarks: tuple[str, ...] = ()
     evidence: Evidence | None = None
+    isolability: tuple[str, ...] = ()
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -166,6 +169,7 @@ class Diagnosis:
             "ladder": [_finite(dataclasses.asdict(step)) for step in self.ladder],
             "parameters": [_finite(dataclasses.asdict(p)) for p in self.parameters],
             "remarks": list(self.remarks),
+            "isolability": list(self.isolability),
             "warnings": list(self.warnings),
         }
 

@@ -16,6 +16,7 @@ from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREP
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.selection import Round, Selection
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.wording import quantity, title
 
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
@@ -139,11 +140,9 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
 
 
 def _phrase(cause: NamedCause) -> str:
-    place = " ".join(part for part in (cause.location, cause.axis) if part)
     numbers = ", ".join(_number(p) for p in cause.parameters[:2])
-    return f"{cause.id.replace('_', ' ')} at {place} ({numbers}; confidence {100 * cause.confidence:.0f} %)"
+    return f"{title(cause.id, cause.location, cause.axis)} ({numbers}; confidence {100 * cause.confidence:.0f} %)"
 
 
 def _number(p: Reported) -> str:
-    unit = "" if p.unit == "-" else f" {p.unit}"
-    return f"{p.name} {p.value:.3g} +- {p.std:.2g}{unit}"
+    return quantity(p.name, p.value, p.std, p.unit)

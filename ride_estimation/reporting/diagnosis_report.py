@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""The report of a diagnosis: verdict, evidence, ladder, rivals, what remains, what to measure next."""
+"""The report of a diagnosis: verdict, cause, gain, evidence, ladder, rivals, what remains, what to measure next."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
+from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
 from ride_estimation.reporting.page import Page
 
 
@@ -29,36 +30,39 @@ def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path) -> None:
     page = Page(f"Diagnosis of {run}")
     page.verdict(diagnosis.sentence)
     for warning in diagnosis.warnings:
-        page.warning(warning)
+        if warning not in diagnosis.isolability and warning not in diagnosis.sentence:
+            page.warning(warning)
     for cause in diagnosis.causes:
         _cause(page, cause)
     _gain(page, diagnosis)
-    _remaining(page, diagnosis)
     if diagnosis.evidence is not None:
         _evidence(page, diagnosis.evidence)
     _ladder(page, diagnosis)
+    _rivals(page, diagnosis)
+    _isolability(page, diagnosis)
+    _remaining(page, diagnosis)
+    _next(page, diagnosis)
     _parameters(page, diagnosis)
     if diagnosis.remarks:
         page.heading("What the extended vehicle file holds and what not")
         for remark in diagnosis.remarks:
-            page.text(remark)
+            page.text(f"{remark[0].upper()}{remark[1:]}.")
     page.write(path)
 
 
+def _title(cause: NamedCause) -> str:
+    words = title(cause.id, cause.location, cause.axis)
+    return f"{words[0].upper()}{words[1:]}"
+
+
 def _cause(page: Page, cause: NamedCause) -> None:
-    place = " ".join(part for part in (cause.location, cause.axis) if part)
-    page.heading(f"{cause.id.replace('_', ' ')} at {place}")
-    page.text(f"{cause.question} Confidence {100 * cause.confidence:.0f} %.")
-    page.table(["quantity", "value", "std", "unit"], [[p.name, p.value, p.std, p.unit] for p in cause.parameters])
-    if cause.rivals:
-        page.text("Rivals:")
-        page.table(
-            ["rival", "place", "why less likely", "what would separate them"],
-            [[r.id, " ".join(x for x in (r.location, r.axis) if x), r.why_less_likely, r.separable_by] for r in cause.rivals],
-        )
-    page.text(f"Would refute it: {cause.would_refute}.")
-    if cause.measure_next:
-        page.text(f"To measure next: {cause.measure_next}.")
+    page.heading(_title(cause))
+    page.text(f"{cause.question} With {100 * cause.confidence:.0f} % confidence, yes.")
+    rows = []
+    for p in cause.parameters:
+        value, std, unit = in_reading_unit(p.value, p.std, p.unit)
+        rows.append([p.name, *rounded(value, std), "" if unit == "-" else unit])
+    page.table(["quantity", "value", "std", "unit"], rows)
 
 
 def _gain(page: Page, diagnosis: Diagnosis) -> None:
@@ -70,33 +74,73 @@ def _gain(page: Page, diagnosis: Diagnosis) -> None:
         ["run", "calibrated linear model [%]", "extended model [%]", "noise floor [%]", "gain, 95 % interval [points]"],
         [
             [
-                v.run, 100 * v.baseline, 100 * v.extended, 100 * v.noise_floor,
-                f"{100 * v.ci95[0]:.2f} to {100 * v.ci95[1]:.2f}",
+                v.run, f"{100 * v.baseline:.1f}", f"{100 * v.extended:.1f}", f"{100 * v.noise_floor:.1f}",
+                f"{100 * v.ci95[0]:.1f} to {100 * v.ci95[1]:.1f}",
             ]
             for v in diagnosis.gain.validation
         ],
     )
 
 
+def _rivals(page: Page, diagnosis: Diagnosis) -> None:
+    rows = [
+        [_title(cause), title(r.id, r.location, r.axis), r.why_less_likely, r.separable_by or "not close"]
+        for cause in diagnosis.causes
+        for r in cause.rivals
+    ]
+    if rows:
+        page.heading("Rivals")
+        page.table(["named", "rival", "why less likely", "what would separate them"], rows)
+
+
+def _isolability(page: Page, diagnosis: Diagnosis) -> None:
+    if not diagnosis.causes and not diagnosis.isolability:
+        return
+    page.heading("What this run cannot tell apart")
+    for words in diagnosis.isolability:
+        page.text(f"{words[0].upper()}{words[1:]}.")
+    if not diagnosis.isolability:
+        page.text("None of the causes that were fitted comes near the named ones.")
+
+
 def _remaining(page: Page, diagnosis: Diagnosis) -> None:
     page.heading("What remains")
-    page.text(str(diagnosis.residual.get("words", "")))
+    words = str(diagnosis.residual.get("words", ""))
+    page.text(f"{words[:1].upper()}{words[1:]}{'' if words.endswith('.') else '.'}")
     bands = diagnosis.residual.get("bands", [])
     if bands:
         page.table(
             ["band", "residual over noise, calibrated", "residual over noise, extended"],
-            [[b["band"], b["baseline"], b["extended"]] for b in bands],
+            [[b["band"], f"{b['baseline']:.2f}", f"{b['extended']:.2f}"] for b in bands],
         )
+
+
+def _next(page: Page, diagnosis: Diagnosis) -> None:
+    if not diagnosis.causes:
+        return
+    page.heading("What to measure next")
+    for cause in diagnosis.causes:
+        page.text(f"{_title(cause)} would be refuted by {cause.would_refute}.")
+        if cause.measure_next:
+            page.text(f"To make sure: {cause.measure_next}.")
 
 
 def _ladder(page: Page, diagnosis: Diagnosis) -> None:
     if not diagnosis.ladder:
         return
     page.heading("Ladder of models")
-    page.text("Misfit is the mean squared whitened residual (1 = down to the noise); gain is penalised log-likelihood.")
+    if all(math.isfinite(s.misfit_per_degree) for s in diagnosis.ladder):
+        page.text(
+            "Misfit is the mean squared residual over the noise (1 = down to the noise). The gain in evidence is the penalised "
+            "log-likelihood over the model without the last cause of the row: 3 are worth a word, 10 leave little doubt."
+        )
+        header, values = "misfit", [f"{s.misfit_per_degree:.2f}" for s in diagnosis.ladder]
+    else:
+        page.text("The error is that on samples that were not fitted; the gain in evidence is penalised log-likelihood.")
+        header, values = "error [%]", [f"{100 * s.nrmse:.2f}" for s in diagnosis.ladder]
     page.table(
-        ["model", "misfit", "gain over the model before [nat]"],
-        [[s.model, s.misfit_per_degree, s.log_likelihood] for s in diagnosis.ladder],
+        ["model", header, "gain in evidence [nat]"],
+        [[s.model, v, f"{s.log_likelihood + 0.0:.1f}"] for s, v in zip(diagnosis.ladder, values)],
     )
 
 
@@ -145,7 +189,7 @@ def _evidence(page: Page, evidence: Evidence) -> None:
     page.figure(stretch(evidence), "Measured and modelled, the channel with the largest misfit")
     page.table(
         ["channel", "calibrated [%]", "extended [%]", "noise floor [%]"],
-        [[name, *(100 * float(v) for v in row)] for name, row in zip(evidence.channel_names, evidence.channel_nrmse)],
+        [[name, *(f"{100 * float(v):.1f}" for v in row)] for name, row in zip(evidence.channel_names, evidence.channel_nrmse)],
     )
 
 
