@@ -30,6 +30,7 @@ import sys
 import tempfile
 import time
 import traceback
+import types
 import warnings
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -188,6 +189,17 @@ def run_target(name: str, target: Target, inputs: int, options: argparse.Namespa
     return tally
 
 
+def own_functions() -> list[types.FunctionType]:
+    """Return the functions and methods of the readers."""
+    found: list[types.FunctionType] = []
+    for name, module in sorted(sys.modules.items()):
+        if name.startswith(("ride_estimation.io", "ride_estimation.units", "ride_estimation.signals.quality")):
+            own = [v for v in vars(module).values() if getattr(v, "__module__", "") == name]
+            found += [v for v in own if isinstance(v, types.FunctionType)]
+            found += [m for v in own if isinstance(v, type) for m in vars(v).values() if isinstance(m, types.FunctionType)]
+    return found
+
+
 def guided(name: str, target: Target, seconds: float, options: argparse.Namespace) -> int:
     """Let atheris choose the inputs by the coverage of the package's Python code."""
     import atheris
@@ -198,13 +210,8 @@ def guided(name: str, target: Target, seconds: float, options: argparse.Namespac
         (folder / "seeds").mkdir()
         for number, data in enumerate(target.seeds(folder / "seeds")):
             (corpus / str(number)).write_bytes(data)
-        for module in [
-            m for n, m in sorted(sys.modules.items()) if n.startswith(("ride_estimation.io", "ride_estimation.units"))
-        ]:
-            for function in [
-                f for f in vars(module).values() if getattr(f, "__module__", "") == module.__name__ and hasattr(f, "__code__")
-            ]:
-                atheris.instrument_func(function)
+        for function in own_functions():
+            atheris.instrument_func(function)
 
         def consume(data: bytes) -> None:
             file = folder / f"input{target.suffix}"
