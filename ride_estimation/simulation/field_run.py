@@ -22,6 +22,7 @@ from ride_estimation.simulation.scenario import Scenario
 from ride_estimation.simulation.simulate import simulate
 from ride_estimation.simulation.truck_drive import Drive, drive
 from ride_estimation.vehicles.assembly import Assembly, assemble
+from ride_estimation.vehicles.modes import toppling_motions
 from ride_estimation.vehicles.vehicle import Prior, Vehicle
 
 Array = NDArray[np.float64]
@@ -114,13 +115,18 @@ def run_scenario(scenario: Scenario, vehicle: Vehicle, progress: Callable[[float
     Raises
     ------
     ConfigurationError
-        Names the vehicle file does not have, or bodies without six coordinates.
+        Names the vehicle file does not have, bodies without six coordinates, a vehicle that topples at rest.
     """
     real = true_vehicle(scenario, vehicle)
+    assembly = assemble(real)
+    toppling = toppling_motions(assembly)
+    if toppling:
+        raise ConfigurationError(
+            [f"{t}; check mount positions, height of the CG and vertical stiffness" for t in toppling], where=vehicle.name
+        )
     driven = drive(scenario, real)
     progress(0.4)
     lead_s = driven.lead / scenario.simulation_rate
-    assembly = assemble(real)
     load = _disturbance_load(scenario, assembly, driven)
     response: Response
     if has_full_rotation(real):

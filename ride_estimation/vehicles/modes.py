@@ -142,20 +142,24 @@ def undamped_modes(model: LinearModel) -> tuple[Mode, ...]:
     )
 
 
-def unheld_motions(assembly: Assembly) -> tuple[str, ...]:
-    """Return in words every motion at rest that nothing brings back: no stiffness, or gravity stronger than the mounts.
+def toppling_motions(assembly: Assembly) -> tuple[str, ...]:
+    """Return in words every motion at rest that runs away, because gravity is stronger than the mounts.
 
-    A body whose CG lies above its mounts topples where ``m g h`` exceeds their stiffness against tilting; bodies that rest on
-    one point topple always.
+    A body whose CG lies above its mounts topples where ``m g h`` exceeds their stiffness against tilting; a body that rests on
+    one point topples always.
     """
     found = []
     for mode in undamped_modes(linearise(assembly)):
         if mode.frequency_hz < -NEUTRAL_HZ:
             doubling = math.log(2.0) / (2.0 * math.pi * abs(mode.frequency_hz))
             found.append(f"{mode.label} topples: gravity is stronger than the mounts and doubles a tilt every {doubling:.2g} s")
-        elif mode.frequency_hz < NEUTRAL_HZ:
-            found.append(f"{mode.label} is free: no mount holds it")
     return tuple(found)
+
+
+def unheld_motions(assembly: Assembly) -> tuple[str, ...]:
+    """Return in words every motion at rest that nothing brings back: those that topple, and those without any stiffness."""
+    neutral = [m for m in undamped_modes(linearise(assembly)) if abs(m.frequency_hz) <= NEUTRAL_HZ]
+    return (*toppling_motions(assembly), *(f"{m.label} is free: no mount holds it" for m in neutral))
 
 
 def _mode(model: LinearModel, shape: ComplexArray, frequency_hz: float, damping_ratio: float) -> Mode:

@@ -138,6 +138,20 @@ def test_a_mistake_is_named_with_field_value_and_what_is_allowed(tmp_path, capsy
     assert not (tmp_path / "out").exists()
 
 
+def test_a_vehicle_that_topples_at_rest_is_refused_in_words(tmp_path, capsys):
+    """Mounts 0.3 m apart under a CG 1.2 m above them: m g h = 14 kN m/rad against 4 kN m/rad of the springs."""
+    text = TRUCK_CAB.read_text(encoding="utf-8")
+    for old, new in (("[0.80, ", "[0.15, "), ("[-0.85, ", "[-0.15, "), ("0.50, -0.45]", "0.15, -1.2]")):
+        text = text.replace(old, new).replace(old.replace("0.50", "0.55"), new)
+    path, recipe = tmp_path / "tall.yaml", tmp_path / "tall_run.yaml"
+    path.write_text(text, encoding="utf-8")
+    recipe.write_text(SHORT.replace(str(TRUCK_CAB), str(path)), encoding="utf-8")
+    assert main(["simulate", str(recipe), "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err
+    assert "topples: gravity is stronger than the mounts" in message
+    assert "check mount positions, height of the CG" in message
+
+
 def test_all_mistakes_of_a_file_are_reported_at_once(tmp_path, capsys):
     recipe = tmp_path / "wrong.yaml"
     recipe.write_text(SHORT.replace("kind: gap", "kind: gape").replace("duration_s: 3.0", "duration_s: x"), encoding="utf-8")
