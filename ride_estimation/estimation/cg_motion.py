@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.arrangement import channel_geometry
-from ride_estimation.estimation.motion_kernel import cg_block, predict_block, remove_gravity
+from ride_estimation.estimation.motion_kernel import cg_block, follow_slow, predict_block, remove_gravity
 from ride_estimation.estimation.residuals import ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
@@ -104,6 +104,15 @@ class MotionBlock:
     valid: BoolArray
 
 
+def _stops(valid: BoolArray) -> list[int]:
+    """Return where stretches with the same sensors end, shape of ``valid`` (K, S)."""
+    ticks = len(valid)
+    ends = set(range(_LONGEST, ticks, _LONGEST)) | {ticks}
+    if not valid.all():
+        ends |= set((np.flatnonzero((valid[1:] != valid[:-1]).any(axis=1)) + 1).tolist())
+    return sorted(ends - {0})
+
+
 class CgMotionEstimator:
     """Weighted least squares over all channels of one body, sample by sample.
 
@@ -137,6 +146,7 @@ class CgMotionEstimator:
         self._along = np.sum(directions * points, axis=1)
         self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
         self._cache: dict[tuple[bytes, float], Weights] = {}
+        self._needed = int(np.sum(self._free))
         self._observed_tilt = bool(self._free[3] or self._free[4])
         self._sums = ResidualSums.empty(len(directions))
         accelerometers = self.rows[: len(directions)]
@@ -220,13 +230,11 @@ class CgMotionEstimator:
             np.zeros((ticks, 6)), np.zeros((6, 6)), np.zeros((ticks, 3)), np.zeros((ticks, 3)), 0.0,
             np.zeros((ticks, 3 * len(self.sensors))), np.ones(ticks, dtype=bool),
         )  # fmt: skip
+        samples = np.ascontiguousarray(samples)
         body_gyro = self._body_rates(gyro)
         covariance = np.zeros((6, 6))
         start = 0
-        while start < ticks:
-            stop = start + 1
-            while stop < min(ticks, start + _LONGEST) and np.array_equal(valid[stop], valid[start]):
-                stop += 1
+        for stop in _stops(valid):
             covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
             start = stop
         tilt_variance = float(self._p_tilt[0, 0]) if self._observed_tilt else 0.0
@@ -242,7 +250,7 @@ class CgMotionEstimator:
     def _segment(self, y: Array, gyro: Array, mask: BoolArray, dt: float, out: MotionBlock, where: slice) -> Array:
         """Estimate over ticks with the same channels; write into ``out`` and return the covariance."""
         weights = self.weights(mask, dt)
-        needed = int(np.sum(self._free))
+        needed = self._needed
         if weights.rank == 0:
             out.motion[where] = self._last_good
             out.tilt[where] = self._state[0]
@@ -260,36 +268,30 @@ class CgMotionEstimator:
         else:
             y_all = y
         noise = self._filter_noise(weights, dt)
+        motion, rate, tilt, predicted = out.motion[where], out.rate[where], out.tilt[where], out.predicted[where]
         cg_block(
             np.ascontiguousarray(y_all), self.directions, self.points, weights.matrix, np.ascontiguousarray(mean_rate), use_gyro,
-            self._gravity, dt, self._state, self._p_tilt, self._p_yaw, noise, out.motion[where], out.rate[where], out.tilt[where],
+            self._gravity, dt, self._state, self._p_tilt, self._p_yaw, noise, motion, rate, tilt,
         )  # fmt: skip
-        self._last_good = out.motion[where][-1].copy()
-        self._follow_slow_acceleration(out.motion[where], out.tilt[where], dt)
-        out.valid[where] = weights.rank == needed
-        motion, rate = out.motion[where], out.rate[where]
-        predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, out.predicted[where])
+        self._last_good = motion[-1].copy()
+        # how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)
+        gains = (-math.expm1(-len(y) * dt / _SLOW_TIME), -math.expm1(-len(y) * dt / _SLOW_MEMORY))
+        self._slow_square = float(follow_slow(motion, tilt, self._gravity, *gains, self._slow, self._slow_square))
+        if weights.rank != needed:
+            out.valid[where] = False
+        predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
         rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
         if weights.rank == needed and mask.all() and rate_known:
-            self._sums.add(y, out.predicted[where], motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+            self._sums.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
             self._faults.observe(y, motion, rate, dt)
         else:
             self._faults.interrupt()
         return weights.covariance
 
-    def _follow_slow_acceleration(self, motion: Array, tilt: Array, dt: float) -> None:
-        """Follow how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)."""
-        f = motion.mean(axis=0)
-        seen = np.array([f[1], -f[0]]) / self._gravity
-        self._slow += (1.0 - np.exp(-len(motion) * dt / _SLOW_TIME)) * (seen - tilt.mean(axis=0)[:2] - self._slow)
-        self._slow_square += (1.0 - np.exp(-len(motion) * dt / _SLOW_MEMORY)) * (
-            float(np.mean(self._slow**2)) - self._slow_square
-        )
-
     def _filter_noise(self, weights: Weights, dt: float) -> Array:
         s = self._settings
         start = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time
-        tilt = float(np.clip(2.0 * _SLOW_TIME * self._slow_square, 1e-3 * start, 30.0 * start)) / dt
+        tilt = min(max(2.0 * _SLOW_TIME * self._slow_square, 1e-3 * start), 30.0 * start) / dt
         gyro = float(np.mean(self._gyro_variance)) / max(len(self.gyros), 1) if self.gyros else 0.0
         alpha = 0.5 * float(weights.covariance[3, 3] + weights.covariance[4, 4])
         bias = _GYRO_BIAS_DENSITY if self.gyros else _BIAS_DENSITY
@@ -314,16 +316,21 @@ class CgMotionEstimator:
         covariance[1, 1] += g**2 * block.tilt_variance
         return accel, covariance
 
-    def residual_test(self, *, single_errors: bool = True) -> ResidualTest:
-        """Judge the residuals gathered so far and name the sensor that explains them best.
+    def residual_test(self) -> ResidualTest:
+        """Judge the residuals gathered so far and name the sensor that explains them best."""
+        return self._sized().with_fault(self._faults.judge())
 
-        Parameters
-        ----------
-        single_errors
-            Whether constant errors of single sensors are looked for too, which costs more.
-        """
-        sized = residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])
-        return sized.with_fault(self._faults.judge()) if single_errors else sized
+    def contradicting(self, ratio: float) -> str:
+        """Return the sensor that contradicts the others most where the ratio of the residual test is above one, else empty."""
+        # without tolerances the ratio is larger
+        spare = max(len(self._free_rows) - self._needed, 1)
+        if self._sums.count == 0.0 or self._sums.noise_ratio(self.variance) <= 0.5 * ratio * spare:
+            return ""
+        test = self._sized()
+        return test.sensor if test.ratio > ratio else ""
+
+    def _sized(self) -> ResidualTest:
+        return residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

@@ -152,6 +152,35 @@ def cg_block(
 
 
 @compile_kernel
+def follow_slow(
+    motion: Array, tilt: Array, gravity: float, gain: float, square_gain: float, slow: Array, square: float
+) -> float:
+    """Follow the difference between the tilt the specific force shows and the estimated one; return its mean square.
+
+    Parameters
+    ----------
+    motion, tilt
+        Of a block, shapes (K, 6) and (K, 3).
+    gain, square_gain
+        Shares of the block in the slow difference and in its mean square.
+    slow
+        Roll and pitch, shape (2,), in place.
+    square
+        Mean square so far.
+    """
+    ticks = motion.shape[0]
+    f0, f1, roll, pitch = 0.0, 0.0, 0.0, 0.0
+    for k in range(ticks):
+        f0 += motion[k, 0]
+        f1 += motion[k, 1]
+        roll += tilt[k, 0]
+        pitch += tilt[k, 1]
+    slow[0] += gain * ((f1 / gravity - roll) / ticks - slow[0])
+    slow[1] += gain * ((-f0 / gravity - pitch) / ticks - slow[1])
+    return float(square + square_gain * (0.5 * (slow[0] * slow[0] + slow[1] * slow[1]) - square))
+
+
+@compile_kernel
 def predict_block(motion: Array, rate: Array, rows: Array, directions: Array, points: Array, predicted: Array) -> None:
     """Write what the accelerometers read for a motion.
 

@@ -8,6 +8,7 @@ the sequence of calls: no clock, no thread, no randomness; a live run and its re
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -233,8 +234,9 @@ class Pipeline:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
             self._take_back(verdict)
-        gyro = block.values[:, self._gyro_columns]
-        motion = self._motion.observe(block.values[:, self._body_columns], gyro, block.valid[:, self._body_streams], dt)
+        measured = np.take(block.values, self._body_columns, axis=1)
+        gyro, there = np.take(block.values, self._gyro_columns, axis=1), np.take(block.valid, self._body_streams, axis=1)
+        motion = self._motion.observe(measured, gyro, there, dt)
         motion = self._doubted(motion, verdict, ticks * dt)
         self._rate = motion.rate[-1]
         accel, accel_covariance = self._motion.accelerate(motion)
@@ -253,8 +255,8 @@ class Pipeline:
         complete = complete and not verdict.suspects and not verdict.unusual
         before = self._stamp
         seen = HintBlock(
-            block.values[:, self._body_columns], motion.predicted, motion.motion[:, 3:], support, self._forces.missing,
-            complete and bool(block.valid[:, self._body_streams].all()),
+            measured, motion.predicted, motion.motion[:, 3:], support, self._forces.missing,
+            complete and bool(there.all()),
         )  # fmt: skip
 
         def learn() -> None:
@@ -263,11 +265,10 @@ class Pipeline:
 
         self._due = learn
         self._ticks += ticks
-        self._invalid_ticks += int(np.sum(~motion.valid))
+        self._invalid_ticks += ticks - int(np.count_nonzero(motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
         predicted = motion.predicted
         names = [s.name for s in self.arrangement.body_sensors]
-        measured = block.values[:, self._body_columns]
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
@@ -281,7 +282,7 @@ class Pipeline:
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
-        self._excess = max(verdict.excess, 1.0 + (self._excess - 1.0) * float(np.exp(-duration / _DOUBT_FADES)))
+        self._excess = max(verdict.excess, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
         if self._excess < 1.01:
             self._excess = 1.0
             return motion
@@ -358,7 +359,7 @@ class Pipeline:
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0
             self._anchor.update(
-                p.theta[:-1], p.std[:-1], self._forces.static_force / self._factor, self._run_time, p.excited_time
+                p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
         self._keep_copy()
@@ -367,9 +368,9 @@ class Pipeline:
         """Let mass and parameters reach loads and forces."""
         self._factor, relative = self._anchor.factor()
         body = self.arrangement.body
+        inertia, inertia_std = self._parameters.inertia()
         self._loads = InertialLoads(
-            body.mass.value * self._factor, body.mass.value * self._factor * relative, np.asarray(body.inertia) * self._factor,
-            body.inertia_relative_std or 0.0,
+            body.mass.value * self._factor, body.mass.value * self._factor * relative, inertia * self._factor, inertia_std,
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
@@ -382,8 +383,8 @@ class Pipeline:
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
-        test = self._motion.residual_test(single_errors=False)
-        doubt = f"the sensors of the body contradict each other ({test.sensor} most)" if test.ratio > _CONTRADICTION**2 else ""
+        sensor = self._motion.contradicting(_CONTRADICTION**2)
+        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else ""
         return (self._mass_estimate(), *(self._absolute(e, doubt) for e in self._parameters.estimates()))
 
     def _absolute(self, estimate: Estimate, doubt: str) -> Estimate:

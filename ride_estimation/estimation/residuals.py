@@ -108,6 +108,10 @@ class ResidualSums:
         add_residuals(samples, predicted, motion, keep, self.products, self.mean, self.signal_square, self.signal_mean, sums)
         self.turn_square, self.count = float(sums[0]), float(sums[1])
 
+    def noise_ratio(self, stated: Array) -> float:
+        """Return the sum over the channels of the mean squared residual over the stated variance."""
+        return float(np.sum(np.diagonal(self.products) / stated)) / self.count
+
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
         return {f.name: np.asarray(getattr(self, f.name)).tolist() for f in dataclasses.fields(self)}
