@@ -228,12 +228,14 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
             "the measured noise is used"
         )
     named = len(accepted.fitted) if accepted is not None else 0
-    isolability = tuple(c.words for c in confusions(work.selection.rounds[:named]))
+    alike = confusions(work.selection.rounds[:named])
+    isolability = tuple(c.words for c in alike)
     warnings += isolability
     gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     residual = residual_summary(base, extended, remaining, accepted is not None)
-    sentence = describe(verdict, causes, gain, remaining)
+    doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
+    sentence = describe(verdict, causes, gain, remaining) + doubt
     return Diagnosis(
         verdict=verdict,
         sentence=sentence,

@@ -54,12 +54,16 @@ class Confusion:
     separable_by: str
 
     @property
+    def claim(self) -> str:
+        """Return what cannot be told apart on this run."""
+        how = "cannot be told apart" if self.deficit < _ALIKE else "can hardly be told apart"
+        first, second = self.first.replace("_", " "), self.second.replace("_", " ")
+        return f"{first} and {second} {how} on this run"
+
+    @property
     def words(self) -> str:
         """Return what cannot be told apart, how far that goes, and what would separate it."""
-        how = "cannot be told apart" if self.deficit < _ALIKE else "can hardly be told apart"
-        return (
-            f"{self.first} and {self.second} {how} on this run ({self.deficit:.1f} nat); what separates them: {self.separable_by}"
-        )
+        return f"{self.claim} ({self.deficit:.1f} nat); what separates them: {self.separable_by}"
 
 
 def separation(first: str, second: str) -> str:

@@ -345,8 +345,12 @@ def build_plant(
         raise InputDataError(
             "no base motion was measured: an accelerometer on the chassis side of the mounts is needed to test the model"
         )
-    if not out_sensors:
-        raise InputDataError("no accelerometer on a sprung body spoke in this run: there is nothing to compare the model with")
+    transducers = [s for s in sensors.values() if s.kind == "displacement" and s.mount in mounts]
+    if not out_sensors and not transducers:
+        raise InputDataError(
+            "neither an accelerometer on a sprung body nor a displacement transducer at its mounts spoke in this run: "
+            "there is nothing to compare the model with"
+        )
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
     direct, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
     n, size = len(coordinates), 3 * len(mounts)

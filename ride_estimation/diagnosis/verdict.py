@@ -123,7 +123,7 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
         )
     named = "; ".join(_phrase(c) for c in causes)
     effect = (
-        f"extending the model reduces the error on {judged.run} from {100 * judged.baseline:.1f} % to "
+        f"extending the model {'reduces' if judged.extended < judged.baseline else 'changes'} the error on {judged.run} from {100 * judged.baseline:.1f} % to "
         f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
     )
     if verdict == EXPLAINED:
@@ -140,7 +140,8 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
 
 
 def _phrase(cause: NamedCause) -> str:
-    numbers = ", ".join(_number(p) for p in cause.parameters[:2])
+    told = [p for p in cause.parameters if p.value != 0.0 or p.std > 0.0]
+    numbers = ", ".join(_number(p) for p in told[:2])
     return f"{title(cause.id, cause.location, cause.axis)} ({numbers}; confidence {100 * cause.confidence:.0f} %)"
 
 

@@ -98,6 +98,8 @@ class SensorHints:
             flat = columns.reshape(_COUNT, -1)
             normal[i] = flat @ (columns @ self._gram[i]).reshape(_COUNT, -1).T
             right[i] = flat @ (residual @ self._project[i]).ravel()
+            # the noise of a reading is in its own residual and would pose as gain
+            right[i, 1:4] -= len(measured) * np.diag(self._gram[i]) * sensor.noise_std**2
         self._chunks.append((normal, right))
 
     def hints(self) -> tuple[Hint, ...]:

@@ -173,7 +173,7 @@ def _parameters(page: Page, diagnosis: Diagnosis) -> None:
         page.text(words + ".")
     page.table(
         ["parameter", "value", "std", "unit", "vehicle file"],
-        [[p.name, p.value, p.std, p.unit, p.prior] for p in diagnosis.parameters],
+        [[p.name, *rounded(p.value, p.std), p.unit, f"{p.prior:.4g}"] for p in diagnosis.parameters],
     )
 
 
@@ -187,6 +187,7 @@ def _evidence(page: Page, evidence: Evidence) -> None:
     if evidence.loops:
         page.figure(loops(evidence), "Force over deflection: linear part and with what was found")
     page.figure(stretch(evidence), "Measured and modelled, the channel with the largest misfit")
+    page.text("Error of every channel over the whole run that was fitted:")
     page.table(
         ["channel", "calibrated [%]", "extended [%]", "noise floor [%]"],
         [[name, *(f"{100 * float(v):.1f}" for v in row)] for name, row in zip(evidence.channel_names, evidence.channel_nrmse)],
