@@ -13,6 +13,7 @@ import functools
 import hashlib
 import importlib.util
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ COMPILED: bool = importlib.util.find_spec("numba") is not None and os.environ.ge
 
 #: folders whose kernels may be built into those of any other folder (the lower layers)
 _SHARED = ("", "signals", "elements", "excitation", "sensors", "vehicles")
+_OWN_FOLDER = re.compile("[0-9a-f]{16}")
 _KEEP_S = 14 * 86400.0  # compiled code of other versions is removed when it was not used for this long
 
 
@@ -83,7 +85,8 @@ def cache_folder(folder_name: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
         for old in root.iterdir():
-            if old != folder and time.time() - old.stat().st_mtime > _KEEP_S:
+            # only what was made here: the folder may be one the user keeps other things in
+            if old != folder and _OWN_FOLDER.fullmatch(old.name) and time.time() - old.stat().st_mtime > _KEEP_S:
                 shutil.rmtree(old, ignore_errors=True)
     except OSError:
         # a read-only home: numba then compiles in memory at every start

@@ -36,6 +36,9 @@ WARM_UP_START_NS = 1_000_000_000_000
 #: vertical acceleration of the body and of the bases in it [m/s^2] and its frequencies [Hz]
 WARM_UP_ACCEL, WARM_UP_BASE_ACCEL, WARM_UP_HZ = 1.0, 0.6, (1.3, 3.1)
 
+#: different faults that are kept in words, so that a run of weeks cannot fill the memory with them
+MOST_FAULTS = 20
+OTHER_FAULTS = "others"
 UNDECODABLE = "message_not_decodable"
 WRONG_TYPE = "message_type_not_accepted"
 NUMERICAL_FAULT = "numerical fault, estimates start again"
@@ -145,7 +148,8 @@ class Session:
         try:
             return self.pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
         except NUMERICAL_ERRORS as error:
-            self.faults[f"{type(error).__name__}: {error}"] += 1
+            text = f"{type(error).__name__}: {error}"
+            self.faults[text if text in self.faults or len(self.faults) < MOST_FAULTS else OTHER_FAULTS] += 1
             self.pipeline.reset(NUMERICAL_FAULT)
             return ()
 
