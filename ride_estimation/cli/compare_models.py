@@ -15,7 +15,14 @@ from ride_estimation import metrics
 from ride_estimation.assessment.durability import damage_ratio
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.model_comparison import FittedModel, MeasuredRun, fit_candidates, predict
+from ride_estimation.identification.model_comparison import (
+    CANDIDATES,
+    LITERATURE,
+    FittedModel,
+    MeasuredRun,
+    fit_candidates,
+    predict,
+)
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -35,6 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="bag the models are fitted to")
     parser.add_argument("--vehicle", required=True, type=Path, metavar="V.yaml")
     parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RUN2", help="bags the models have not seen")
+    parser.add_argument(
+        "--literature", action="store_true", help="also Zener, two Maxwell cells, fractional and Bouc-Wen (takes longer)"
+    )
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write comparison.json")
 
 
@@ -43,7 +53,8 @@ def run(options: argparse.Namespace) -> int:
     vehicle = load_vehicle(options.vehicle)
     runs = [MeasuredRun(vehicle, align(read_recording(path, vehicle))) for path in (options.run, *options.validate)]
     progress = Progress(1.0, "fitting mount models")
-    fitted = fit_candidates(vehicle, runs[0], advance=progress.update)
+    candidates = (*CANDIDATES, *LITERATURE) if options.literature else CANDIDATES
+    fitted = fit_candidates(vehicle, runs[0], candidates, progress.update)
     progress.close()
     document = compare(vehicle, runs, fitted)
     if options.out is not None:

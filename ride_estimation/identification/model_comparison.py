@@ -16,7 +16,9 @@ from scipy import optimize
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.berg_friction import BergFriction
+from ride_estimation.elements.bouc_wen import BoucWen
 from ride_estimation.elements.damping_filter import BAND, DampingFilter
+from ride_estimation.elements.fractional import Fractional
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.maxwell import Maxwell
 from ride_estimation.elements.sum_of_elements import SumOfElements
@@ -34,6 +36,7 @@ Shape = Mapping[str, float]
 CORNER_HZ = 0.5  # lower end of the compared band; base and body pass the same high-pass
 _SETTLING_S = 2.0  # left out at both ends: the filters start there
 PAPER_CENTRE, PAPER_QUALITY = 12.6, 0.5  # rad/s and 1, document 000 Table 5
+FRACTIONAL_REFERENCE = 12.6  # rad/s, frequency of the stiffness of the fractional element
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,6 +90,30 @@ CANDIDATES: tuple[CandidateModel, ...] = (
         lambda k, c, s: SumOfElements(
             (KelvinVoigt(k, c), _maxwell(k, s), BergFriction(s["friction_stroke"] * k, s["half_stroke"]))
         ),
+    ),
+)
+
+#: other laws of document 001, chapter 2, to be compared on request (row 1-23)
+LITERATURE: tuple[CandidateModel, ...] = (
+    CandidateModel("Zener", _BRANCH, lambda k, c, s: SumOfElements((KelvinVoigt(k, 0.0), _maxwell(k, s))), False),
+    CandidateModel(
+        "Voigt + two Maxwell",
+        {**_BRANCH, "second_ratio": (0.3, 1e-3, 5.0), "second_time": (3e-3, 5e-4, 2e-2)},
+        lambda k, c, s: SumOfElements(
+            (KelvinVoigt(k, c), _maxwell(k, s), Maxwell(s["second_ratio"] * k, s["second_ratio"] * k * s["second_time"]))
+        ),
+    ),
+    CandidateModel(
+        "Voigt + fractional",
+        {"fractional_ratio": (0.3, 1e-3, 20.0), "order": (0.4, 0.05, 0.95)},
+        lambda k, c, s: SumOfElements(
+            (KelvinVoigt(k, c), Fractional(s["fractional_ratio"] * k, s["order"], FRACTIONAL_REFERENCE, 2.0, 300.0))
+        ),
+    ),
+    CandidateModel(
+        "Voigt + Bouc-Wen",
+        {"friction_stroke": (1e-3, 1e-6, 2e-2), "slope_ratio": (1.0, 0.05, 50.0)},
+        lambda k, c, s: SumOfElements((KelvinVoigt(k, c), BoucWen(s["friction_stroke"] * k, s["slope_ratio"] * k))),
     ),
 )
 

@@ -11,11 +11,14 @@ from worlds.roads import Road
 
 from ride_estimation.cli.compare_models import compare
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.model_comparison import CANDIDATES, MeasuredRun, fit_candidates
+from ride_estimation.identification.model_comparison import CANDIDATES, LITERATURE, MeasuredRun, fit_candidates
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import UniformRun
 
-RATE, STEP, DURATION, NOISE = 200.0, 1e-3, 30.0, 0.02
+RATE, STEP, DURATION, NOISE = 200.0, 1e-3, 20.0, 0.02
+
+
+LAWS = ("Voigt + two Maxwell", "Voigt + fractional")
 
 
 def record(car, seed, scale=1.0):
@@ -37,7 +40,7 @@ def vehicle_file(tmp_path_factory):
 def scores(car, vehicle_file, names):
     vehicle = load_vehicle(vehicle_file)
     runs = [MeasuredRun(vehicle, record(car, seed, scale)[0]) for seed, scale in ((1, 1.0), (2, 1.0), (3, 0.5))]
-    fitted = fit_candidates(vehicle, runs[0], [c for c in CANDIDATES if c.name in names])
+    fitted = fit_candidates(vehicle, runs[0], [c for c in (*CANDIDATES, *LITERATURE) if c.name in names])
     document = compare(vehicle, runs, fitted)
     return {m["name"]: m["scores"] for m in document["models"]}
 
@@ -56,10 +59,13 @@ def test_viscoelastic_truth_filter_beside_voigt_equals_a_maxwell_branch_and_both
     spread = data["deflection"][:, 0].std()
     code, parameters = law_of("six_cells", plain, spread, 10 * spread, 0.5)
     car = dataclasses.replace(plain, laws=((code, parameters),))
-    found = scores(car, vehicle_file, ("Voigt", "Voigt + filter", "Voigt + Maxwell"))
+    found = scores(car, vehicle_file, ("Voigt", "Voigt + filter", "Voigt + Maxwell", *LAWS))
     held_out = {name: s[1]["rmse_percent"] for name, s in found.items()}
     assert held_out["Voigt + Maxwell"] < 0.6 * held_out["Voigt"]
     assert held_out["Voigt + filter"] == pytest.approx(held_out["Voigt + Maxwell"], rel=0.15)
+    # row 1-23: other laws of the literature; the truth is a spectrum of six cells
+    assert held_out["Voigt + two Maxwell"] < 1.1 * held_out["Voigt + Maxwell"]
+    assert held_out["Voigt + fractional"] < 0.6 * held_out["Voigt"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
