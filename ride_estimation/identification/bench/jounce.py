@@ -15,13 +15,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares
 
 from ride_estimation.identification.bench.jounce_consistent import fit_consistent
 from ride_estimation.identification.bench.jounce_model import Load, WhiteBox, loaded_nrmse, split_static
 from ride_estimation.identification.bench.jounce_search import RATE_SHARE, fit_balance, mean_nrmse
 from ride_estimation.identification.bench.jounce_static import fit_static
 from ride_estimation.identification.bench.reversals import noise_level
+from ride_estimation.identification.bench.variable_projection import solve_linear
 
 Array = NDArray[np.float64]
 
@@ -95,8 +96,7 @@ def pre_estimate(box: WhiteBox, dynamic: Sequence[Load]) -> WhiteBox:
 
     def residual(points: Array) -> Array:
         hinges = np.maximum(centres[:, None] - np.sort(points)[None, :], 0.0)
-        k = lsq_linear(hinges, envelope, bounds=(0.0, np.inf)).x
-        return np.asarray(hinges @ k - envelope)
+        return np.asarray(hinges @ _not_negative(hinges, envelope) - envelope)
 
     for start in starts:
         found = least_squares(residual, start, bounds=(-1e-9, 0.97 * largest), x_scale=largest, diff_step=1e-3, max_nfev=40)
@@ -104,10 +104,15 @@ def pre_estimate(box: WhiteBox, dynamic: Sequence[Load]) -> WhiteBox:
             best_points, best_cost = np.sort(found.x), float(found.cost)
     spread = np.maximum(best_points, 0.0)
     hinges = np.maximum(centres[:, None] - spread[None, :], 0.0)
-    k = lsq_linear(hinges, envelope, bounds=(0.0, np.inf)).x
+    k = _not_negative(hinges, envelope)
     fastest = min(load.step_s for load in dynamic)
     # above the static excitation, below the fastest dynamic one
     rate = min(2.0 * np.pi * 5.0, 0.2 * RATE_SHARE * 2.0 / fastest)
     return dataclasses.replace(
         box, contacts=spread, rates=np.full(CELLS, rate) * np.geomspace(0.7, 1.4, CELLS), stiffness=k, smooth=0.02 * largest
     )
+
+
+def _not_negative(columns: Array, target: Array) -> Array:
+    """Return the coefficients, none below zero, whose combination of columns is nearest to the target."""
+    return solve_linear(columns.T @ columns, columns.T @ target, np.ones(columns.shape[1], dtype=bool))[0]
