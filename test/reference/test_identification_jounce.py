@@ -11,6 +11,7 @@ from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.jounce import fit_static, pre_estimate
 from ride_estimation.identification.bench.jounce_analysis import identify_jounce, network_mapping
+from ride_estimation.identification.bench.jounce_columns import contact_cell
 from ride_estimation.identification.bench.jounce_model import as_load, compression_side, loaded_nrmse, split_static
 from ride_estimation.identification.bench.lolimot import NetworkInputs, network_nrmse, pole_std, train_network
 from ride_estimation.identification.bench.record import BenchRecord, check_record
@@ -118,6 +119,20 @@ def test_pole_of_a_network_has_an_honest_standard_deviation():
         stds.append(pole_std(network, inputs)[0])
     assert np.mean(poles) == pytest.approx(30.0, abs=4.0 * np.mean(stds) / np.sqrt(20))
     assert np.std(poles, ddof=1) / np.mean(stds) == pytest.approx(1.0, abs=0.48)
+
+
+def test_a_record_that_begins_loaded_begins_at_rest():
+    # a cell held at one travel carries nothing, also from the first sample on; moved from there it is the element's cell
+    held = contact_cell(np.full(50, 0.03), 1e-3, 0.01, 2e-3, 5.0)
+    assert np.all(held == 0.0)
+    t = np.arange(800) * 1e-3
+    travel = 0.03 + 0.02 * np.sin(2 * np.pi * 2.0 * t) * np.clip(5 * t, 0.0, 1.0)
+    element = element_from_mapping(
+        {"kind": "contact_maxwell", "stiffness_n_per_m": 1.0, "corner_rad_per_s": 5.0, "contact_point_m": 0.01, "entry_m": 2e-3}
+    )
+    found = contact_cell(travel, 1e-3, 0.01, 2e-3, 5.0)
+    assert found == pytest.approx(-element.response(t, -travel), abs=1e-12)
+    assert found.max() > 0.005
 
 
 def test_a_two_sided_force_is_refused(measured):

@@ -126,6 +126,8 @@ def friction_state(travel: Array, height: Array, reference: float, slopes: Array
 def contact_cell(travel: Array, h: float, contact: float, smooth: float, rate: float) -> Array:
     """Return unit force of a Maxwell cell behind a contact point: pushes only, forgets when it leaves contact, shape (N,).
 
+    A record that begins in contact begins with a relaxed cell.
+
     Input: penetration, ``(u - cp + p)^2 / (4 p)`` inside the entry of half width p (document 004, free-travel smoothing).
     """
     a = rate * h
@@ -141,6 +143,8 @@ def contact_cell(travel: Array, h: float, contact: float, smooth: float, rate: f
             before = 0.0
             continue
         depth = (d + smooth) ** 2 / (4.0 * smooth) if d < smooth and smooth > 0.0 else max(d, 0.0)
+        if k == 0:
+            before = depth  # a record that begins loaded begins at rest, as the element does
         m = decay * m + gain * (depth - before)
         before = depth
         out[k] = max(m, 0.0)
