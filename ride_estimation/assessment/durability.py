@@ -151,18 +151,23 @@ class DamageMeter:
     The standard deviation of the load is taken as that of one unknown factor on its dynamic part, the same for the whole
     run: a wrong stiffness, damping or mass. That is the kind of error that changes damage most, because it shifts all
     cycles the same way; errors that change from sample to sample average out, an offset changes no range. So the interval
-    is on the safe side: ``D (1 +- 2 s)^slope`` with ``s = rms(std) / rms(load - mean)``.
+    is on the safe side: ``D (1 +- 2 s)^slope`` with ``s = rms(std) / rms(load - mean)``. Where the load carries a weight and
+    its standard deviation holds that of the weight, the share of the weight is an offset and is taken off:
+    ``s^2 = max(mean(std^2) - (r mean)^2, (r rms)^2) / rms^2`` with the relative standard deviation r of the mass.
 
     Parameters
     ----------
     rate_hz
         Sample rate [Hz].
+    mass_relative_std
+        r [-].
     """
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, mass_relative_std: float = 0.0) -> None:
         if not rate_hz > 0.0:
             raise InputDataError(f"sample rate {rate_hz:g} Hz must be positive")
         self._rate = rate_hz
+        self._mass_relative_std = mass_relative_std
         self._counter = RainflowCounter()
         self._sums = np.zeros(3)  # load, load^2, std^2
         self._origin = 0.0
@@ -222,7 +227,9 @@ class DamageMeter:
         value = float(np.sum(cycle_damage(cycles, slope)))
         mean, square, spread = (float(v) / n for v in self._sums)
         variance = max(square - mean**2, 0.0)
-        relative = float(np.sqrt(spread / variance)) if variance > 0.0 else 0.0
+        weight, least = (self._mass_relative_std * (self._origin + mean)) ** 2, self._mass_relative_std**2 * variance
+        dynamic = max(spread - weight, min(spread, least))
+        relative = float(np.sqrt(dynamic / variance)) if variance > 0.0 else 0.0
         duration = n / self._rate
         factors = (1.0, max(1.0 - 2.0 * relative, 0.0), 1.0 + 2.0 * relative)
         middle, low, high = (value * factor**slope for factor in factors)
@@ -235,8 +242,14 @@ class DamageMeter:
         )  # fmt: skip
 
 
-def assess_load(load: ArrayLike, rate_hz: float, std: ArrayLike | None = None, slope: float = DEFAULT_SLOPE) -> Damage:
+def assess_load(
+    load: ArrayLike,
+    rate_hz: float,
+    std: ArrayLike | None = None,
+    slope: float = DEFAULT_SLOPE,
+    mass_relative_std: float = 0.0,
+) -> Damage:
     """Return the damage of a whole load signal; see :class:`DamageMeter` for how its uncertainty is carried along."""
-    meter = DamageMeter(rate_hz)
+    meter = DamageMeter(rate_hz, mass_relative_std)
     meter.feed(load, std)
     return meter.damage(slope)

@@ -100,6 +100,7 @@ def assess_run(
     measured_force: Mapping[str, Array] | None = None,
     slope: float = DEFAULT_SLOPE,
     daily_exposure_s: float = EIGHT_HOURS_S,
+    mass_relative_std: float = 0.0,
 ) -> RunAssessment:
     """Assess one run.
 
@@ -121,15 +122,18 @@ def assess_run(
         Of the damage line.
     daily_exposure_s
         [s].
+    mass_relative_std
+        Relative standard deviation of the mass that ``mount_force_std`` holds [-].
     """
     notes: list[str] = []
-    damages = _damages(mount_names, mount_force, mount_force_std, valid, rate_hz, measured_force or {}, slope, notes)
+    meters = (rate_hz, mass_relative_std)
+    damages = _damages(mount_names, mount_force, mount_force_std, valid, meters, measured_force or {}, slope, notes)
     exposures = _exposures(accelerations, rate_hz, daily_exposure_s, notes)
     return RunAssessment(damages, exposures, slope, daily_exposure_s, int(np.sum(valid)), tuple(notes))
 
 
 def _damages(
-    names: Sequence[str], force: Array, std: Array, valid: NDArray[np.bool_], rate_hz: float,
+    names: Sequence[str], force: Array, std: Array, valid: NDArray[np.bool_], meters: tuple[float, float],
     cells: Mapping[str, Array], slope: float, notes: list[str],
 ) -> tuple[MountDamage, ...]:  # fmt: skip
     samples = int(np.sum(valid))
@@ -143,11 +147,11 @@ def _damages(
     found = []
     for m, mount in enumerate(names):
         for i, axis in enumerate(AXES):
-            meter = DamageMeter(rate_hz)
+            meter = DamageMeter(*meters)
             meter.feed(force[valid, m, i], std[valid, m, i])
             measured = None
             if mount in cells:
-                cell = DamageMeter(rate_hz)
+                cell = DamageMeter(meters[0])
                 cell.feed(cells[mount][valid, i])
                 measured = cell.damage(slope)
             found.append(MountDamage(mount, axis, meter.damage(slope), meter.cycles, measured))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -175,6 +176,7 @@ def replay_run(
     assessment = assess_run(
         result.mount_names, result.signals["mount_force"], result.signals["mount_force_std"], result.valid, tick_rate(result),
         side.accelerations, side.cells, job.slope, job.daily_exposure_s,
+        mass_relative_std(result, pipeline.arrangement.body.name),
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, job.settings)
     write_json(folder / "result.json", document)
@@ -184,6 +186,14 @@ def replay_run(
         page = replay_page(recording, vehicle, result, quality, document, side, assessment, diagnosis)
         written += write_page(page, folder, job.formats)
     return document, summary(recording, result, (*warnings,), layout), written
+
+
+def mass_relative_std(result: OfflineRun, body: str) -> float:
+    """Return the relative standard deviation of the mass of the body, 0 where it is not among the parameters."""
+    for estimate in result.parameters:
+        if estimate.name == f"{body}.mass" and estimate.value > 0.0 and math.isfinite(estimate.std):
+            return estimate.std / estimate.value
+    return 0.0
 
 
 def vehicle_file(given: str) -> Path:

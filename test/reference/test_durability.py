@@ -125,6 +125,19 @@ def test_interval_holds_the_true_damage(kind):
     assert inside >= 52
 
 
+def test_the_uncertain_weight_moves_no_range():
+    rng = np.random.default_rng(4)
+    y = 3000.0 + rng.normal(0.0, 400.0, 4000)
+    # 2 % of the mass are 60 N of offset and 2 % of the dynamic part; 20 N more come from elsewhere
+    std = np.full(4000, np.sqrt(60.0**2 + (0.02 * 400.0) ** 2 + 20.0**2))
+    found = durability.assess_load(y, 200.0, std, mass_relative_std=0.02)
+    assert found.relative_std == pytest.approx(np.hypot(0.02, 20.0 / 400.0), rel=0.03)
+    assert durability.assess_load(y, 200.0, std).relative_std > 3.0 * 0.05
+    # what the mass alone leaves is never taken off
+    small = durability.assess_load(y, 200.0, np.full(4000, 10.0), mass_relative_std=0.02)
+    assert small.relative_std == pytest.approx(0.02, rel=0.03)
+
+
 def test_a_load_known_worse_than_half_its_size_has_no_lower_bound():
     y = np.random.default_rng(3).normal(size=2000)
     found = durability.assess_load(y, 100.0, np.full(2000, 0.6))
