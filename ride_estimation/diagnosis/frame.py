@@ -86,16 +86,32 @@ def local_motion(plant: Plant, base_spectrum: ComplexArray, noise: ComplexArray,
         own = own_sensor(plant, base)
         if len(own) < 3:
             continue
-        rows = np.concatenate([3 * plant.mounts.index(m) + np.arange(len(AXES)) for m in own])
-        null = null_directions(plate_motion(np.array([plant.vehicle.mounts[m].position for m in own])))
-        if null.shape[1] == 0:
+        level = _excess(plant, tuple(own), base_spectrum, noise, samples, width)
+        if level is None:
             continue
-        measured = smoothed_power(base_spectrum[:, rows] @ null, samples, width).mean(axis=1)
-        through = np.einsum("rd,fru->fdu", null, noise[:, rows])
-        expected = np.sum(np.abs(through) ** 2, axis=(1, 2)) / null.shape[1]
+        # a faulty sensor looks like a bracket that moves on its own, but not to the brackets without it
+        total = max(float(level.sum()), 1e-300)
+        others = [_excess(plant, tuple(m for m in own if m != left), base_spectrum, noise, samples, width) for left in own]
+        share = min([1.0, *(float(p.sum()) / total for p in others if p is not None)])
         for sensor in own.values():
-            out[:, names.index(sensor)] = np.maximum(measured - expected, 0.0)
+            out[:, names.index(sensor)] = share * level
     return out
+
+
+def _excess(
+    plant: Plant, mounts: tuple[str, ...], base_spectrum: ComplexArray, noise: ComplexArray, samples: int, width: int
+) -> Array | None:
+    """Return the power per direction that some brackets have beyond a twisting plate and noise, shape (F,).
+
+    None where these brackets cannot tell.
+    """
+    rows = np.concatenate([3 * plant.mounts.index(m) + np.arange(len(AXES)) for m in mounts])
+    null = null_directions(plate_motion(np.array([plant.vehicle.mounts[m].position for m in mounts])))
+    if null.shape[1] == 0:
+        return None
+    measured = smoothed_power(base_spectrum[:, rows] @ null, samples, width).mean(axis=1)
+    expected = np.sum(np.abs(np.einsum("rd,fru->fdu", null, noise[:, rows])) ** 2, axis=(1, 2)) / null.shape[1]
+    return np.asarray(np.maximum(measured - expected, 0.0))
 
 
 def tilt_paths(plant: Plant, response: LinearResponse) -> tuple[ComplexArray, ComplexArray]:

@@ -9,6 +9,7 @@ so that a sum of squares is a chi-square and its excess over the degrees of free
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +60,15 @@ def whitening(covariance: ComplexArray, weight: Array) -> ComplexArray:
     return np.asarray(np.linalg.inv(factor) / scale[:, None, :] * weight[:, None, None])
 
 
-def noise_scale(spectrum: ComplexArray, motion: Array, stated: Array, frequency: Array, samples: int) -> float:
+def noise_scale(
+    spectrum: ComplexArray, motion: Array, stated: Array, frequency: Array, samples: int, sensors: Sequence[str] = ()
+) -> float:
     """Return measured over stated noise of the body accelerometers, at least one.
 
-    Rigid motion cannot reach the null space of the sensor map; what is there in the upper third of the band is noise. The
-    median over bins and directions keeps single faults out. Interpolation on stamps lowers the noise there, so less than
-    the stated noise is not believed.
+    Rigid motion cannot reach the null space of the sensor map; what is there in the upper third of the band is noise. One
+    faulty sensor fills all of that space, so each sensor is left out in turn where enough others remain and the smallest
+    value counts; the median over bins and directions keeps lines out. Interpolation on stamps lowers the noise there, so
+    less than the stated noise is not believed.
 
     Parameters
     ----------
@@ -74,17 +78,27 @@ def noise_scale(spectrum: ComplexArray, motion: Array, stated: Array, frequency:
         Map from coordinates to outputs, shape (ny, n).
     stated
         Stated noise, shape (ny,).
+    sensors
+        Sensor of every row; none is left out where empty.
     """
-    scaled = motion / stated[:, None]
-    left, values, _ = np.linalg.svd(scaled, full_matrices=True)
-    rank = int(np.count_nonzero(values > 1e-9 * values.max(initial=0.0)))
-    null = left[:, rank:]
     upper = frequency > frequency[0] + 0.67 * (frequency[-1] - frequency[0])
-    if null.shape[1] == 0 or not np.any(upper):
+    if not np.any(upper):
         return 1.0
-    power = np.abs((spectrum[upper] / stated) @ null) ** 2 / samples
+    scaled, white = motion / stated[:, None], spectrum[upper] / stated
+    everything = np.ones(len(stated), dtype=bool)
+    without = [np.array([s != name for s in sensors]) for name in dict.fromkeys(sensors)]
+    levels = [v for keep in (everything, *without) if (v := _null_level(white[:, keep], scaled[keep], samples)) is not None]
+    return float(np.sqrt(max(min(levels, default=1.0), 1.0)))
+
+
+def _null_level(white: ComplexArray, motion: Array, samples: int) -> float | None:
+    """Return the median power in the null space of a motion map over the one of unit noise, None without null space."""
+    if len(motion) <= motion.shape[1]:
+        return None
+    left, values, _ = np.linalg.svd(motion, full_matrices=True)
+    null = left[:, int(np.count_nonzero(values > 1e-9 * values.max(initial=0.0))) :]
     # the power of a complex Gaussian bin is exponential: median = ln 2 x mean
-    return float(np.sqrt(max(np.median(power) / np.log(2.0), 1.0)))
+    return float(np.median(np.abs(white @ null) ** 2 / samples) / np.log(2.0))
 
 
 @dataclasses.dataclass(frozen=True)

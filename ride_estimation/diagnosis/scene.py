@@ -168,6 +168,7 @@ class Scene:
         smooth: bool = True,
     ) -> None:
         self.plant, self.data, self.state, self.settings = plant, data, state, settings
+        self.sees_outputs = smooth
         self.grid = make_grid(len(data.outputs), data.rate_hz, settings.band_hz)
         self.blocks = make_blocks(self.grid, data.valid, settings)
         self.time_s = np.arange(self.grid.samples) / data.rate_hz
@@ -199,8 +200,9 @@ class Scene:
             return 1.0
         stated = np.array([self.plant.outputs[i].noise_std for i in rows])
         frequency = np.minimum(self.grid.frequency, self.grid.upper_hz)
+        sensors = [self.plant.outputs[i].sensor for i in rows]
         return noise_scale(
-            self.measured_spectrum[:, rows], self.plant.out_acceleration[rows], stated, frequency, self.grid.samples
+            self.measured_spectrum[:, rows], self.plant.out_acceleration[rows], stated, frequency, self.grid.samples, sensors
         )
 
     def _base_acceleration(self) -> None:

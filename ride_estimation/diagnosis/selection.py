@@ -124,9 +124,16 @@ class Selector:
             if not current.candidates or not self._worthwhile(current, accepted):
                 break
             accepted = self._without_idle(current.candidates[0].fit)
-            if temper_of(accepted.misfit / self._dof, 1.0) < 1.0 + 3.0 * np.sqrt(2.0 / self._dof):
+            if self._exhausted(accepted):
                 break
         return Selection(accepted, tuple(rounds))
+
+    def _exhausted(self, accepted: FullFit) -> bool:
+        """Return whether too little is left, in the residual and in the mean readings, for any further cause to count."""
+        if accepted.misfit < self._dof * (1.0 + 3.0 * np.sqrt(2.0 / self._dof)):
+            return True
+        left = (accepted.misfit - self._dof) / max(self.base_misfit - self._dof, 1e-9)
+        return left < 0.5 * self._settings.relevance and accepted.penalty < 2.0 * self._settings.significance
 
     # ------------------------------------------------------------------ one round
     def _round(self, accepted: FullFit | None) -> Round:

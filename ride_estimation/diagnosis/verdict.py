@@ -122,8 +122,9 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
             f"against a noise floor of {floor:.1f} %."
         )
     named = "; ".join(_phrase(c) for c in causes)
+    does = "reduces" if judged.extended < judged.baseline else "changes"
     effect = (
-        f"extending the model {'reduces' if judged.extended < judged.baseline else 'changes'} the error on {judged.run} from {100 * judged.baseline:.1f} % to "
+        f"extending the model {does} the error on {judged.run} from {100 * judged.baseline:.1f} % to "
         f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
     )
     if verdict == EXPLAINED:

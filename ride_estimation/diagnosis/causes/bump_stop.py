@@ -19,6 +19,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _COLUMNS = 3
+#: smallest gap in rms deflections: what is in contact for more than a fifth of the time is a spring and no stop
+_NEAREST = 1.3
 
 
 def _depth(x: Array, side: float, gap: float) -> Array:
@@ -46,8 +48,8 @@ class BumpStop(Cause):
                     return _columns(scene, s, sd, float(shape["gap"]))
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
-                grid = tuple({"gap": g} for g in (1.3, 1.8, 2.4) if _reached(scene, site, sides, g))
-                bounds = (Shape("gap", 2.0, 0.8, 6.0),)
+                grid = tuple({"gap": g} for g in (_NEAREST, 1.8, 2.4) if _reached(scene, site, sides, g))
+                bounds = (Shape("gap", 2.0, _NEAREST, 6.0),)
                 if grid:
                     out.append(
                         Hypothesis(

@@ -3,42 +3,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.bent import Family, bent_hypotheses, even_form, odd_form
 from ride_estimation.diagnosis.extension import add_damper_curve
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
+from ride_estimation.diagnosis.sites import site_of
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: odd forms: saturating with scale s in units of the rms rate (0 < s < 9), progressive v|v| (0), low-speed bulge (s < 0),
-#: power law with exponent s - 9 (s > 9)
-_FORMS = (0.0, 0.35, 0.8, 2.0, -0.5, -1.0, 9.45, 9.7)
-
-
-def _odd(u: Array, form: float) -> Array:
-    if form > 9.0:
-        return np.asarray(np.sign(u) * np.abs(u) ** (form - 9.0))
-    if form > 0.0:
-        return np.asarray(form * np.tanh(u / form))
-    if form < 0.0:
-        return np.asarray(u * np.exp(-((u / form) ** 2)))
-    return u * np.abs(u)
-
-
-def _law(form: float) -> Callable[[Array, Array, float, float], list[Array]]:
-    def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
-        u = v / v_rms
-        return [_odd(u, form), np.abs(u) - np.mean(np.abs(u))]
-
-    return law
+_FORMS = (
+    (Family.SQUARE, 1.0), (Family.SATURATING, 0.35), (Family.SATURATING, 0.8), (Family.SATURATING, 2.0), (Family.BULGE, 0.5),
+    (Family.BULGE, 1.0), (Family.POWER, 0.45), (Family.POWER, 0.7),
+)  # fmt: skip
 
 
 @final
@@ -54,15 +37,7 @@ class DampingNonlinearity(Cause):
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""
-        grid = tuple({"form": f} for f in _FORMS)
-
-        def build(site: Site) -> Hypothesis:
-            def columns(scene: Scene, shape: Shapes) -> list[Column]:
-                return force_columns(scene, site, _law(float(shape["form"])))
-
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0, ports=site.ports)
-
-        return [build(site) for site in sites(scene)]
+        return bent_hypotheses(scene, self.ID, _FORMS, over_rate=True)
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the damping force at one rms rate in both directions over the one of the plain damper."""
@@ -74,7 +49,7 @@ class DampingNonlinearity(Cause):
             pair = fitted.coefficients[2 * i : 2 * i + 2]
             cov = fitted.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):
-                weights = np.array([float(_odd(np.array([u]), fitted.shape["form"])[0]), abs(u)])
+                weights = np.array([float(odd_form(np.array([u]), fitted.shape)[0]), abs(u)])
                 force = float(scene.state.damping[p] * u * v_rms + weights @ pair)
                 std = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
                 out.append(Reported(f"damping force at {name} rate{label}", force, std, "N"))
@@ -90,10 +65,9 @@ class DampingNonlinearity(Cause):
             v = scene.deflection_rate[:, p]
             v_rms = scene.scales[p][1]
             pair = fitted.coefficients[2 * i : 2 * i + 2]
-            form = float(fitted.shape["form"])
 
-            def curve(rate: Array, pair: Array = pair, form: float = form, scale: float = v_rms) -> Array:
-                return np.asarray(pair[0] * _odd(rate / scale, form) + pair[1] * np.abs(rate / scale))
+            def curve(rate: Array, pair: Array = pair, scale: float = v_rms) -> Array:
+                return np.asarray(pair[0] * odd_form(rate / scale, fitted.shape) + pair[1] * even_form(rate / scale, True))
 
             vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(scene.state.damping[p]))
             notes += note

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.declipping import domes, missing_readings
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
@@ -44,6 +46,9 @@ class SensorClipping(Cause):
     WOULD_REFUTE = "single samples beyond the level"
     MEASURE_NEXT = "repeat with a larger measuring range"
 
+    #: what was cut belongs to the run; another run needs its own height of the peaks
+    RUN_BOUND = True
+
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor with a channel that has a heap of samples at an extreme."""
         out: list[Hypothesis] = []
@@ -59,12 +64,15 @@ class SensorClipping(Cause):
                 continue
 
             def columns(scene: Scene, shape: Shapes, h: list[tuple[bool, int, float, float]] = hits) -> list[Column]:
-                return [tuple(_cut(scene, *hit) for hit in h)]
+                return [tuple(_cut(scene, *hit, height=float(shape["dome"])) for hit in h)]
 
             largest = max(hits, key=lambda hit: abs(hit[3]))
             component = (plant.inputs if largest[0] else plant.outputs)[largest[1]].component
             axis = axis_name(component) if len({hit[1] for hit in hits}) == 1 else ""
-            out.append(Hypothesis(self.ID, sensor, axis, columns, signs=(Sign.POSITIVE,)))
+            height, free = _drawn(scene, hits)
+            out.append(
+                Hypothesis(self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free)
+            )
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
@@ -85,23 +93,34 @@ class SensorClipping(Cause):
         return limit_sensor(vehicle, fitted.hypothesis.location, level.value)
 
 
-def _cut(scene: Scene, from_input: bool, index: int, side: float, level: float) -> Effect:
-    """Return what clipping takes from a channel: the predicted excess of an output, a dome over each cut run of an input."""
+def _cut(scene: Scene, from_input: bool, index: int, side: float, level: float, height: float) -> Effect:
+    """Return what clipping takes from a channel.
+
+    Of an output: the predicted excess. Of an input: what the residual says about the samples at the level; where the outputs
+    may not be looked at, a dome of the height found before.
+    """
     if not from_input:
         total = scene.ideal_output[:, index] + scene.output_mean[index]
-        excess = np.maximum(side * total - level, 0.0)
-        return Effect(Where.OUTPUT, index, -side * excess)
+        return Effect(Where.OUTPUT, index, -side * np.maximum(side * total - level, 0.0))
+    cut, spread = _at_level(scene, index, side, level)
+    if scene.sees_outputs:
+        return Effect(Where.INPUT, index, missing_readings(scene, index, cut, side, spread)[0])
+    return Effect(Where.INPUT, index, side * height * domes(cut))
+
+
+def _at_level(scene: Scene, index: int, side: float, level: float) -> tuple[NDArray[np.bool_], float]:
+    """Return the samples of an input at the level, and its spread."""
     values = side * scene.data.inputs[:, index]
-    flat = values > level - 0.02 * float(np.std(values))
-    dome = np.zeros(len(values))
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(int), [0]])))
-    slope = np.abs(np.gradient(values))
-    for first, last in zip(edges[0::2], edges[1::2]):
-        width = last - first
-        if width < 2:
-            continue
-        entry = max(float(slope[max(first - 1, 0)]), float(slope[min(last, len(values) - 1)]))
-        u = (np.arange(width) + 0.5) / width
-        # a parabola that leaves the level with the slope the signal had when it reached it
-        dome[first:last] = entry * width * u * (1.0 - u)
-    return Effect(Where.INPUT, index, side * dome)
+    spread = float(np.std(values))
+    return values > level - 0.02 * spread, spread
+
+
+def _drawn(scene: Scene, hits: list[tuple[bool, int, float, float]]) -> tuple[float, float]:
+    """Return the height of the missing peaks of inputs [m/s^2], and how many values the data gave."""
+    product, square, free = 0.0, 1e-300, 0.0
+    for _, index, side, level in (hit for hit in hits if hit[0]):
+        cut, spread = _at_level(scene, index, side, level)
+        missing, values_drawn = missing_readings(scene, index, cut, side, spread)
+        dome = side * domes(cut)
+        product, square, free = product + float(missing @ dome), square + float(dome @ dome), free + values_drawn
+    return product / square, free

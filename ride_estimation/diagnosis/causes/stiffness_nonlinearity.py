@@ -3,39 +3,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.bent import Family, bent_hypotheses, even_form, odd_form
 from ride_estimation.diagnosis.extension import add_force_table
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
+from ride_estimation.diagnosis.sites import site_of
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: odd forms: softening of scale s (s > 0), cubic (0), hardening of scale |s| (s < 0), scale in units of the rms deflection
-_FORMS = (0.0, 0.6, 1.5, -0.9, -1.6)
-
-
-def _odd(u: Array, form: float) -> Array:
-    if form > 0.0:
-        return np.asarray(form * np.tanh(u / form))
-    if form < 0.0:
-        return np.asarray(-form * np.sinh(np.clip(u / -form, -6.0, 6.0)))
-    return u**3
-
-
-def _law(form: float) -> Callable[[Array, Array, float, float], list[Array]]:
-    def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
-        u = x / x_rms
-        return [_odd(u, form), u**2 - np.mean(u**2)]
-
-    return law
+_FORMS = (
+    (Family.CUBIC, 1.0), (Family.SATURATING, 0.6), (Family.SATURATING, 1.5), (Family.GROWING, 0.9), (Family.GROWING, 1.6),
+)  # fmt: skip
 
 
 @final
@@ -51,15 +36,7 @@ class StiffnessNonlinearity(Cause):
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""
-        grid = tuple({"form": f} for f in _FORMS)
-
-        def build(site: Site) -> Hypothesis:
-            def columns(scene: Scene, shape: Shapes) -> list[Column]:
-                return force_columns(scene, site, _law(float(shape["form"])))
-
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, complexity=1.0, ports=site.ports)
-
-        return [build(site) for site in sites(scene)]
+        return bent_hypotheses(scene, self.ID, _FORMS, over_rate=False)
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
         """Return how the spring rate at +-2 rms deflection differs from the one at the middle."""
@@ -73,7 +50,7 @@ class StiffnessNonlinearity(Cause):
             changes = []
             for u in (2.0, -2.0, 0.0):
                 step = 1e-3
-                unit = (_odd(np.array([u + step]), fitted.shape["form"]) - _odd(np.array([u - step]), fitted.shape["form"]))[0]
+                unit = float(np.diff(odd_form(np.array([u - step, u + step]), fitted.shape))[0])
                 weights = np.array([unit / (2.0 * step), 2.0 * u]) / x_rms
                 pair = fitted.coefficients[2 * i : 2 * i + 2]
                 changes.append(float(weights @ pair))
@@ -97,6 +74,6 @@ class StiffnessNonlinearity(Cause):
             grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
             u = grid / x_rms
             pair = fitted.coefficients[2 * i : 2 * i + 2]
-            force = pair[0] * _odd(u, fitted.shape["form"]) + pair[1] * u**2
+            force = pair[0] * odd_form(u, fitted.shape) + pair[1] * even_form(u, False)
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ()

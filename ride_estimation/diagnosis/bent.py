@@ -1,0 +1,84 @@
+# Copyright 2026 ride_estimation contributors
+"""Bent characteristics: an odd form of a few families and a lopsided part, over deflection or over rate."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.sites import Site, sites
+
+Array = NDArray[np.float64]
+
+
+class Family(enum.IntEnum):
+    """How a characteristic departs from a straight line; scales are in units of the rms of its argument."""
+
+    SATURATING = 1  #: ``s tanh(u / s)``
+    GROWING = 2  #: ``s sinh(u / s)``
+    CUBIC = 3  #: ``u^3``
+    SQUARE = 4  #: ``u |u|``, flow through an orifice
+    BULGE = 5  #: ``u exp(-(u / s)^2)``, a force around zero that fades
+    POWER = 6  #: ``sign(u) |u|^s``
+
+
+_LIMIT = 6.0  # argument of the growing form, where doubles would overflow long after any data
+
+
+def odd_form(u: Array, shape: Shapes) -> Array:
+    """Return the odd part at normalised deflections or rates, shape as ``u``."""
+    scale = float(shape["scale"])
+    match Family(int(shape["family"])):
+        case Family.SATURATING:
+            return np.asarray(scale * np.tanh(u / scale))
+        case Family.GROWING:
+            return np.asarray(scale * np.sinh(np.clip(u / scale, -_LIMIT, _LIMIT)))
+        case Family.CUBIC:
+            return np.asarray(u**3)
+        case Family.SQUARE:
+            return np.asarray(u * np.abs(u))
+        case Family.BULGE:
+            return np.asarray(u * np.exp(-((u / scale) ** 2)))
+        case Family.POWER:
+            return np.asarray(np.sign(u) * np.abs(u) ** scale)
+
+
+def even_form(u: Array, over_rate: bool) -> Array:
+    """Return the lopsided part: ``|u|`` of a damper with two slopes, ``u^2`` of a spring, shape as ``u``."""
+    return np.abs(u) if over_rate else u**2
+
+
+def bent_hypotheses(
+    scene: Scene, cause: str, forms: Sequence[tuple[Family, float]], over_rate: bool
+) -> list[Hypothesis]:
+    """Return one hypothesis per site, the family from the grid, its scale refined.
+
+    Parameters
+    ----------
+    forms
+        Families and start values of their scales.
+    over_rate
+        The characteristic is one over rate, not over deflection.
+    """
+    grid = tuple({"family": float(family), "scale": scale} for family, scale in forms)
+
+    def build(site: Site) -> Hypothesis:
+        def columns(scene: Scene, shape: Shapes) -> list[Column]:
+            out: list[Column] = []
+            for p in site.ports:
+                signal = scene.deflection_rate[:, p] if over_rate else scene.deflection[:, p]
+                u = signal / scene.scales[p][int(over_rate)]
+                even = even_form(u, over_rate)
+                out += [(Effect(Where.PORT, p, part),) for part in (odd_form(u, shape), even - np.mean(even))]
+            return out
+
+        bounds = (Shape("scale", 1.0, 0.1, 6.0),)
+        return Hypothesis(cause, site.location, site.axis, columns, grid, bounds, complexity=1.0, ports=site.ports)
+
+    return [build(site) for site in sites(scene)]
