@@ -8,6 +8,7 @@ import math
 import statistics
 from pathlib import Path
 
+from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.fisher import Identifiability
 from ride_estimation.identification.sensitivities import Excitation
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print what is identifiable, what is not and why, and the ranked additions."""
+    require_finite(options)
     vehicle = load_vehicle(options.vehicle)
     if not (options.speed > 0.0 and options.duration > 0.0 and options.rate > 0.0):
         raise InputDataError("--speed, --duration and --rate must be positive")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ride_estimation.assessment import seat
+from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
 from ride_estimation.io.tables import column, read_table
@@ -101,6 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the chosen procedure."""
+    require_finite(options)
     options.procedure_run(options)
     return 0
 

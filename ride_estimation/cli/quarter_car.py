@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.quarter_car.checks import check_road, pitch_evidence
 from ride_estimation.identification.quarter_car.fit import QuarterCarFit, fit_models, line_coherence
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit, print the table of models and what is doubtful about each."""
+    require_finite(options)
     table = read_table(options.table)
     time, road, body, axle = (
         column(table, options.table, n) for n in ("time", "road", "body_acceleration", "axle_acceleration")

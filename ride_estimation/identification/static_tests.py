@@ -25,6 +25,8 @@ def axle_loads(weight: float, cg_from_rear: float, wheelbase: float) -> tuple[fl
     wheelbase
         L [m].
     """
+    if not (weight > 0.0 and np.isfinite(weight)):
+        raise InputDataError(f"weight {weight:g} N must be positive and finite")
     if not (wheelbase > 0.0 and 0.0 <= cg_from_rear <= wheelbase):
         raise InputDataError(f"CG {cg_from_rear:g} m from the rear axle must lie within the wheelbase of {wheelbase:g} m")
     front = weight * cg_from_rear / wheelbase

@@ -85,6 +85,12 @@ def test_a_declared_added_mass_and_a_load_cell_anchor_the_plan(tmp_path, capsys)
     assert re.search(r"cab\.mass +1 %", text)  # the gain of the cell
 
 
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_numbers_that_are_not_finite_are_named(value, capsys):
+    assert main(["plan", "--vehicle", VEHICLE, "--duration", value]) == 2
+    assert f"--duration {value}: allowed are finite numbers" in capsys.readouterr().err
+
+
 def test_bad_numbers_end_with_code_2(capsys):
     assert main(["plan", "--vehicle", VEHICLE, "--speed", "-3"]) == 2
     assert "must be positive" in capsys.readouterr().err

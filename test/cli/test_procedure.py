@@ -154,6 +154,12 @@ def test_bad_tables_end_with_code_2_and_one_clear_message(tmp_path, capsys, cont
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("weight", "message"), [("nan", "--weight-n nan"), ("-5", "weight -5 N must be positive")])
+def test_impossible_weights_are_named(weight, message, capsys):
+    assert main(["procedure", "axle-loads", "--weight-n", weight, "--cg-from-rear-m", "1", "--wheelbase-m", "2"]) == 2
+    assert message in capsys.readouterr().err
+
+
 def test_a_missing_file_ends_with_code_2(tmp_path, capsys):
     assert main(["procedure", "tyre-lift", str(tmp_path / "none.csv")]) == 2
     assert "cannot be read" in capsys.readouterr().err

@@ -107,13 +107,17 @@ def fit_models(
     Raises
     ------
     InputDataError
-        Shapes that do not fit, values not finite, too short, unknown names in ``fixed``.
+        Shapes that do not fit, values not finite, too short, masses or noise not positive, unknown names in ``fixed``.
     """
     u, y = np.asarray(road, dtype=float).ravel(), np.asarray(measured, dtype=float)
     if y.shape != (u.size, 2) or u.size < 50:
         raise InputDataError(f"road of shape (N,) and accelerations of shape (N, 2), N >= 50; given {u.shape} and {y.shape}")
     if not (np.all(np.isfinite(u)) and np.all(np.isfinite(y))):
         raise InputDataError("road or accelerations contain values that are not finite")
+    if not (0.0 < sprung_mass < np.inf and 0.0 < unsprung_mass < np.inf and min(noise_std) > 0.0):
+        raise InputDataError(
+            f"masses {sprung_mass:g} kg, {unsprung_mass:g} kg and noise {noise_std[0]:g}, {noise_std[1]:g} m/s^2 must be positive"
+        )
     held = dict(fixed or {})
     unknown = [n for n in held if n not in PARAMETERS]
     if unknown:
