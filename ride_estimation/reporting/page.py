@@ -145,8 +145,8 @@ def png(picture: Picture, dpi: int) -> bytes:
     from matplotlib.text import Text as Label
 
     for label in picture.figure.findobj(Label):
-        if "$" in label.get_text():
-            # a name from outside is no formula; tick labels get theirs while they are drawn
+        if "$" in label.get_text() and not label.get_text().startswith("$\\mathdefault"):
+            # a name from outside is no formula; matplotlib writes the powers of ten of its ticks as one
             label.set_parse_math(False)
     buffer = io.BytesIO()
     box = "tight" if picture.tight else None

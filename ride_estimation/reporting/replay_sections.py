@@ -43,7 +43,7 @@ def spectra(page: Page, run: OfflineRun, side: SideSignals) -> None:
     )
     page.text(
         "Every curve takes one base as the only input. Where other mounts move the body too the coherence falls below one, and "
-        "magnitude and phase of that curve mean little there; heave is the least disturbed by that."
+        "that curve means little there (phase is drawn from a coherence of 0.5 on); heave is the least disturbed by that."
     )
 
 

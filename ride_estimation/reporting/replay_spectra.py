@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 BLOCK_S = 4.0
 #: fewest half-overlapping blocks that give a transfer function; with fewer the coherence is near one by construction
 LEAST_AVERAGES = 6
+#: coherence below which a phase means nothing and is not drawn
+LEAST_COHERENCE = 0.5
 #: frequencies shown [Hz]: the ride band; above are noise and structure
 LOWEST_HZ, HIGHEST_HZ = 0.4, 60.0
 _COLOURS = ("#0969da", "#cf222e", "#1a7f37", "#8250df", "#bf8700", "#57606a")
@@ -138,7 +140,8 @@ def transmissibility_plot(functions: Mapping[str, TransferFunction]) -> Figure:
         frequency, colour = found.frequency_hz[shown], _COLOURS[i % len(_COLOURS)]
         width = 1.8 if name == "heave" else 0.9
         panels[0].loglog(frequency, np.maximum(np.abs(found.h1[shown]), 1e-4), color=colour, lw=width, label=name)
-        panels[1].semilogx(frequency, np.degrees(np.angle(found.h1[shown])), color=colour, lw=width)
+        phase = np.where(found.coherence[shown] >= LEAST_COHERENCE, np.degrees(np.angle(found.h1[shown])), np.nan)
+        panels[1].semilogx(frequency, phase, color=colour, lw=width)
         panels[2].semilogx(frequency, found.coherence[shown], color=colour, lw=width)
     panels[0].axhline(1.0, color="k", lw=0.6, ls=":")
     panels[0].set_ylabel("magnitude [(m/s²)/(m/s²)]")

@@ -17,7 +17,7 @@ from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.reporting import replay_sections as sections
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.page import Page, png
 from ride_estimation.reporting.pdf import write_pdf
 from ride_estimation.reporting.replay_mounts import mount_curves, stiffness_by_amplitude
 from ride_estimation.reporting.replay_spectra import motion_at, tick_rate, transmissibilities
@@ -168,6 +168,11 @@ def test_the_report_as_pdf_and_as_pictures(page: Page, tmp_path: Path) -> None:
     files = short.write_png(tmp_path / "pictures")
     assert len(files) == 1 and all(f.read_bytes().startswith(b"\x89PNG") for f in files)
     assert all(re.fullmatch(r"\d\d_[a-z0-9_]+\.png", f.name) for f in files)
+
+
+def test_drawn_twice_a_picture_is_the_same(page: Page) -> None:
+    picture = next(p for p in page.pictures if "Range pairs" in p.caption)  # logarithmic axis, ticks with powers of ten
+    assert png(picture, 50) == png(picture, 50)
 
 
 def test_only_a_seat_is_a_seat() -> None:
