@@ -30,11 +30,6 @@ _DEFAULT_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure
 _SHARE_STD = 0.03
 #: memory of the means of a load cell [s] and correlation time of its misfit [s]
 _MEAN_MEMORY, _CORRELATION = 4.0, 0.3
-#: share of the change of the mass that stays uncertain because the inertia is scaled with it (measured: error up to the whole
-#: change where only the mass is off, none where both are)
-_INERTIA_SHARE = 0.5
-#: change of the mass (logarithm) from which on that is worth a word
-_INERTIA_MATTERS = 0.03
 #: excited time needed on each side of an added mass [s]
 _SETTLED = 8.0
 
@@ -54,11 +49,6 @@ class _Cell:
     square: float = 0.0
     misfit: float = 0.0
     time: float = 0.0
-
-
-def _widened(log: float, std: float) -> tuple[float, float]:
-    """Return a factor's logarithm with a standard deviation that knows of the inertia, which is scaled with the mass."""
-    return log, math.hypot(std, _INERTIA_SHARE * log)
 
 
 class MassAnchor:
@@ -127,13 +117,13 @@ class MassAnchor:
         own = float(r.details.get("relative_std", _DEFAULT_STD.get(r.kind, 0.0)))
         if r.kind == "known_stiffness":
             slot = self._slot(r)
-            return None if slot is None or std[slot] > 0.1 else _widened(-float(theta[slot]), math.hypot(own, float(std[slot])))
+            return None if slot is None or std[slot] > 0.1 else (-float(theta[slot]), math.hypot(own, float(std[slot])))
         if r.kind == "air_spring_pressure":
             force = float(r.details["pressure"]) * float(r.details["area"])
             weight = float(static_force[self.arrangement.mount_names.index(r.mount), AXES.index(r.axis or "z")])
             if "force_std" in r.details:
                 own = float(r.details["force_std"]) / force
-            return _widened(math.log(force / weight), math.hypot(own, _SHARE_STD)) if weight > 0.0 and force > 0.0 else None
+            return (math.log(force / weight), math.hypot(own, _SHARE_STD)) if weight > 0.0 and force > 0.0 else None
         if r.kind == "load_cell":
             cell = self._cells[r.sensor]
             if cell.square <= 0.0 or cell.cross <= 0.0 or cell.time < 2.0 * _MEAN_MEMORY:
@@ -199,9 +189,6 @@ class MassAnchor:
             kinds = ", ".join(sorted({r.kind for r in self._references}))
             return Status.ESTIMATING, f"waiting for excitation to use {kinds}; the file's mass is used meanwhile"
         kinds = ", ".join(sorted({self._references[n].kind for n in self._found}))
-        factor, _ = self.factor()
-        if abs(math.log(factor)) > _INERTIA_MATTERS:
-            return Status.VALID, f"from {kinds}; the inertia is scaled with it: where only the mass differs, it is less certain"
         return Status.VALID, f"from {kinds}"
 
     def save(self) -> dict[str, Any]:

@@ -4,8 +4,8 @@
 Model of one channel, from low to high frequency: nothing, then acceleration of density A above a corner w,
 ``e'' = s^4 / B(s) v``, ``u = e'' + n`` with n white of density N. With the states ``[int int e, int e, e, e']`` the
 Kalman filter of that model is causal and best (Wiener 1949; Kalman and Bucy 1961); it depends on A / N and the form of B only,
-w scales time. No model is believed: every filter H of the bank is judged by what the measured spectrum S of the run says it leaves,
-``sum (S |1 - H|^2 + N |H|^2) / omega^4 df``, and that sum is the variance that is stated.
+w scales time. No model is believed: every filter H of the bank is judged by what the measured spectrum S says it
+leaves, ``sum (S |1 - H|^2 + N |H|^2) / omega^4 df``, and that sum is the variance that is stated.
 """
 
 from __future__ import annotations

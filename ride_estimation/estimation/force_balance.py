@@ -57,7 +57,8 @@ class BalanceChunk:
     modelled
         The same from the mount law with the present multipliers, shape (K, 6).
     columns
-        Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, shape (K, 6, N + 1).
+        Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
+        inverse principal inertia that is estimated, shape (K, 6, N + 1 + R).
     step
         Distance of the ticks [s].
     """
@@ -92,9 +93,13 @@ class ForceBalance:
         The mount elements with their present multipliers.
     corner_hz
         Corner of the common high-pass [Hz].
+    turns
+        Axes (0 to 2) about which the inertia is estimated.
     """
 
-    def __init__(self, arrangement: Arrangement, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float) -> None:
+    def __init__(
+        self, arrangement: Arrangement, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float, turns: tuple[int, ...] = ()
+    ) -> None:
         self.arrangement = arrangement
         self.slots = slots
         self.law = law
@@ -107,14 +112,36 @@ class ForceBalance:
                 element = mount.elements.get(axis)
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
-        self.inverse_mass = inverse_mass(arrangement)
-        #: acceleration per unit tension of every mount axis, (6, 3 M)
-        self.push = -self.inverse_mass @ arrangement.wrench
+        self.turns = turns
+        self._file_inverse = inverse_mass(arrangement)
         self._tilt_map = relative_tilt_maps(arrangement.mounts).reshape(n_axes, n_axes)
         self._slot_axis = np.array([3 * s.mount + s.axis for s in slots], dtype=np.int64)
         self._slot_role = np.array([s.role for s in slots], dtype=np.int64)
-        self.direction = np.hstack([self.push[:, self._slot_axis], np.zeros((6, 1))])
+        self.scale_inertia(np.zeros(len(turns)))
         self.reset()
+
+    def scale_inertia(self, logs: Array) -> None:
+        """Take the inertia as the file's over ``exp(logs)`` about the estimated axes, shape (R,)."""
+        root = self._root(logs)
+        self.inverse_mass = root[:, None] * self._file_inverse * root
+        #: acceleration per unit tension of every mount axis, (6, 3 M)
+        self.push = -self.inverse_mass @ self.arrangement.wrench
+        turn = np.eye(6)[:, [3 + a for a in self.turns]]
+        #: acceleration per unit of what every parameter scales, (6, N + 1 + R)
+        self.direction = np.hstack([self.push[:, self._slot_axis], np.zeros((6, 1)), turn])
+
+    def _root(self, logs: Array) -> Array:
+        root = np.ones(6)
+        root[[3 + a for a in self.turns]] = np.exp(0.5 * logs)
+        return root
+
+    def inertia_map(self, new: Array, old: Array) -> Array:
+        """Return what takes accelerations by the mounts from one inertia (logarithms as above) to another, shape (6, 6)."""
+        ratio = self._root(new), self._root(old)
+        free = np.linalg.pinv(self._file_inverse, hermitian=True)
+        step = ratio[0] / ratio[1]
+        moved = (ratio[0][:, None] * self._file_inverse * step) @ (free / ratio[1])
+        return np.asarray(moved)
 
     def reset(self) -> None:
         """Start the filters again."""
@@ -180,9 +207,10 @@ class ForceBalance:
         elastic, viscous, rest = self._parts(x, v, x_full, v_full, dt)
         average = max(1, int(np.ceil(1.0 / (dt * HIGHEST_RATE))))
         # the follow share moves the measured side, hence the sign, and the deflections
+        held = follow * accelerations[:, [9 + a for a in self.turns]]
         moved = turned[:, :n] * self.law.stiffness.ravel() + turned[:, n:] * self.law.damping.ravel()
         accelerations[:, 6:] = moved @ self.push.T - accelerations[:, 6:]
-        stacked = self._averaged(np.hstack([accelerations, elastic, viscous, rest]), average)
+        stacked = self._averaged(np.hstack([accelerations, held, elastic, viscous, rest]), average)
         return self._assemble(stacked, n, dt * average)
 
     def _integrate(self, relative: Array, dt: float) -> tuple[Array, Array, Array]:
@@ -202,12 +230,17 @@ class ForceBalance:
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
-        elastic, viscous, rest = stacked[:, 12 : 12 + n], stacked[:, 12 + n : 12 + 2 * n], stacked[:, 12 + 2 * n :]
+        held, forces = np.split(stacked[:, 12:], [len(self.turns)], axis=1)
+        elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
         chosen = np.where(self._slot_role == 0, elastic[:, self._slot_axis], viscous[:, self._slot_axis])
-        columns = np.empty((len(stacked), 6, len(self.slots) + 1))
-        columns[:, :, :-1] = chosen[:, None, :] * self.push[:, self._slot_axis]
-        columns[:, :, -1] = follow_column
+        count = len(self.slots)
+        columns = np.zeros((len(stacked), 6, count + 1 + len(self.turns)))
+        columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._slot_axis]
+        columns[:, :, count] = follow_column
+        for r, a in enumerate(self.turns):
+            # what the mounts cause about the axis: dynamic forces here, what turns with the brackets on the measured side
+            columns[:, 3 + a, count + 1 + r] = modelled[:, 3 + a] - held[:, r]
         return BalanceChunk(np.ascontiguousarray(measured), modelled, columns, step)
 
     def _averaged(self, stacked: Array, average: int) -> Array:

@@ -8,8 +8,8 @@ cancel. Integrated twice the noise of the base sensors grows as ``1 / omega^4`` 
 Per axis the spectrum of ``Q D''`` is followed (:mod:`deformation_spectrum`) and the causal filter that leaves least of the
 force, ``k^2 var(e) + c^2 var(e')``, is chosen from a bank of optimal ones (:mod:`deformation_filter`); what it leaves is the
 variance the attachment forces state. Vertical deformation twists the frame and tilts the brackets; gravity then appears in their
-horizontal axes and is taken out with the estimated twist, and what is left of it is noise there. What a finite rotation strains in
-second order is no deformation and comes from the rotation itself.
+horizontal axes and is taken out with the estimated twist, and what is left of it is noise there. What a finite rotation strains
+in second order is no deformation and comes from the rotation itself.
 """
 
 from __future__ import annotations

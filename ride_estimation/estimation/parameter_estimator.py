@@ -9,6 +9,7 @@ intervals really scatter, not from white-noise theory.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ Array = NDArray[np.float64]
 
 #: the mounts turn with their brackets (1) or with the body (0): prior of that share
 FOLLOW_STD = 0.3
+#: largest ratio of an inertia to the file's, either way
+_INERTIA_RATIO = 2.0
 #: sections of the high-pass times its time constant after which the start is forgotten
 _SETTLE = 9.0
 #: excited time gathered before the first estimate [s]
@@ -77,21 +80,24 @@ class ParameterEstimator:
         seen = arrangement.has_base_motion or by_transducers
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._law = MountLaw(arrangement)
+        self._turns = () if by_transducers else self._inertia_axes()
         self._balance: ForceBalance | TransducerBalance
+        balance: ForceBalance | None = None
         self._response: ModelResponse | MeasuredResponse
         if by_transducers:
             self._balance = TransducerBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
             self._response = MeasuredResponse()
         else:
-            balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
+            balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz, self._turns)
             self._balance, self._response = balance, ModelResponse(balance, arrangement.vehicle.gravity)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
-        self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD])
-        self._lower = np.array([s.lower for s in self.slots] + [-1.2])
-        self._upper = np.array([s.upper for s in self.slots] + [0.2])
-        #: logarithms of the multipliers, then the follow share minus one
-        self.theta = np.zeros(self.count + 1)
+        turns, bound = len(self._turns), math.log(_INERTIA_RATIO)
+        self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD] + turns * [self._inertia_std()])
+        self._lower = np.array([s.lower for s in self.slots] + [-1.2] + turns * [-bound])
+        self._upper = np.array([s.upper for s in self.slots] + [0.2] + turns * [bound])
+        #: logarithms of the multipliers, the follow share minus one, logarithms of the inverse inertia over the file's
+        self.theta = np.zeros(self.count + 1 + turns)
         self.std = self._prior_std.copy()
         self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
         self.rejected: dict[str, int] = {}
@@ -101,8 +107,8 @@ class ParameterEstimator:
         self.excited_time = 0.0
         self.stamp_ns = 0
         self._filter: GuardedEkf | None = None
-        self._memory = IntervalMemory(self.count + 1)
-        self._refinement = Refinement(self._response, self._prepare, self._prior_std, self._lower, self._upper)
+        self._memory = IntervalMemory(len(self.theta))
+        self._refinement = Refinement(self._response, self._prepare, self._prior_std, self._lower, self._upper, balance)
         self._refused = 0
         self._reviews: tuple[float, ...] = _REVIEWS
         self._pending_ticks_taken = 0
@@ -120,23 +126,40 @@ class ParameterEstimator:
         self._blocks: list[BalanceInput] = []
         self._pending_ticks = 0
         self._settled = 0.0
-        self._interval = Interval(self.count + 1)
+        self._interval = Interval(len(self.theta))
         self._refinement.clear()
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
     def multipliers(self) -> Array:
         """Return the multipliers, shape (2, M, 3)."""
-        return self._spread(np.exp(self.theta[:-1]), 1.0)
+        return self._spread(np.exp(self.theta[: self.count]), 1.0)
 
     def stds(self) -> Array:
         """Return the standard deviations of the logarithms, shape (2, M, 3)."""
-        return self._spread(self.std[:-1], 0.0)
+        return self._spread(self.std[: self.count], 0.0)
 
     @property
     def follow(self) -> float:
         """Return the share of the rotation of the brackets that the mount forces follow."""
-        return 1.0 + float(self.theta[-1])
+        return 1.0 + float(self.theta[self.count])
+
+    def _inertia_axes(self) -> tuple[int, ...]:
+        """Return the axes about which the body turns and its inertia over its mass is not known for certain."""
+        return tuple(int(a) for a in np.flatnonzero(self.arrangement.free[3:])) if self._inertia_std() > 0.0 else ()
+
+    def _inertia_std(self) -> float:
+        """Return the standard deviation of the logarithm of inertia over mass: either may be off alone."""
+        body = self.arrangement.body
+        mass = body.mass.std / body.mass.value if body.mass.std else 0.0
+        return math.sqrt(math.log1p(mass**2 + (body.inertia_relative_std or 0.0) ** 2))
+
+    def inertia(self) -> tuple[Array, float]:
+        """Return the inertia about the CG for the file's mass, shape (3, 3) [kg m^2], and its largest relative std."""
+        root, body = np.ones(3), self.arrangement.body
+        root[list(self._turns)] = np.exp(-0.5 * self.theta[self.count + 1 :])
+        own = self.std[self.count + 1 :]
+        return root[:, None] * np.asarray(body.inertia) * root, float(own.max()) if own.size else body.inertia_relative_std or 0.0
 
     def _spread(self, values: Array, empty: float) -> Array:
         result = np.full((2, len(self.arrangement.mounts), 3), empty)
@@ -167,7 +190,7 @@ class ParameterEstimator:
         if self._filter is None:
             return []
         names = [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
-        return null_directions(self._filter.p[:-1, :-1], self._prior_std[:-1], names)
+        return null_directions(self._filter.p[: self.count, : self.count], self._prior_std[: self.count], names)
 
     def notes(self) -> list[str]:
         """Return what the person in the field should know about the parameters."""
@@ -175,8 +198,8 @@ class ParameterEstimator:
         if self.changes:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
         vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
-        moved = self.theta[:-1][vertical]
-        sure = self.std[:-1][vertical]
+        moved = self.theta[: self.count][vertical]
+        sure = self.std[: self.count][vertical]
         if len(moved) >= 4 and np.max(sure) < 0.03 and np.ptp(moved) < 0.03 and abs(np.mean(moved)) > 0.04:
             found.append(
                 f"all vertical stiffness and damping values are {100 * np.expm1(np.mean(moved)):+.0f} % off the vehicle file "
@@ -262,7 +285,7 @@ class ParameterEstimator:
         if self._interval.duration < self.settings.parameter_interval:
             return False
         self._update(self._interval, chunk.step)
-        self._interval = Interval(self.count + 1)
+        self._interval = Interval(len(self.theta))
         self._review(weights, chunk.step)
         self.stamp_ns = stamp_ns
         return True
@@ -314,8 +337,10 @@ class ParameterEstimator:
 
     def _prepare(self, theta: Array, step: float) -> None:
         """Make the response ready for a parameter vector."""
-        self._law.scale(self._spread(np.exp(theta[:-1]), 1.0))
-        self._response.prepare(self._static(), 1.0 + float(theta[-1]), step)
+        self._law.scale(self._spread(np.exp(theta[: self.count]), 1.0))
+        if isinstance(self._balance, ForceBalance):
+            self._balance.scale_inertia(theta[self.count + 1 :])
+        self._response.prepare(self._static(), 1.0 + float(theta[self.count]), step)
 
     # -- tracking ---------------------------------------------------------------------------------------------------------
 
@@ -359,7 +384,10 @@ class ParameterEstimator:
         self.theta = ekf.x
         self._memory.add(interval, centre)
         self.std = self._memory.standard_deviation(ekf.p, self.theta)
-        self.status.follow(self.std[:-1], self._prior_std[:-1], self.theta[:-1], self._memory, self._lower[:-1], self._upper[:-1])
+        own = slice(0, self.count)
+        self.status.follow(
+            self.std[own], self._prior_std[own], self.theta[own], self._memory, self._lower[own], self._upper[own]
+        )  # fmt: skip
 
     def _normalised(self, ekf: GuardedEkf, residual: Array, jacobian: Array, scale: float) -> float:
         """Return the normalised innovation squared per degree of freedom."""
@@ -372,7 +400,7 @@ class ParameterEstimator:
         self._memory.clear()
         self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         if self._filter is not None:
-            self._filter.replace(p=self._filter.p + _CHANGE_STD**2 * np.eye(self.count + 1))
+            self._filter.replace(p=self._filter.p + _CHANGE_STD**2 * np.eye(len(self.theta)))
 
     def _keep_within_bounds(self, ekf: GuardedEkf) -> None:
         x = np.clip(ekf.x, self._lower, self._upper)
@@ -409,4 +437,6 @@ class ParameterEstimator:
         self.status.load(saved["status"])
         self._filter = None if saved["p"] is None else GuardedEkf(self.theta, np.array(saved["p"], dtype=float))
         self._law.scale(self.multipliers())
+        if isinstance(self._balance, ForceBalance):
+            self._balance.scale_inertia(self.theta[self.count + 1 :])
         self.restart()

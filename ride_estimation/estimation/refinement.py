@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.force_balance import BalanceChunk
+from ride_estimation.estimation.force_balance import BalanceChunk, ForceBalance
 from ride_estimation.estimation.interval import Interval
 from ride_estimation.estimation.response import ModelResponse
 from ride_estimation.estimation.rls import RecursiveLeastSquares
@@ -35,7 +35,9 @@ class Refinement:
     prepare
         Function that makes the response ready for a parameter vector and the step of a chunk.
     prior_std, lower, upper
-        Of the parameters (logarithms and the follow share minus one), shape (N,).
+        Of the parameters (logarithms, the follow share minus one, logarithms of inverse inertias), shape (N,).
+    balance
+        Whose inertia is estimated, None where it is not.
     """
 
     def __init__(
@@ -45,11 +47,15 @@ class Refinement:
         prior_std: Array,
         lower: Array,
         upper: Array,
+        balance: ForceBalance | None = None,
     ) -> None:
         self._response = response
         self._prepare = prepare
         self._prior_std = prior_std
         self._lower, self._upper = lower, upper
+        self._balance = balance
+        self._turns = balance.turns if balance is not None else ()
+        self._count = len(prior_std) - 1 - len(self._turns)
         self.clear()
 
     def clear(self) -> None:
@@ -70,10 +76,18 @@ class Refinement:
     def _rescaled(self, theta: Array) -> list[BalanceChunk]:
         """Return the chunks for other parameters than those they were filtered with."""
         result = []
+        n = self._count
         for c, at in self._chunks:
-            ratio = np.append(np.exp(theta[:-1] - at[:-1]), 1.0)
-            shift = np.append(ratio[:-1] - 1.0, theta[-1] - at[-1])
-            result.append(BalanceChunk(c.measured, c.modelled + c.columns @ shift, c.columns * ratio, c.step))
+            ratio = np.append(np.exp(theta[:n] - at[:n]), 1.0)
+            shift = np.append(ratio[:-1] - 1.0, theta[n] - at[n])
+            modelled, columns = c.modelled + c.columns[:, :, : n + 1] @ shift, c.columns.copy()
+            columns[:, :, : n + 1] *= ratio
+            if self._balance is not None and self._turns:
+                moved = self._balance.inertia_map(theta[n + 1 :], at[n + 1 :])
+                modelled, columns[:, :, : n + 1] = modelled @ moved.T, moved @ columns[:, :, : n + 1]
+                for r, a in enumerate(self._turns, start=n + 1):
+                    columns[:, 3 + a, r] += modelled[:, 3 + a] - c.modelled[:, 3 + a]
+            result.append(BalanceChunk(c.measured, modelled, columns, c.step))
         return result
 
     def passed(self, theta: Array, weights: Array) -> list[Interval]:
@@ -93,7 +107,8 @@ class Refinement:
     def least_squares(self) -> Array:
         """Return parameters from the linear regression on measured deflections (biased by noise, but never lost)."""
         count = len(self._prior_std)
-        spread = np.append(np.expm1(self._prior_std[:-1]), self._prior_std[-1])
+        n = self._count
+        spread = np.append(np.expm1(self._prior_std[:n]), self._prior_std[n:])
         rls = RecursiveLeastSquares(np.zeros(count), spread, 1.0 - 1e-9)
         for c in self._rescaled(np.zeros(count)):
             residual = c.measured - c.modelled
@@ -101,8 +116,8 @@ class Refinement:
             rows = (c.columns / scale[:, None]).reshape(-1, count)
             target = (residual / scale).reshape(-1)
             rls.update(rows.T @ rows, rows.T @ (target - rows @ rls.theta))
-        logs = np.log(np.maximum(1.0 + rls.theta[:-1], 0.1))
-        return np.asarray(np.clip(np.append(logs, rls.theta[-1]), self._lower, self._upper))
+        logs = np.log(np.maximum(1.0 + rls.theta[:n], 0.1))
+        return np.asarray(np.clip(np.append(logs, rls.theta[n:]), self._lower, self._upper))
 
     def refine(self, start: Array, weights: Array) -> tuple[Array, float]:
         """Minimise the output error from a start; return the best parameters and their cost.

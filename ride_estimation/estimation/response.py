@@ -31,7 +31,7 @@ class ModelResponse:
 
     def __init__(self, balance: ForceBalance, gravity: float) -> None:
         self._balance = balance
-        self._count = len(balance.slots) + 1
+        self._count = len(balance.slots) + 1 + len(balance.turns)
         self._gravity = gravity
         #: step the response is prepared for [s], 0 before
         self.step = 0.0
@@ -82,6 +82,8 @@ class ModelResponse:
                 self.elastic[n] = k[slot.mount, slot.axis] * row
             else:
                 self.viscous[n] = c[slot.mount, slot.axis] * row
+        for n, a in enumerate(balance.turns, start=len(balance.slots) + 1):
+            self.elastic[n], self.viscous[n] = -mounts[3 + a, :6], -mounts[3 + a, 6:]
         self.step = step
 
     def set_noise(self, covariance: Array, base_variance: float) -> None:
