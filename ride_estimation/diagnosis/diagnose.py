@@ -217,8 +217,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     log_std = _log_std(work)
     bent = {p for f in (accepted.fitted if accepted is not None else ()) for p in f.hypothesis.ports}
     soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent)
-    floor = noise_floor(scene)
-    verdict, remaining = _verdict(work, soft, base, floor)
+    verdict, remaining = _verdict(work, soft, base)
     causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
     causes = _tempered(causes, verdict, remaining)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
@@ -231,7 +230,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     alike = confusions(work.selection.rounds[:named])
     isolability = tuple(c.words for c in alike)
     warnings += isolability
-    gain, gain_warnings = _gain(work, base, extended, floor, validation, soft)
+    gain, gain_warnings = _gain(work, base, extended, validation)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     residual = residual_summary(base, extended, remaining, accepted is not None)
     doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
@@ -270,7 +269,7 @@ def _confirmed(work: _Work, base: Prediction, extended: Prediction) -> bool:
     return pooled_nrmse(after, signal, judge) < pooled_nrmse(before, signal, judge)
 
 
-def _verdict(work: _Work, soft: Fitted | None, base: Prediction, floor: float) -> tuple[str, float]:
+def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, float]:
     """Return the verdict and the share of the residual energy above the floor that remains."""
     dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
     excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
@@ -278,6 +277,7 @@ def _verdict(work: _Work, soft: Fitted | None, base: Prediction, floor: float) -
     if accepted is None:
         errors, signal = block_squares(base)
         nrmse = pooled_nrmse(errors, signal, work.splits.train)
+        floor = noise_floor(base.scene, signal, work.splits.train)
         missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
         wrong = excess > 0.1 and missed > 2.5 * work.settings.adequacy
         if wrong:
@@ -334,7 +334,7 @@ def _bound_warnings(work: _Work, state: ModelState) -> list[str]:
 
 
 def _gain(
-    work: _Work, base: Prediction, extended: Prediction, floor: float, validation: Sequence[UniformRun], soft: Fitted | None
+    work: _Work, base: Prediction, extended: Prediction, validation: Sequence[UniformRun]
 ) -> tuple[Gain, list[str]]:
     settings, scene = work.settings, work.calibrated.scene
     warnings: list[str] = []
@@ -358,9 +358,11 @@ def _gain(
         (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
         results.append(ValidationGain(
             other.name, pooled_nrmse(e0, s0, judged), pooled_nrmse(e1, s0, judged),
-            bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed), noise_floor(probe.scene),
+            bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
+            noise_floor(probe.scene, s0, judged),
         ))
     judge = work.splits.judge
+    floor = noise_floor(base.scene, base_squares[1], judge)
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
     if not results:
         results.append(ValidationGain(

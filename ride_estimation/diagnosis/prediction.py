@@ -193,16 +193,28 @@ def block_squares(prediction: Prediction) -> tuple[Array, Array]:
     )
 
 
-def noise_floor(scene: Scene) -> float:
-    """Return the NRMSE that the measurement alone leaves: body sensors directly, errors of the base motion by the model."""
+def noise_floor(scene: Scene, signal: Array, blocks: Sequence[int] | IntArray) -> float:
+    """Return the NRMSE that the measurement alone leaves: body sensors directly, errors of the base motion by the model.
+
+    Parameters
+    ----------
+    scene
+        The run.
+    signal
+        Measured sums of squares of every block, shape (B,), of :func:`block_squares`.
+    blocks
+        Blocks the NRMSE is pooled over: noise is the same in quiet and in rough ones, the signal is not.
+    """
     plant = scene.plant
     used = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"] or list(range(len(plant.outputs)))
     noise_y = scene.noise_scale * np.array([s.noise_std for s in plant.outputs])[used]
     through = np.sum(np.abs(scene.noise_transfer[:, used] * scene.disturbance[:, None, :]) ** 2, axis=2)
     weight = scene.grid.band_weight[:, None] ** 2
-    expected = float(np.sum((through + noise_y**2) * weight)) * scene.grid.samples
-    measured = float(np.sum(np.abs(scene.measured_spectrum[:, used]) ** 2 * weight))
-    return float(np.sqrt(expected / max(measured, 1e-300)))
+    # mean square per sample: bins are variances per sample, each stands for two of the padded transform
+    power = 2.0 * float(np.sum((through + noise_y**2) * weight)) / scene.grid.padded
+    index = np.asarray(blocks, dtype=int)
+    samples = float(scene.blocks.weight[index].sum()) * scene.grid.rate_hz / scene.grid.decimated_rate_hz
+    return float(np.sqrt(power * samples / max(float(signal[index].sum()), 1e-300)))
 
 
 def bootstrap_interval(

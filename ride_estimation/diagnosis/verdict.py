@@ -18,6 +18,11 @@ from ride_estimation.diagnosis.selection import Round, Selection
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.wording import quantity, title
 
+_LOUD = 0.2  # noise floor above which a clean verdict says that smaller effects would not show
+_MOSTLY_NOISE = (
+    " That much of the signal is noise because the vehicle hardly moves here: effects smaller than the noise would not show; "
+    "drive over a rougher road."
+)
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
@@ -119,7 +124,7 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
     if verdict == NO_DISCREPANCY:
         return (
             f"The calibrated model explains the run down to the measurement noise: error {100 * judged.baseline:.1f} % "
-            f"against a noise floor of {floor:.1f} %."
+            f"against a noise floor of {floor:.1f} %." + (_MOSTLY_NOISE if judged.noise_floor > _LOUD else "")
         )
     named = "; ".join(_phrase(c) for c in causes)
     does = "reduces" if judged.extended < judged.baseline else "changes"

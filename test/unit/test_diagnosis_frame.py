@@ -1,0 +1,165 @@
+# Copyright 2026 ride_estimation contributors
+"""Bracket tilt that no sensor sees, noise beside a faulty sensor, readings cut at a level: against planted truth."""
+
+from __future__ import annotations
+
+import functools
+import types
+
+import numpy as np
+import pytest
+from diagnosis_runs import quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis.bent import Family, odd_form
+from ride_estimation.diagnosis.calibration import file_parameters
+from ride_estimation.diagnosis.declipping import domes, missing_readings
+from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion
+from ride_estimation.diagnosis.noise import noise_scale
+from ride_estimation.diagnosis.outlier import soft_mount
+from ride_estimation.diagnosis.plant import Plant, build_plant
+from ride_estimation.diagnosis.prediction import Model as PredictionModel
+from ride_estimation.diagnosis.prediction import block_squares, noise_floor, predict
+from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.io.vehicle_file import load_vehicle
+
+BINS = 3000
+
+
+@functools.cache
+def cab_plant() -> Plant:
+    vehicle = load_vehicle("config/vehicles/truck_cab.yaml")
+    return build_plant(vehicle, dict.fromkeys(vehicle.sensors, 3))
+
+
+def base_motion(plant: Plant, local: float, rng: np.random.Generator) -> np.ndarray:
+    """Return base spectra of a plate that moves, turns and twists, and brackets with motion of their own, (F, nb)."""
+    def white(columns: int) -> np.ndarray:
+        return (rng.normal(size=(BINS, columns)) + 1j * rng.normal(size=(BINS, columns))) / np.sqrt(2.0)
+
+    positions = np.array([plant.vehicle.mounts[m].position for m in plant.mounts])
+    return white(7) @ plate_motion(positions).T + local * white(3 * len(plant.mounts))
+
+
+def test_every_bracket_of_the_cab_has_its_own_sensor():
+    own = own_sensor(cab_plant(), "chassis")
+    assert len(own) == 4
+    assert len(set(own.values())) == 4
+
+
+def test_a_rigid_twisting_frame_has_no_local_motion():
+    plant = cab_plant()
+    spectrum = base_motion(plant, 0.0, np.random.default_rng(1))
+    silent = np.zeros((BINS, spectrum.shape[1], len(plant.inputs)))
+    assert np.max(local_motion(plant, spectrum, silent, 1, 3)) < 1e-12
+
+
+def test_local_motion_is_found_at_its_level_without_the_noise():
+    plant = cab_plant()
+    rng = np.random.default_rng(2)
+    spectrum = base_motion(plant, 0.3, rng)
+    noise = np.broadcast_to(0.1 * np.eye(len(plant.inputs)), (BINS, len(plant.inputs), len(plant.inputs)))
+    found = local_motion(plant, spectrum, noise, 1, 101).mean(axis=0)
+    # 0.3^2 less noise 0.1^2; smallest of five estimates of 3000 bins x at least 2 directions: 2 % each
+    np.testing.assert_allclose(found, 0.3**2 - 0.1**2, rtol=0.1)
+
+
+def test_a_faulty_base_sensor_is_no_local_motion():
+    plant = cab_plant()
+    rng = np.random.default_rng(3)
+    spectrum = base_motion(plant, 0.05, rng)
+    spectrum[:, 3:6] += rng.normal(size=(BINS, 3)) + 1j * rng.normal(size=(BINS, 3))
+    silent = np.zeros((BINS, spectrum.shape[1], len(plant.inputs)))
+    # the fault has 400 times the power of the local motion; the brackets without it still say 0.05^2
+    assert np.mean(local_motion(plant, spectrum, silent, 1, 101)) == pytest.approx(0.05**2, rel=0.15)
+
+
+def test_null_directions_are_orthogonal_to_the_motion():
+    motion = np.random.default_rng(4).normal(size=(12, 7)) * np.array([1.0, 1.0, 1e3, 1.0, 1e-3, 1.0, 1.0])
+    null = null_directions(motion)
+    assert null.shape == (12, 5)
+    np.testing.assert_allclose(null.T @ (motion / np.linalg.norm(motion, axis=0)), 0.0, atol=1e-12)
+
+
+def test_one_faulty_body_sensor_does_not_count_as_noise():
+    rng = np.random.default_rng(5)
+    motion, samples = rng.normal(size=(12, 6)), 4000
+    data = 0.02 * rng.normal(size=(samples, 12)) + rng.normal(size=(samples, 6)) @ motion.T
+    data[:, :3] += 0.2 * rng.normal(size=(samples, 3))
+    spectrum = np.fft.rfft(data, axis=0)[1:-1]
+    frequency = np.fft.rfftfreq(samples, 0.005)[1:-1]
+    stated = np.full(12, 0.02)
+    sensors = [f"s{i // 3}" for i in range(12)]
+    assert noise_scale(spectrum, motion, stated, frequency, samples) > 2.0
+    assert noise_scale(spectrum, motion, stated, frequency, samples, sensors) == pytest.approx(1.0, abs=0.05)
+
+
+def test_cut_base_readings_come_back_as_far_as_the_body_feels_them():
+    vehicle, run = quarter_car(), quarter_car_run(seed=4)
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    data = measurement(plant, run)
+    index = [s.name for s in plant.inputs].index("base.z")
+    true = data.inputs[:, index].copy()
+    level = float(true.mean() + 0.8 * np.std(true))
+    data.inputs[:, index] = np.minimum(true, level)
+    scene = Scene(plant, data, ModelState(np.array([44e3]), np.array([2e3])), Settings())
+    missing, free = missing_readings(scene, index, true >= level, 1.0, float(np.std(true)))
+    assert np.all(missing >= 0.0)
+    assert np.all(missing[true < level] == 0.0)
+    assert 0.0 < free < 2.0 * run.rate_hz * float(np.mean(true >= level)) * run.samples / run.rate_hz
+    # what counts is the response of the body, transfer (k + i w c) / (k - m w^2 + i w c)
+    iw = 1j * scene.grid.omega
+    transfer = (44e3 + 2e3 * iw) / (44e3 + 2e3 * iw + 400.0 * iw**2) * scene.grid.band_weight
+
+    def felt(x: np.ndarray) -> np.ndarray:
+        return scene.grid.signal(transfer * scene.grid.spectrum(x))[600:-600]
+
+    gone = np.maximum(true - level, 0.0)
+    assert np.std(felt(gone - missing)) < 0.35 * np.std(felt(gone))
+
+
+def test_domes_have_unit_height_over_every_cut_run():
+    cut = np.array([False, True, True, True, False, True, False])
+    np.testing.assert_allclose(domes(cut), [0.0, 5 / 9, 1.0, 5 / 9, 0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("family", [Family.SATURATING, Family.GROWING, Family.BULGE])
+def test_bent_forms_are_odd_and_start_with_unit_slope(family):
+    u = np.linspace(-2.0, 2.0, 41)
+    y = odd_form(u, {"family": float(family), "scale": 0.8})
+    np.testing.assert_allclose(y, -y[::-1], atol=1e-14)
+    small = odd_form(np.array([1e-5]), {"family": float(family), "scale": 0.8})
+    assert small[0] == pytest.approx(1e-5, rel=1e-8)
+
+
+def test_a_bent_spring_is_not_called_a_soft_mount_for_its_rate_at_rest():
+    plant = cab_plant()
+    prior = file_parameters(plant)[0]
+    ports = [(p.mount, p.axis) for p in plant.ports]
+    index = ports.index(("rear_left", "z"))
+    scene = types.SimpleNamespace(plant=plant, state=ModelState(prior.copy(), file_parameters(plant)[1].copy()))
+    calibrated = types.SimpleNamespace(scene=scene, adjustables=(), fit=types.SimpleNamespace(coefficients=np.zeros(0)))
+    soft = prior.copy()
+    soft[index] *= 0.6
+    log_std = np.full(len(prior), 0.005)
+    named = soft_mount(calibrated, soft, log_std)
+    assert named is not None
+    assert (named.hypothesis.location, named.hypothesis.axis) == ("rear_left", "z")
+    assert soft_mount(calibrated, soft, log_std, {index}) is None
+
+
+def test_the_noise_floor_of_quiet_blocks_is_higher_than_that_of_loud_ones():
+    vehicle, run = quarter_car(), quarter_car_run(seed=5)
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    data = measurement(plant, run)
+    scene = Scene(plant, data, ModelState(np.array([44e3]), np.array([2e3])), Settings())
+    model = PredictionModel(ModelState(np.array([44e3]), np.array([2e3])), (), np.zeros(0))
+    prediction = predict(scene, data, model, Settings())
+    errors, signal = block_squares(prediction)
+    order = np.argsort(signal)
+    quiet, loud = noise_floor(scene, signal, order[:3]), noise_floor(scene, signal, order[-3:])
+    assert quiet > loud
+    everything = np.arange(len(signal))
+    # a right model leaves the floor: chi-square of some thousand samples, and 0.4 % tolerated model error
+    nrmse = np.sqrt(errors.sum() / signal.sum())
+    assert noise_floor(scene, signal, everything) == pytest.approx(nrmse, rel=0.15)
