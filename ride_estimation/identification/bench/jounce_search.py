@@ -51,9 +51,10 @@ class NonlinearPack:
         largest = float(self.box.basis.knots[-1])
         if self.slopes:
             scale = self.box.reference_height / largest
-            x += [*np.log(self.box.slopes[:2]), self.box.slopes[2]]
-            low += [np.log(0.5 * scale), np.log(0.5 * scale), 0.05]
-            high += [np.log(5e3 * scale), np.log(5e3 * scale), 4.0]
+            # the second is the ratio of both slopes: the friction does not get softer with travel
+            x += [np.log(self.box.slopes[0]), np.log(max(self.box.slopes[1] / self.box.slopes[0], 1.0)), self.box.slopes[2]]
+            low += [np.log(0.5 * scale), 0.0, 0.05]
+            high += [np.log(5e3 * scale), np.log(5e3), 4.0]
         if self.cells:
             n = self.box.rates.size
             x += [*np.log(self.box.rates), np.log(self.box.smooth)]
@@ -70,7 +71,7 @@ class NonlinearPack:
         """Return the white box with the nonlinear parameters of a vector."""
         at, box = 0, self.box
         if self.slopes:
-            box = dataclasses.replace(box, slopes=np.array([np.exp(x[0]), np.exp(x[1]), x[2]]))
+            box = dataclasses.replace(box, slopes=np.array([np.exp(x[0]), np.exp(x[0] + x[1]), x[2]]))
             at = 3
         if self.cells:
             n = box.rates.size
