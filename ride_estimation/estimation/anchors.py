@@ -74,6 +74,7 @@ class MassAnchor:
         self._found: dict[int, tuple[float, float]] = {}
         self._before: tuple[Array, Array] | None = None
         self._added_at = 0.0
+        self._bare: tuple[float, float] | None = None
 
     @property
     def cells(self) -> tuple[tuple[str, int], ...]:
@@ -144,12 +145,20 @@ class MassAnchor:
     def _added(
         self, r: ForceReference, own: float, theta: Array, std: Array, run_time: float, excited_time: float
     ) -> tuple[float, float] | None:
-        """Return the factor from the fall of all k/m and c/m when a known mass comes on: ``exp(-fall) = m / (m + dm)``."""
-        start = float(r.details["from_s"])
+        """Return the factor from the fall of all k/m and c/m when a known mass comes on: ``exp(-fall) = m / (m + dm)``.
+
+        It is that of the present mass: with what was added until it is taken off again.
+        """
+        start, end = float(r.details["from_s"]), float(r.details.get("to_s", math.inf))
+        added, file_mass = float(r.details["mass"]), self.arrangement.body.mass.value
         if run_time < start:
             self._before, self._added_at = (theta.copy(), std.copy()), excited_time
             return None
-        if self._before is None or excited_time - self._added_at < _SETTLED or run_time > float(r.details.get("to_s", math.inf)):
+        if run_time > end:
+            if self._bare is None:
+                return None
+            return math.log(self._bare[0] / file_mass), self._bare[1]
+        if self._before is None or excited_time - self._added_at < _SETTLED:
             return None
         old, old_std = self._before
         vertical = np.array([s.axis == 2 for s in self._slots])
@@ -157,12 +166,14 @@ class MassAnchor:
         weight = 1.0 / variance
         fall = float(np.sum(weight * (old - theta)[vertical]) / np.sum(weight))
         fall_std = float(1.0 / math.sqrt(np.sum(weight)))
-        added = float(r.details["mass"])
         ratio = math.expm1(fall)
         if ratio * added <= 0.0 or abs(fall) < 3.0 * fall_std:
             return None
         mass = added / ratio
-        return math.log(mass / self.arrangement.body.mass.value), math.hypot(own, fall_std * (1.0 + ratio) / abs(ratio))
+        # d log m = -(1 + ratio) / ratio d fall; of the mass with the load the load itself is known
+        relative = math.hypot(own, fall_std * (1.0 + ratio) / abs(ratio))
+        self._bare = (mass, relative)
+        return math.log((mass + added) / file_mass), relative * mass / (mass + added)
 
     def factor(self) -> tuple[float, float]:
         """Return the factor on the file's mass and its relative standard deviation."""
@@ -203,6 +214,7 @@ class MassAnchor:
             "cells": cells,
             "before": before,
             "added_at": self._added_at,
+            "bare": None if self._bare is None else list(self._bare),
         }
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -214,3 +226,5 @@ class MassAnchor:
         before = saved["before"]
         self._before = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
         self._added_at = float(saved["added_at"])
+        bare = saved.get("bare")
+        self._bare = None if bare is None else (float(bare[0]), float(bare[1]))
