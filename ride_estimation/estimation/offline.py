@@ -134,19 +134,18 @@ def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[
     InputDataError
         The run is too short to give a single tick, or the estimates are not finite.
     """
-    names = list(recording.channels)
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
     history = _History(pipeline)
     count = 0
-    for index, stamp, values, variance in recording.in_order():
-        for block in pipeline.observe(names[index], stamp, values, variance):
+    for found, taken in pipeline.replay(recording):
+        for block in found:
             _require_finite(block, recording)
             blocks.append(block)
             digest.update(block)
             history.note(int(block.stamp_ns[-1]))
-        count += 1
-        if count == _REPORT_EVERY:
+        count += taken
+        if count >= _REPORT_EVERY:
             on_progress(count)
             count = 0
     for block in pipeline.finish():

@@ -10,13 +10,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_fill import BaseFill
@@ -35,16 +34,16 @@ from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameter_estimator import ParameterEstimator
 from ride_estimation.estimation.restoring import restarted
 from ride_estimation.estimation.rigid_check import RigidCheck
+from ride_estimation.estimation.saved_state import STATE_SCHEMA, check_state
 from ride_estimation.estimation.sensor_gate import GateVerdict, SensorGate
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.frames import AXES
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
+from ride_estimation.signals.batch_feed import BatchFeed
+from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-_SCHEMA_NAME = "ride_estimation/estimator_state/"
-STATE_SCHEMA = f"{_SCHEMA_NAME}2"
 
 #: distance of two copies of what was learned [s]; the older is taken when a sensor turns out to be faulty
 _TAKE_BACK = 1.0
@@ -192,6 +191,23 @@ class Pipeline:
             self._settle()
         blocks = self._aligner.push(index, stamp_ns, values, variance)
         return tuple(self._process(b) for b in blocks) if blocks else ()
+
+    def replay(self, recording: Recording) -> Iterator[tuple[tuple[OutputBlock, ...], int]]:
+        """Take a whole recording in order of arrival: the same as :meth:`observe` for every sample, several at a time.
+
+        Yields
+        ------
+        tuple
+            Blocks that became complete, and the number of samples taken for them.
+        """
+        for name, channel in recording.channels.items():
+            if name not in self._index:
+                self._unknown[name] += len(channel.stamp_ns)
+        feed = BatchFeed(self._aligner, [recording.channels.get(s.name) for s in self._sensors])
+        while feed.more:
+            self._settle()
+            blocks, taken = feed.step()
+            yield tuple(self._process(b) for b in blocks), taken
 
     def finish(self) -> tuple[OutputBlock, ...]:
         """Return what is left at the end of a run."""
@@ -467,20 +483,7 @@ class Pipeline:
         InputDataError
             A state of another vehicle file or of another version.
         """
-        wanted = {
-            "schema": STATE_SCHEMA,
-            "sensors": [s.name for s in self._sensors],
-            "mounts": list(self.arrangement.mount_names),
-        }
-        schema = state.get("schema")
-        if isinstance(schema, str) and schema.startswith(_SCHEMA_NAME) and schema != STATE_SCHEMA:
-            raise InputDataError(
-                f"saved state: schema is {schema!r}, this version writes and reads {STATE_SCHEMA!r}: what the sensors were found "
-                "to be is kept in another form. Delete the state to start from the vehicle file"
-            )
-        for key, value in wanted.items():
-            if state.get(key) != value:
-                raise InputDataError(f"saved state: {key} is {state.get(key)!r}; this vehicle needs {value!r}")
+        check_state(state, self._sensors, self.arrangement.mount_names)
         self._due = None
         self._motion.load(state["motion"])
         self._deflection.load(state["deflection"])

@@ -216,6 +216,12 @@ class StampAligner:
             self._advance()
         return self._take() if self._ready else ()
 
+    def filled(self, newest: int) -> Sequence[Block]:
+        """Return the blocks that are ready after every stream got the samples it waited for, the newest at a stamp [ns]."""
+        self._newest, self._missing = max(self._newest, newest), 0
+        self._advance()
+        return self._take()
+
     def finish(self) -> Sequence[Block]:
         """Return what is left at the end of a run; the next sample begins a new one."""
         self._drain()

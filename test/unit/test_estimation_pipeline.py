@@ -226,8 +226,11 @@ def test_saved_state_continues_and_a_foreign_one_is_refused():
     for old, new in zip(pipeline.parameters(), again.parameters()):
         assert abs(new.value - old.value) < 4.0 * np.hypot(old.std, new.std), new.name
     other = Pipeline(dataclasses.replace(vehicle, sensors=dict(list(vehicle.sensors.items())[:5])))
-    with pytest.raises(InputDataError, match="saved state"):
+    with pytest.raises(InputDataError, match="saved state: sensors"):
         other.load_state(state)
+    old = {k: v for k, v in state.items() if k != "gate"} | {"schema": "ride_estimation/estimator_state/1"}
+    with pytest.raises(InputDataError, match=r"estimator_state/1.*reads.*estimator_state/2.*another form"):
+        Pipeline(vehicle).load_state(old)
 
 
 def test_a_sensor_that_stops_and_bad_samples_are_counted_and_nothing_is_nan():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 
 import numpy as np
 import pytest
@@ -146,3 +147,24 @@ def test_a_body_sensor_that_runs_late_stops_learning():
     text = " ".join(pipeline.health().messages)
     assert "in doubt" in text or "cab_rear_right was not used" in text
     assert "taken back" in text
+
+
+def test_a_refused_sensor_is_still_refused_after_a_restart():
+    """State saved while a sensor is stuck: the next pipeline leaves it out from the first tick and knows how long it was out."""
+    _, data, vehicle = world(1)
+    sensor = "cab_front_right"
+    bad = broken(data, sensor, "stuck")
+    first = Pipeline(vehicle)
+    for stamp, name, values in arrivals(bad):
+        if stamp - START_NS < 11e9:
+            first.observe(name, stamp, values.tolist())
+    lost = first.health().sensors[sensor].refused
+    again = Pipeline(vehicle)
+    again.load_state(json.loads(json.dumps(first.save_state())))
+    assert again.health().sensors[sensor].refused == lost
+    for stamp, name, values in arrivals(bad):
+        if 11.2e9 < stamp - START_NS < 12.2e9:
+            again.observe(name, stamp + int(60e9), values.tolist())
+    ticks = again.health().ticks
+    assert ticks > 0.8 * RATE
+    assert sum(again.health().sensors[sensor].refused.values()) - sum(lost.values()) == ticks

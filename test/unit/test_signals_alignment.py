@@ -9,6 +9,7 @@ import pytest
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec, align
+from ride_estimation.signals.batch_feed import BatchFeed
 from ride_estimation.signals.recording import Channel, Recording
 
 #: Lagrange cubic on 500 Hz: 9/384 (2 pi f h)^4 is 2.2e-5 of a 14 Hz signal of amplitude 0.3; jitter widens intervals
@@ -325,3 +326,73 @@ def test_offline_alignment_of_nothing_is_an_error() -> None:
     one = Channel("a", np.array([faults.START_NS]), np.zeros((1, 3)), np.array([faults.START_NS]))
     with pytest.raises(InputDataError, match="less than two common samples"):
         align(Recording("r", {"a": one}))
+
+
+def batched(samples: list[faults.Sample], streams: int, seed: int) -> tuple[StampAligner, list[Block], StampAligner, list[Block]]:
+    """Push samples one by one and as one recording; variances are stated by some messages only."""
+    rng = np.random.default_rng(seed)
+    stated = [None if rng.random() < 0.3 else (rng.random(), 1.0, 2.0) for _ in samples]
+    one = StampAligner(specs(streams))
+    singly: list[Block] = []
+    for (index, stamp, values), variance in zip(samples, stated):
+        singly.extend(one.push(index, stamp, values, variance))
+    channels: list[Channel | None] = []
+    for index in range(streams):
+        places = [k for k, s in enumerate(samples) if s[0] == index]
+        stamps = np.array([samples[k][1] for k in places], dtype=np.int64)
+        variance = np.array([stated[k] or (np.nan,) * 3 for k in places]).reshape(-1, 3)
+        values = np.array([samples[k][2] for k in places]).reshape(-1, 3)
+        channels.append(Channel(f"s{index}", stamps, values, stamps, variance, order=np.array(places)) if places else None)
+    many = StampAligner(specs(streams))
+    feed, together = BatchFeed(many, channels), []
+    taken = 0
+    while feed.more:
+        blocks, count = feed.step()
+        together.extend(blocks)
+        taken += count
+    assert taken == len(samples)
+    return one, singly, many, together
+
+
+def damaged(seed: int) -> list[faults.Sample]:
+    """Some seconds of three streams with faults of every kind at random places."""
+    rng = np.random.default_rng(seed)
+    rates = [500.0, float(rng.choice([500.0, 200.0, 1000.0])), 500.0]
+    samples = faults.regular(3, rates, 3.0, seed, jitter_s=5e-5)
+    kinds = rng.permutation(8)[: seed % 5]
+    for kind in kinds:
+        start = float(rng.uniform(0.6, 2.4))
+        stream = int(rng.integers(3))
+        places = faults.where(samples, stream, start, start + float(rng.choice([0.01, 0.1, 0.7])))
+        if kind == 0:
+            samples = faults.without(samples, places)
+        elif kind == 1:
+            samples = faults.duplicated(samples, places[::3])
+        elif kind == 2:
+            samples = faults.swapped(samples, places[:-2:4])
+        elif kind == 3:
+            samples = faults.changed(samples, places[::5], faults.valued(float("nan")))
+        elif kind == 4:
+            samples = faults.changed(samples, places[::7], faults.stamped(0))
+        elif kind == 5:
+            samples = faults.in_bursts(samples, stream, int(rng.integers(2, 40)))
+        elif kind == 6:
+            samples = faults.changed(samples, faults.where(samples, -1, start), faults.shifted(float(rng.choice([-100.0, 50.0]))))
+        else:
+            samples = faults.without(samples, faults.where(samples, stream, start))
+    return samples
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_recording_fed_at_once_gives_the_bytes_of_its_samples_pushed_one_by_one(seed: int) -> None:
+    one, singly, many, together = batched(damaged(seed), 3, seed)
+    assert len(singly) == len(together)
+    for a, b in zip(singly, together):
+        assert (a.start_ns, a.step_ns, a.restart) == (b.start_ns, b.step_ns, b.restart)
+        assert a.values.tobytes() == b.values.tobytes()
+        assert a.valid.tobytes() == b.valid.tobytes()
+    assert one.health() == many.health()
+    assert one.restarts == many.restarts
+    assert [one.variance(i) for i in range(3)] == [many.variance(i) for i in range(3)]
+    for a, b in zip(one.finish(), many.finish()):
+        assert a.values.tobytes() == b.values.tobytes()

@@ -1,0 +1,41 @@
+# Copyright 2026 ride_estimation contributors
+"""The form of a saved state of the pipeline, and whether a state has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.sensors.sensor import Sensor
+
+_NAME = "ride_estimation/estimator_state/"
+#: raised whenever a key is added or changes its meaning; 2: verdicts on the sensors are kept
+STATE_SCHEMA = f"{_NAME}2"
+
+
+def check_state(state: Mapping[str, Any], sensors: Sequence[Sensor], mount_names: Sequence[str]) -> None:
+    """Refuse a state of another version or of another vehicle.
+
+    Parameters
+    ----------
+    state
+        Of ``Pipeline.save_state``.
+    sensors, mount_names
+        Those the pipeline uses, in its order.
+
+    Raises
+    ------
+    InputDataError
+        Naming what differs.
+    """
+    schema = state.get("schema")
+    if isinstance(schema, str) and schema.startswith(_NAME) and schema != STATE_SCHEMA:
+        raise InputDataError(
+            f"saved state: schema is {schema!r}, this version writes and reads {STATE_SCHEMA!r}: what was found out about the "
+            "sensors is kept in another form. Delete the state to start from the vehicle file"
+        )
+    wanted = {"schema": STATE_SCHEMA, "sensors": [s.name for s in sensors], "mounts": list(mount_names)}
+    for key, value in wanted.items():
+        if state.get(key) != value:
+            raise InputDataError(f"saved state: {key} is {state.get(key)!r}; this vehicle needs {value!r}")
