@@ -223,3 +223,23 @@ def test_white_box_against_the_noise_free_force(seed, noise):
     # 200 parameters per 100 000 samples would lower it by 0.1 %
     assert mean(found.fitted) < np.hypot(floor, 0.03)
     assert mean(found.fitted) > 0.98 * floor
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [106, 201])
+def test_white_box_of_other_bumpers(monkeypatch, seed):
+    # contact points, stiffnesses, rates, entry and hysteresis drawn over more than a decade; an element comes out whatever is
+    # drawn, and it is within 3 % of the noise-free force, on roads of another seed too
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(programme, "CONTACTS", np.sort(np.concatenate([[0.0], 0.075 * rng.uniform(0.1, 0.85, 4)])))
+    monkeypatch.setattr(programme, "STIFFNESS", np.exp(rng.uniform(np.log(3e3), np.log(1.2e5), 5)))
+    monkeypatch.setattr(programme, "RATES", np.exp(rng.uniform(np.log(4), np.log(150), 5)))
+    monkeypatch.setattr(programme, "ENTRY", float(np.exp(rng.uniform(np.log(0.4e-3), np.log(2e-3)))))
+    size, bend = rng.uniform(0.6, 1.6), rng.uniform(1.5, 4.0)
+    share = lambda u: np.clip(u / programme.REFERENCE, 0.0, None)  # noqa: E731
+    monkeypatch.setattr(programme, "height", lambda u: 1800.0 * size * (0.3 * share(u) + 0.7 * share(u) ** bend))
+    measured = programme.measured(seed)
+    truth = [*noise_free(seed, DYNAMIC, "true "), *noise_free(seed + 50, ("road_a", "road_b"), "unseen true ")]
+    found = identify_jounce(records(measured, ["static_ramps", *DYNAMIC]), truth)
+    assert mean(found.held_out) < 0.03, found.held_out
+    assert element_from_mapping(found.element).KIND == "jounce_bumper"
