@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,13 @@ def run(options: argparse.Namespace) -> int:
     rate = options.rate if options.rate > 0.0 else None
     measured, checksum = _load(options.recording, vehicle, rate)
     others = [_load(path, vehicle, rate)[0] for path in options.validate]
+    answer = _shown(lambda report: diagnose(vehicle, measured, others, settings, report))
+    run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
+    return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
+
+
+def _shown(work: Callable[[Callable[[float], None]], Diagnosis]) -> Diagnosis:
+    """Return the answer of some work that tells the share it has done, shown on a terminal."""
     progress = Progress(1.0, "diagnose")
     shown = 0.0
 
@@ -92,10 +100,9 @@ def run(options: argparse.Namespace) -> int:
         progress.update(share - shown)
         shown = share
 
-    answer = diagnose(vehicle, measured, others, settings, report)
+    answer = work(report)
     progress.close()
-    run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
-    return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
+    return answer
 
 
 _BENCH_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".mat")
@@ -117,7 +124,8 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
     if options.vehicle is not None:
         warnings.append(f"--vehicle {options.vehicle} is not used: the record is one mount on a bench")
     folder = output_folder(options.out)
-    answer = diagnose_bench(samples[0], tuple(samples[1:]), settings, keep_band=options.band is not None)
+    band = options.band is not None
+    answer = _shown(lambda report: diagnose_bench(samples[0], tuple(samples[1:]), settings, band, report))
     answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
     facts = {"path": str(options.recording), "checksum": "", "duration_s": len(samples[0].force) / samples[0].rate_hz}
     return _write(answer, facts, {"name": answer.extended.name, "checksum": ""}, samples[0].name, folder, options)

@@ -12,6 +12,7 @@ there: ``s^2 = s_F^2 + K^2 s_x^2`` with the mean square K^2 of the measured dyna
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +167,11 @@ def secant(sample: BenchSample, band_hz: tuple[float, float]) -> tuple[float, fl
 
 
 def diagnose_bench(
-    sample: BenchSample, validation: tuple[BenchSample, ...] = (), settings: Settings | None = None, keep_band: bool = False
+    sample: BenchSample,
+    validation: tuple[BenchSample, ...] = (),
+    settings: Settings | None = None,
+    keep_band: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> Diagnosis:
     """Diagnose one force element from a bench record: does a spring and a damper explain it, and what is missing.
 
@@ -180,6 +185,8 @@ def diagnose_bench(
         Settings; block length and margins are shortened, because a bench forgets its start sooner.
     keep_band
         Keep the band of the settings; otherwise it is read from the record.
+    progress
+        Called with the share of the work done, 0 to 1.
 
     Raises
     ------
@@ -206,7 +213,7 @@ def diagnose_bench(
     ))
     tone = one_frequency(sample.displacement)
     causes = tuple(c for c in CAUSES if not (tone and c in _NEED_TWO_FREQUENCIES))
-    answer = diagnose(bench_vehicle(KelvinVoigt(k, c), noise), run, others, settings, causes=causes)
+    answer = diagnose(bench_vehicle(KelvinVoigt(k, c), noise), run, others, settings, progress, causes)
     warnings, remarks = answer.warnings, answer.remarks + _channel_remarks(answer)
     if tone and answer.verdict != INSUFFICIENT:
         words = (

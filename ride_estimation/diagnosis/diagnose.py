@@ -52,7 +52,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 Report = Callable[[float], None]
 
-_METRIC = "pooled NRMSE of the accelerometers on the body within the band (rms error over rms of the measured signal)"
+_METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 _LEAST_BLOCKS = 4
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
