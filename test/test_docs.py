@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "bags").glob("*.md")])
 #: longer than a few seconds: run by the slow suite
 SLOW_VERBS = {"demo", "diagnose", "replay", "simulate"}
+#: commands build on each other there: test_worked_example.py runs them
+SEQUENCES = {"docs/worked_example.md"}
 #: commands of the shell and of other programs that need no check here
 OTHER_PROGRAMS = {"cd", "source", ".", "git", "touch", "mkdir", "pip", "colcon", "deactivate", "export"}
 
@@ -104,7 +106,7 @@ def run_in_copy(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def selected(slow: bool) -> list[tuple[str, str]]:
-    return [(d, c) for d, c in VERB_COMMANDS if (shlex.split(c)[1] in SLOW_VERBS) == slow]
+    return [(d, c) for d, c in VERB_COMMANDS if (shlex.split(c)[1] in SLOW_VERBS) == slow and d not in SEQUENCES]
 
 
 @pytest.mark.parametrize(("document", "command"), selected(slow=False), ids=lambda text: text.replace("/", "_"))

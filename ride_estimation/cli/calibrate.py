@@ -10,6 +10,7 @@ from ride_estimation.assessment.standstill import calibrate, summary_lines
 from ride_estimation.cli.replay import vehicle_file
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bags import read_recording
+from ride_estimation.io.results import output_folder
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 
 HELP = "noise, bias and orientation of the sensors from a recording at standstill, written to a vehicle file"
@@ -34,6 +35,7 @@ def run(options: argparse.Namespace) -> int:
     found = calibrate(read_recording(options.recording, vehicle), vehicle)
     print("\n".join(summary_lines(found)))
     if options.out is not None:
+        output_folder(options.out.parent)
         try:
             save_vehicle(found.vehicle(vehicle), options.out)
         except OSError as error:

@@ -139,4 +139,4 @@ def test_the_command_writes_a_vehicle_file_that_loads(tmp_path: Path, capsys: py
     assert all(0.015 < s.noise_std < 0.03 for s in calibrated.sensors.values())
     assert main(["calibrate", str(shared_path("bags", "nominal", "bag")), "--vehicle", "truck_cab"]) == 2
     assert "did not stand still" in capsys.readouterr().err
-    assert main(["calibrate", str(run), "--vehicle", "truck_cab", "--out", str(tmp_path / "no" / "v.yaml")]) == 2
+    assert main(["calibrate", str(run), "--vehicle", "truck_cab", "--out", str(tmp_path / "v.yaml" / "x.yaml")]) == 2
