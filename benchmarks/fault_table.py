@@ -13,10 +13,13 @@ that does not match is a matter of the middleware: test/ros/test_estimator_node.
 from __future__ import annotations
 
 import argparse
+import os
 import pathlib
 import re
 import sys
 import time
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
@@ -65,10 +68,11 @@ def main() -> int:
             if wrong
         ]
         missed += len(misses)
+        said = found[0].said
         flag = "harmless" if not fault.expected else "never" if not np.isfinite(to_flag) else f"{to_flag:.2f}"
         print(
             f"| {fault.name} | {flag} | {'' if fault.constant else f'{recovery:.1f}'} | {finite} | {ratio:.2f} "
-            f"| {100 * parameter:.2f} ({worst.parameter_words}) | {100 * inside:.0f} | {', '.join(misses)} | {found[0].said[:90]} |",
+            f"| {100 * parameter:.2f} ({worst.parameter_words}) | {100 * inside:.0f} | {', '.join(misses)} | {said[:90]} |",
             flush=True,
         )
     print(f"{len(TABLE)} faults, worlds {given.seeds}, {missed} targets missed, {time.monotonic() - started:.0f} s")

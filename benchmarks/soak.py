@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """A long time in a short one: memory, latency, covariance and time stamps of an estimator that is never switched off.
 
-Two ways to run it, both in one process through the decoder and the estimator of the live node, one health report per second of data:
+Two ways to run it, both in one process through decoder and estimator of the live node, one health report per second of data:
 
     python benchmarks/soak.py --days 7 --drive 10      # of every hour 10 s of driving; the stamps of the rest are jumped over
     python benchmarks/soak.py --hours 2                # every second of it, 8 accelerometers at 100 Hz
@@ -22,6 +22,8 @@ import pathlib
 import struct
 import sys
 import time
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
@@ -141,8 +143,8 @@ def main() -> int:
     ratio = max(p for _, p in rows) / rows[0][1]
     faults = sum(soak.session.faults.values())
     print(
-        f"{soak.messages} messages, {soak.ticks} ticks, {time.perf_counter() - began:.0f} s: memory {growth:+.1f} % after the first "
-        f"tenth, p99 at most {ratio:.2f} times that of the first tenth, {faults} numerical faults"
+        f"{soak.messages} messages, {soak.ticks} ticks, {time.perf_counter() - began:.0f} s: memory {growth:+.1f} % after the "
+        f"first tenth, p99 at most {ratio:.2f} times that of the first tenth, {faults} numerical faults"
     )
     return 0 if growth <= 5.0 and ratio <= 1.5 and not faults and soak.smallest > 0.0 else 1
 
