@@ -17,9 +17,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
-from scipy.spatial.transform import Rotation
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.frames import skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.correction import Correction
 from ride_estimation.signals.recording import Channel, Recording
@@ -249,9 +249,13 @@ def _orientation(
 
 
 def _rotation_between(start: Array, end: Array) -> Array:
-    """Return the smallest rotation that takes the direction of one vector to that of another, less than 180 deg apart."""
-    turn, _ = Rotation.align_vectors([end / np.linalg.norm(end)], [start / np.linalg.norm(start)])
-    return np.asarray(turn.as_matrix())
+    """Return the smallest rotation that takes the direction of one vector to that of another, less than 180 deg apart.
+
+    ``1 + S + S^2 / (1 + a . b)`` with ``S u = (a x b) x u`` for the unit vectors a and b.
+    """
+    a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    s = skew(np.cross(a, b))
+    return np.asarray(np.eye(3) + s + s @ s / (1.0 + float(a @ b)))
 
 
 def summary_lines(found: Standstill) -> Sequence[str]:
