@@ -24,6 +24,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy.stats import beta
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
@@ -93,6 +94,12 @@ def run_case(case: Case, folder: pathlib.Path, only_make: bool = False) -> dict[
     record["sentence"] = str(getattr(diagnosis, "sentence", ""))
     record["gain"] = _jsonable(getattr(diagnosis, "gain", None))
     record["bias"] = _bias(diagnosis, stored)
+    stated = {p.name: p for p in getattr(diagnosis, "parameters", ())}
+    record["stated_std"] = {
+        name: _jsonable(stated[long].std / stated[long].value)
+        for name in record["bias"]
+        if (long := name.replace(".k", ".stiffness").replace(".c", ".damping")) in stated and stated[long].value > 0.0
+    }
     record["warnings"] = [str(w) for w in getattr(diagnosis, "warnings", ())][:5]
     return record
 
@@ -150,8 +157,12 @@ def _rate(hits: Iterable[bool]) -> tuple[float, int]:
 
 
 def _line(name: str, hits: Iterable[bool], target: str) -> str:
-    rate, count = _rate(hits)
-    return f"{name:78s} {100 * rate:6.1f} % of {count:4d}   target {target}"
+    values = list(hits)
+    rate, count = _rate(values)
+    if not count:
+        return f"{name:78s} no case   target {target}"
+    low, high = exact_interval(sum(values), count)
+    return f"{name:78s} {100 * rate:6.1f} % of {count:4d} (95 %: {100 * low:.0f}-{100 * high:.0f})   target {target}"
 
 
 def confusion(records: list[dict[str, Any]]) -> str:
@@ -196,6 +207,23 @@ def _biases(records: list[dict[str, Any]], axes: str) -> list[float]:
     return [abs(v) for r in records for name, v in r.get("bias", {}).items() if name.split(".")[1] in axes]
 
 
+def _within(records: list[dict[str, Any]], axes: str) -> list[bool]:
+    """Return for every stated standard deviation whether the truth lies within two of it."""
+    return [
+        abs(r["bias"][name]) <= 2.0 * std
+        for r in records
+        for name, std in r.get("stated_std", {}).items()
+        if std is not None and name.split(".")[1] in axes
+    ]
+
+
+def exact_interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """Return the exact binomial interval (Clopper, Pearson 1934) of a rate."""
+    tail = 0.5 * (1.0 - level)
+    low = float(beta.ppf(tail, hits, count - hits + 1)) if hits else 0.0
+    return low, float(beta.ppf(1.0 - tail, hits + 1, count - hits)) if hits < count else 1.0
+
+
 def summary(records: list[dict[str, Any]]) -> str:
     """Return all figures of the table of targets that the records allow."""
     single = [r for r in records if len(r["causes"]) == 1 and not r["causes"][0].startswith("outside:")]
@@ -231,6 +259,8 @@ def summary(records: list[dict[str, Any]]) -> str:
     ):
         if values:
             lines.append(f"{name:78s} {100 * np.quantile(values, pick):6.1f} % of {len(values):4d}   target {target}")
+    for name, axes in (("vertical", "z"), ("horizontal", "xy")):
+        lines.append(_line(f"k and c within two stated standard deviations, {name}", _within(right + clean, axes), "about 95 %"))
     error, count = calibration_error(records)
     lines.append(f"{'expected calibration error of the stated confidence':78s} {error:8.3f} of {count:4d}   target <= 0.05")
     seconds = [r["seconds"] for r in records if "seconds" in r]

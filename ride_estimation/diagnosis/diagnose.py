@@ -41,8 +41,9 @@ from ride_estimation.diagnosis.result import (
     ValidationGain,
 )
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, measurement
-from ride_estimation.diagnosis.selection import Selection, Selector, Splits, make_splits
+from ride_estimation.diagnosis.selection import Selection, Selector
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.splits import Splits, make_splits
 from ride_estimation.diagnosis.verdict import describe, name_causes
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import InputDataError
@@ -218,7 +219,8 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     bent = {p for f in (accepted.fitted if accepted is not None else ()) for p in f.hypothesis.ports}
     soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent)
     verdict, remaining = _verdict(work, soft, base)
-    causes = name_causes(work.calibrated, work.selection, soft, scene if accepted is None else accepted.scene, settings)
+    seen = scene if accepted is None else accepted.scene
+    causes = name_causes(work.calibrated, work.selection, soft, seen, settings, work.splits.train)
     causes = _tempered(causes, verdict, remaining)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
     if scene.noise_scale > 1.25:

@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import ModelState, Scene
 from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, price, solve_signed
+from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -40,6 +41,8 @@ class FullFit:
         Sum of squares of every block at the solution, shape (B,).
     misfit
         Sum of squares on the fit blocks.
+    held_out
+        Sum of squares on the select blocks with the coefficients of the fit blocks alone.
     penalty
         Squared deviations from priors and mean readings.
     price
@@ -55,6 +58,7 @@ class FullFit:
     covariance: Array
     block_misfit: Array
     misfit: float
+    held_out: float
     penalty: float
     price: float
 
@@ -105,14 +109,15 @@ class FullFitter:
     ----------
     calibrated
         Best linear model; its whitening and tolerance columns are kept.
-    blocks
-        Blocks of the fit.
+    splits
+        Blocks; shapes and coefficients come from those of fit and select together.
     samples
         Effective number of samples of the fit, for prices.
     """
 
-    def __init__(self, calibrated: Calibrated, blocks: IntArray, samples: float) -> None:
-        self._cal, self._blocks, self._samples = calibrated, blocks, samples
+    def __init__(self, calibrated: Calibrated, splits: Splits, samples: float) -> None:
+        self._cal, self._splits, self._samples = calibrated, splits, samples
+        self._blocks = blocks = splits.train
         self._dof = float(calibrated.scene.block_dof[blocks].sum())
         self._prior = file_parameters(calibrated.scene.plant)
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
@@ -208,10 +213,12 @@ class FullFitter:
             cost += price(h, int(np.count_nonzero(full[part])), self._samples, 1)
             start += count
         misfit = regression.block_misfit(grams, fit.coefficients)
+        alone = regression.fit(grams, self._splits.fit, None, means[:, used])
+        held_out = regression.misfit(grams, self._splits.select, alone.coefficients)
         on_fit = float(misfit[self._blocks].sum())
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
-            scene, tuple(fitted), regression, adjustables, rows, full, covariance, misfit, on_fit, penalty, cost
+            scene, tuple(fitted), regression, adjustables, rows, full, covariance, misfit, on_fit, held_out, penalty, cost
         )
 
     def _search_shapes(

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""From score tests to a set of causes: shortlist, full fits, forward selection with backward check, probabilities."""
+"""From score tests to a set of causes: shortlist, full fits, forward selection with backward check."""
 
 from __future__ import annotations
 
@@ -17,30 +17,10 @@ from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.screening import Projector, Score, screen
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Build = Callable[[Scene], Sequence[Hypothesis]]
-
-
-@dataclasses.dataclass(frozen=True)
-class Splits:
-    """Blocks dealt to fit, select and judge, interleaved in time."""
-
-    fit: IntArray
-    select: IntArray
-    judge: IntArray
-
-    @property
-    def train(self) -> IntArray:
-        """Return fit and select blocks."""
-        return np.sort(np.concatenate([self.fit, self.select]))
-
-
-def make_splits(count: int) -> Splits:
-    """Deal blocks: of every four, two to fit, one to select, one to judge."""
-    index = np.arange(count)
-    return Splits(index[np.isin(index % 4, (0, 2))], index[index % 4 == 1], index[index % 4 == 3])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,10 +82,12 @@ class Selector:
         self._cal, self._splits, self._build, self._settings = calibrated, splits, build, settings
         self._blocks = splits.train
         self._dof = float(calibrated.scene.block_dof[self._blocks].sum())
-        self._fitter = FullFitter(calibrated, self._blocks, self._dof)
+        self._fitter = FullFitter(calibrated, splits, self._dof)
         self._progress = progress or (lambda share: None)
         fit, regression = calibrated.fit, calibrated.regression
         self.base_misfit = regression.misfit(regression.grams, self._blocks, fit.coefficients)
+        alone = regression.fit(regression.grams, splits.fit)
+        self._base_held_out = regression.misfit(regression.grams, splits.select, alone.coefficients)
         self._base_penalty = (fit.objective - self.base_misfit) / regression.temper
 
     @property
@@ -173,9 +155,15 @@ class Selector:
         return accepted.log_likelihood(temper)
 
     def _worthwhile(self, current: Round, accepted: FullFit | None) -> bool:
-        """Return whether the best candidate brings enough, in evidence and in share of the residual."""
+        """Return whether the best candidate brings enough, in evidence and in share of the residual, and predicts.
+
+        Predicts: with coefficients of the fit blocks alone it leaves less on the select blocks than the model before it.
+        """
         best = current.candidates[0]
         if best.log_likelihood - current.reference < self._settings.significance:
+            return False
+        held_out = self._base_held_out if accepted is None else accepted.held_out
+        if np.any(best.fit.rows) and best.fit.held_out >= held_out:
             return False
         before = self.base_misfit if accepted is None else accepted.misfit
         floor = min(self._dof, best.fit.misfit)
@@ -228,16 +216,3 @@ def shortlist(scores: Sequence[Score], count: int) -> list[Score]:
         per_cause[s.hypothesis.cause] = per_cause.get(s.hypothesis.cause, 0) + 1
         out.append(s)
     return out
-
-
-def probabilities(current: Round, unknown: float) -> list[float]:
-    """Return the probability of every candidate of a round, softmax of tempered log-likelihoods.
-
-    Parameters
-    ----------
-    unknown
-        Prior probability that the cause is none of the library.
-    """
-    values = np.array([c.log_likelihood for c in current.candidates])
-    weights = np.exp(values - values.max())
-    return [float(w) for w in (1.0 - unknown) * weights / weights.sum()]

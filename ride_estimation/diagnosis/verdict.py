@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from ride_estimation.diagnosis.calibration import Calibrated
 from ride_estimation.diagnosis.causes import library
@@ -14,9 +16,11 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Reported
 from ride_estimation.diagnosis.isolability import separation
 from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.selection import Round, Selection
+from ride_estimation.diagnosis.selection import Candidate, Round, Selection
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.wording import quantity, title
+
+IntArray = NDArray[np.int64]
 
 _LOUD = 0.2  # noise floor above which a clean verdict says that smaller effects would not show
 _MOSTLY_NOISE = (
@@ -27,7 +31,7 @@ _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
 def name_causes(
-    calibrated: Calibrated, selection: Selection, soft: Fitted | None, scene: Scene, settings: Settings
+    calibrated: Calibrated, selection: Selection, soft: Fitted | None, scene: Scene, settings: Settings, blocks: IntArray
 ) -> tuple[NamedCause, ...]:
     """Return the named causes, strongest first.
 
@@ -39,12 +43,14 @@ def name_causes(
         A mount out of line, from :mod:`outlier`.
     scene
         The run seen through the extended model.
+    blocks
+        Blocks that fitted and selected.
     """
     out: list[tuple[float, NamedCause]] = []
     accepted = selection.accepted
     for fitted in accepted.fitted if accepted is not None else ():
         cause = library()[fitted.hypothesis.cause]
-        confidence, rivals = _weigh(fitted, accepted, selection.rounds, settings)
+        confidence, rivals = _weigh(fitted, accepted, selection.rounds, settings, blocks)
         axis = fitted.hypothesis.axis or _axis_of(scene, fitted)
         named = NamedCause(
             fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(scene, fitted), confidence, rivals,
@@ -86,8 +92,23 @@ def _strength(accepted: FullFit | None, fitted: Fitted) -> float:
     return 0.0
 
 
+def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: IntArray) -> float:
+    """Return the odds that other stretches of road would rank two fits the other way round.
+
+    The difference of two log-likelihoods scatters from block to block; its sum over B blocks has the standard deviation
+    ``sqrt(B) s`` (Vuong 1989, Econometrica 57, for models neither of which need be right).
+    """
+    gap = leader.log_likelihood - other.log_likelihood
+    per_block = (other.fit.block_misfit - leader.fit.block_misfit)[blocks] / (2.0 * temper)
+    spread = float(np.sqrt(len(blocks)) * np.std(per_block, ddof=1)) if len(blocks) > 1 else 0.0
+    if spread <= 0.0 or gap <= 0.0:
+        return 0.0
+    below = float(ndtr(-gap / spread))
+    return below / (1.0 - below)
+
+
 def _weigh(
-    fitted: Fitted, accepted: FullFit | None, rounds: Sequence[Round], settings: Settings
+    fitted: Fitted, accepted: FullFit | None, rounds: Sequence[Round], settings: Settings, blocks: IntArray
 ) -> tuple[float, tuple[Rival, ...]]:
     """Return confidence and rivals of one accepted cause from the round that offered it."""
     won = [r for r in rounds if r.candidates and r.candidates[0].fit.fitted[-1].hypothesis.key == fitted.hypothesis.key]
@@ -99,6 +120,9 @@ def _weigh(
         best = max(mine)
         values = np.array([c.log_likelihood for _, c in offered] + [current.reference])
         weights = np.exp(np.clip(values - values.max(), -700.0, 0.0))
+        leader = next(c for _, c in offered if c.log_likelihood == best)
+        for i, (_, c) in enumerate(offered):
+            weights[i] = max(weights[i], weights.max() * reversal_odds(leader, c, current.temper, blocks))
         same = sum(w for w, (h, _) in zip(weights, offered) if h.cause == fitted.hypothesis.cause)
         confidence = (1.0 - settings.unknown_probability) * float(same / weights.sum())
         rivals: dict[str, Rival] = {}
@@ -106,8 +130,7 @@ def _weigh(
             deficit = best - c.log_likelihood
             if h.cause == fitted.hypothesis.cause or h.cause in rivals:
                 continue
-            leading = next(o.fit.misfit for _, o in offered if o.log_likelihood == best)
-            ratio = float(np.sqrt(c.fit.misfit / max(leading, 1e-9)))
+            ratio = float(np.sqrt(c.fit.misfit / max(leader.fit.misfit, 1e-9)))
             words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
             hint = separation(fitted.hypothesis.cause, h.cause) if deficit < _STRONG else ""
             rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)

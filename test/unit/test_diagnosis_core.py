@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import types
 
 import numpy as np
 import pytest
@@ -22,9 +23,10 @@ from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.response import respond
 from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
 from ride_estimation.diagnosis.screening import solve_signed
-from ride_estimation.diagnosis.selection import make_splits
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
+from ride_estimation.diagnosis.splits import make_splits
+from ride_estimation.diagnosis.verdict import reversal_odds
 from ride_estimation.signals.recording import UniformRun
 
 
@@ -107,6 +109,18 @@ def test_coefficients_of_the_wrong_sign_are_dropped():
     coefficients, drop = solve_signed(normal, right, (Sign.POSITIVE, Sign.POSITIVE))
     np.testing.assert_allclose(coefficients, [2.0, 0.0], atol=1e-6)
     assert drop == pytest.approx(4.0, rel=1e-6)
+
+
+def test_a_lead_that_comes_from_one_block_is_less_sure_than_one_of_all_blocks():
+    def candidate(level: float, per_block: list[float]) -> types.SimpleNamespace:
+        return types.SimpleNamespace(log_likelihood=level, fit=types.SimpleNamespace(block_misfit=np.array(per_block)))
+
+    blocks = np.arange(16)
+    leader, steady = candidate(0.0, [1.0] * 16), candidate(-16.0, [3.0] * 16)
+    assert reversal_odds(leader, steady, 1.0, blocks) == 0.0
+    single = candidate(-16.0, [33.0] + [1.0] * 15)
+    # per block 16 and fifteen zeros: standard deviation 4, of the sum 16; a lead of 16 is one of it: Phi(-1) = 0.1587
+    assert reversal_odds(leader, single, 1.0, blocks) == pytest.approx(0.15866 / 0.84134, rel=1e-3)
 
 
 def test_splits_are_disjoint_and_cover_every_part_of_the_run():

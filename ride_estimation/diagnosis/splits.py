@@ -1,0 +1,31 @@
+# Copyright 2026 ride_estimation contributors
+"""Which stretches of a run fit, which select and which judge."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+IntArray = NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Splits:
+    """Blocks dealt to fit, select and judge, interleaved in time."""
+
+    fit: IntArray
+    select: IntArray
+    judge: IntArray
+
+    @property
+    def train(self) -> IntArray:
+        """Return fit and select blocks."""
+        return np.sort(np.concatenate([self.fit, self.select]))
+
+
+def make_splits(count: int) -> Splits:
+    """Deal blocks: of every four, two to fit, one to select, one to judge."""
+    index = np.arange(count)
+    return Splits(index[np.isin(index % 4, (0, 2))], index[index % 4 == 1], index[index % 4 == 3])
