@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis
+from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis, Evidence
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import edge_taper, make_grid
 from ride_estimation.elements.base import ForceElement
@@ -222,7 +222,25 @@ def diagnose_bench(
         )
         answer = dataclasses.replace(answer, isolability=(*answer.isolability, words))
         warnings += (words,)
-    return dataclasses.replace(answer, extended=_element_alone(answer.extended, k), warnings=warnings, remarks=remarks)
+    evidence = None if answer.evidence is None else _in_newton(answer.evidence)
+    # the secant that the fit starts from is no belief of anybody
+    parameters = tuple(dataclasses.replace(p, prior=float("nan")) for p in answer.parameters)
+    return dataclasses.replace(
+        answer, extended=_element_alone(answer.extended, k), warnings=warnings, remarks=remarks, evidence=evidence,
+        parameters=parameters,
+    )  # fmt: skip
+
+
+def _in_newton(evidence: Evidence) -> Evidence:
+    """Return the evidence with the acceleration of the heavy body as the force it stands for, tension positive."""
+    power = (evidence.residual_power, evidence.extended_power, evidence.noise_power)
+    residual, extended, noise = (_MASS**2 * p for p in power)
+    ((time, measured, baseline, extended_force),) = evidence.stretch.values()
+    stretch = (time, -_MASS * measured, -_MASS * baseline, -_MASS * extended_force)
+    return dataclasses.replace(
+        evidence, residual_power=residual, extended_power=extended, noise_power=noise, channel_names=(FORCE,),
+        stretch={FORCE: stretch}, unit="N",
+    )  # fmt: skip
 
 
 def _channel_remarks(answer: Diagnosis) -> tuple[str, ...]:

@@ -94,8 +94,14 @@ def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
     return Evidence(
         grid.frequency, residual[0].sum(axis=1) / n, residual[1].sum(axis=1) / n, noise.sum(axis=1),
         tuple(s.name for s in scene.plant.outputs), table, band_table(base, extended), scene.blocks.time_s, blocks,
-        _loops(base.scene, extended.scene), stretch,
+        _loops(base.scene, extended.scene), stretch, _unit(scene),
     )
+
+
+def _unit(scene: Scene) -> str:
+    """Return the unit of the measured channels."""
+    kinds = {s.kind for s in scene.plant.outputs}
+    return " or ".join({"acceleration": "m/s^2", "displacement": "m"}.get(k, "-") for k in sorted(kinds))
 
 
 def _block_misfit(prediction: Prediction) -> Array:

@@ -113,8 +113,10 @@ class Evidence:
         Baseline and extended model, shape (B,) and (B, 2).
     loops
         By port name: deflection, model force, force with the found cause, (N,) each.
-    measured, modelled
-        A stretch of every channel: time, measured, baseline, extended.
+    stretch
+        A few seconds of every channel: time, measured, baseline, extended.
+    unit
+        Of the channels.
     """
 
     frequency_hz: Array
@@ -128,6 +130,7 @@ class Evidence:
     block_misfit: Array
     loops: dict[str, tuple[Array, Array, Array]]
     stretch: dict[str, tuple[Array, Array, Array, Array]]
+    unit: str = "m/s^2"
 
 
 @dataclasses.dataclass(frozen=True)

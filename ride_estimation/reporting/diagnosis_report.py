@@ -173,7 +173,7 @@ def _parameters(page: Page, diagnosis: Diagnosis) -> None:
         page.text(words + ".")
     page.table(
         ["parameter", "value", "std", "unit", "vehicle file"],
-        [[p.name, *rounded(p.value, p.std), p.unit, f"{p.prior:.4g}"] for p in diagnosis.parameters],
+        [[p.name, *rounded(p.value, p.std), p.unit, f"{p.prior:.4g}" if math.isfinite(p.prior) else ""] for p in diagnosis.parameters],
     )
 
 
@@ -207,7 +207,7 @@ def residual_spectrum(evidence: Evidence) -> Figure:
     ):
         axes.loglog(evidence.frequency_hz, np.convolve(values, kernel, mode="same"), style, lw=1.0, label=label)
     axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("power per bin, all channels")
+    axes.set_ylabel(f"power per bin, all channels [({evidence.unit})^2]")
     axes.legend()
     axes.grid(alpha=0.3)
     return figure
@@ -258,6 +258,8 @@ def loops(evidence: Evidence) -> Figure:
         axes.tick_params(labelsize=7)
         axes.set_xlabel("deflection [mm]", fontsize=7)
         axes.set_ylabel("force [N]", fontsize=7)
+        if number == 1:
+            axes.legend(fontsize=6, loc="upper left")
     figure.tight_layout()
     return figure
 
@@ -274,6 +276,7 @@ def stretch(evidence: Evidence) -> Figure:
     axes.plot(time_s, extended, "C0", lw=0.8, label="extended model")
     axes.set_title(name, fontsize=9)
     axes.set_xlabel("time [s]")
+    axes.set_ylabel(f"reading, mean removed [{evidence.unit}]")
     axes.legend(loc="upper right")
     axes.grid(alpha=0.3)
     return figure
