@@ -173,7 +173,10 @@ def _parameters(page: Page, diagnosis: Diagnosis) -> None:
         page.text(words + ".")
     page.table(
         ["parameter", "value", "std", "unit", "vehicle file"],
-        [[p.name, *rounded(p.value, p.std), p.unit, f"{p.prior:.4g}" if math.isfinite(p.prior) else ""] for p in diagnosis.parameters],
+        [
+            [p.name, *rounded(p.value, p.std), p.unit, f"{p.prior:.4g}" if math.isfinite(p.prior) else ""]
+            for p in diagnosis.parameters
+        ],
     )
 
 
