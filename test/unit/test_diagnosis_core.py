@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.baseline import baseline_columns, mean_table
+from ride_estimation.diagnosis.baseline import Adjustable, baseline_columns, mean_table
 from ride_estimation.diagnosis.calibration import calibrate, file_parameters
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypothesis import Sign
@@ -23,6 +23,7 @@ from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.response import respond
 from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
 from ride_estimation.diagnosis.screening import solve_signed
+from ride_estimation.diagnosis.selection import beyond_tolerance
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
@@ -121,6 +122,15 @@ def test_a_lead_that_comes_from_one_block_is_less_sure_than_one_of_all_blocks():
     single = candidate(-16.0, [33.0] + [1.0] * 15)
     # per block 16 and fifteen zeros: standard deviation 4, of the sum 16; a lead of 16 is one of it: Phi(-1) = 0.1587
     assert reversal_odds(leader, single, 1.0, blocks) == pytest.approx(0.15866 / 0.84134, rel=1e-3)
+
+
+@pytest.mark.parametrize(("shift", "counts"), [(0.025, False), (0.035, True)])
+def test_a_further_cause_must_exceed_three_tolerances(shift, counts):
+    tolerance = Adjustable("cg", "cab", "z", 0.01)
+    last = types.SimpleNamespace(
+        hypothesis=types.SimpleNamespace(cause="cg_offset", location="cab", axis="z"), coefficients=np.array([-shift])
+    )
+    assert beyond_tolerance(types.SimpleNamespace(fitted=(last,), adjustables=(tolerance,))) is counts
 
 
 def test_splits_are_disjoint_and_cover_every_part_of_the_run():
