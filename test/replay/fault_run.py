@@ -240,7 +240,7 @@ def clean(seed: int) -> Behaviour:
 
 
 def judged(seed: int, found: Behaviour, begin: float, end: float) -> Outcome:
-    """Compare a behaviour with the truth and with the clean run of the same world; times are of arrival, forces count from 5 s on."""
+    """Compare a behaviour with truth and clean run of the same world; times are of arrival, forces count from 5 s on."""
     usual = clean(seed)
     error, std, time = _errors(seed, found)
     base, _, base_time = _errors(seed, usual)

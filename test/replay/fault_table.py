@@ -184,6 +184,8 @@ def _not_used(sensor: str, why: str) -> str:
 _ANY_DOUBT = rf"{CAB}.*(rigid body|mean|explains|gain|position|rotation|delay|jumps)|one of .*{CAB}"
 _LATE = rf"{CAB}.*(explains|delay|rigid body)|one of .*{CAB}|no single sensor"
 
+_BACK = "stamps jumped back|samples rejected: .*clock_behind"
+
 TABLE: tuple[Fault, ...] = (
     Fault("sensor off from the start", _of(CAB, lambda m, r, n: [], 0.0, LENGTH), f"{CAB} is configured but contrib", True),
     Fault("sensor off midway", _of(CAB, lambda m, r, n: [], BEGIN, LENGTH), f"{CAB} has stopped", end=LENGTH),
@@ -215,12 +217,12 @@ TABLE: tuple[Fault, ...] = (
     Fault("10 % dropped", _passing(CAB, _dropped), ""),
     Fault("clock skew 3 s", _passing(CAB, _stamp(lambda s, n: s + 3 * _SECOND)), f"{CAB}: samples rejected: .*clock_ahead"),
     Fault("clock 3 s behind", _passing(CAB, _stamp(lambda s, n: s - 3 * _SECOND)), f"{CAB}: samples rejected: .*clock_behind"),
-    Fault("all clocks step back 60 s", _of("", _stamp(lambda s, n: s - 60 * _SECOND), BEGIN, LENGTH), "stamps jumped back",
+    Fault("all clocks step back 60 s", _of("", _stamp(lambda s, n: s - 60 * _SECOND), BEGIN, LENGTH), _BACK,
           end=BEGIN + 0.5, true_time=lambda t: np.where(t < -30.0, t + 60.0, t)),
-    Fault("looped replay", _looped, "restart: stamps jumped back", end=BEGIN + 0.5),
+    Fault("looped replay", _looped, _BACK, end=BEGIN + 0.5),
     Fault("stamp 0", _passing(CAB, _stamp(lambda s, n: 0)), f"{CAB}: samples rejected: .*stamp_not_positive"),
     Fault("stamp repeats", _passing(CAB, _stamp(lambda s, n: s - n * _PERIOD_NS)), f"{CAB}: samples rejected: .*duplicate"),
-    Fault("NaN in every tenth", _passing(CAB, _values(lambda v, n: v * (np.nan if n % 10 == 0 else 1.0))), "rejected.*not_finite"),
+    Fault("NaN in every tenth", _passing(CAB, _values(lambda v, n: v * (np.nan if n % 10 == 0 else 1))), "rejected.*not_finite"),
     Fault("infinite", _passing(CAB, _values(lambda v, n: np.full(3, np.inf))), f"{CAB}: samples rejected: .*not_finite"),
     Fault("zero covariance", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=0.0)]), ""),
     Fault("covariance -1 with data", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=-1.0)]),
