@@ -204,6 +204,17 @@ def test_bootstrap_interval_holds_the_difference_and_widens_with_scatter():
     assert rough[1] - rough[0] > 0.01
 
 
+def test_bootstrap_interval_covers_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(10)
+    hits, trials, blocks = 0, 300, 20
+    for _ in range(trials):
+        before, after = 4.0 + rng.normal(0.0, 0.8, blocks), 1.0 + rng.normal(0.0, 0.2, blocks)
+        low, high = bootstrap_interval(before, after, np.full(blocks, 100.0), 300, 1)
+        hits += low <= np.sqrt(0.04) - np.sqrt(0.01) <= high
+    # 95 % of 300: 2.5 standard errors are 3 %
+    assert hits / trials == pytest.approx(0.95, abs=0.032)
+
+
 def test_too_short_a_run_is_insufficient_and_says_how_much_is_needed():
     answer = diagnose(quarter_car(), quarter_car_run(seed=1, seconds=6.0))
     assert answer.verdict == "insufficient_data"
