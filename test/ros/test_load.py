@@ -1,0 +1,60 @@
+# Copyright 2026 ride_estimation contributors
+"""The node that falls behind leaves messages out, counts them and says so; faults are kept in bounded number."""
+
+from __future__ import annotations
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from ride_estimation.nodes.backpressure import DROP_S
+from ride_estimation.nodes.estimator_node import EstimatorNode
+from ride_estimation.nodes.session import MOST_FAULTS, OTHER_FAULTS
+from ros.conftest import Ros
+from ros.drive import drive
+
+
+@pytest.fixture
+def node(ros_single: Ros) -> EstimatorNode:
+    made = EstimatorNode(context=ros_single.context, use_global_arguments=False)
+    ros_single.add(made)
+    return made
+
+
+def status(node: EstimatorNode) -> DiagnosticStatus:
+    return next(s for s in node._statuses() if s.name == "load")
+
+
+def test_messages_far_behind_are_left_out_and_counted(node: EstimatorNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert node.session is not None
+    assert (status(node).level, status(node).message) == (DiagnosticStatus.OK, "keeps up")
+    clock = [0.0]
+    monkeypatch.setattr("ride_estimation.nodes.estimator_node.time.monotonic", lambda: clock[0])
+    sent = 0
+    for message in drive(node.session.vehicle, 4.0):
+        clock[0] += 0.5 / 100.0  # 8 messages at 100 Hz take four times as long as they may
+        node._arrived(message.topic, message.type_name, message.payload)
+        node._load.handled(clock[0] - 0.5 / 100.0, clock[0])
+        sent += 1
+    received = sum(s.received for s in node.session.states.values())
+    assert received + node._load.left_out == sent
+    assert node._load.left_out > 0
+    found = status(node)
+    assert found.level == DiagnosticStatus.WARN
+    assert "cannot keep up" in found.message
+    assert float(next(v.value for v in found.values if v.key == "largest behind_s")) > DROP_S
+
+
+def test_different_faults_are_kept_in_bounded_number(node: EstimatorNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert node.session is not None
+    number = [0]
+
+    def fail(*_: object) -> None:
+        number[0] += 1
+        raise ValueError(f"number {number[0]}")
+
+    monkeypatch.setattr(node.session.pipeline, "observe", fail)
+    for message in drive(node.session.vehicle, 1.0):
+        node.receive(message.topic, message.type_name, message.payload)
+    assert len(node.session.faults) == MOST_FAULTS + 1
+    assert sum(node.session.faults.values()) == number[0] == 800
+    assert node.session.faults[OTHER_FAULTS] == 800 - MOST_FAULTS
