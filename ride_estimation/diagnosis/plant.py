@@ -315,6 +315,26 @@ def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str,
     return np.asarray(weight * np.linalg.lstsq(np.array(rows) * weight, np.array(rhs), rcond=None)[0])
 
 
+def _masses(
+    vehicle: Vehicle, mounts: tuple[str, ...], static: Array, selectors: dict[str, list[tuple[int, int]]], n: int
+) -> tuple[Array, Array]:
+    """Return the mass matrix and the stiffness of static loads whose points of attack turn with the bodies, (n, n) each."""
+    mass, gravity_k = np.zeros((n, n)), np.zeros((n, n))
+    for b, pairs in selectors.items():
+        body = vehicle.bodies[b]
+        full, grav = np.zeros((6, 6)), np.zeros((6, 6))
+        full[:3, :3] = body.mass.value * np.eye(3)
+        full[3:, 3:] = body.inertia
+        grav[3, 3] = grav[4, 4] = sum(
+            static[k] * (vehicle.mounts[m].position - body.cg)[2] * (1.0 if vehicle.mounts[m].body == b else -1.0)
+            for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
+        )
+        rows, columns = [r for r, _ in pairs], [c for _, c in pairs]
+        mass[np.ix_(rows, rows)] = full[np.ix_(columns, columns)]
+        gravity_k[np.ix_(rows, rows)] = grav[np.ix_(columns, columns)]
+    return mass, gravity_k
+
+
 def build_plant(
     vehicle: Vehicle, channels: Mapping[str, int], default_k_std: float = 0.5, default_c_std: float = 0.7
 ) -> Plant:
@@ -354,25 +374,10 @@ def build_plant(
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
     direct, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
     n, size = len(coordinates), 3 * len(mounts)
-    mass, gravity_k = np.zeros((n, n)), np.zeros((n, n))
     index = {key: i for i, key in enumerate(coordinates)}
     selectors = {b: [(index[(b, c)], COORDINATES.index(c)) for c in COORDINATES if (b, c) in index] for b in bodies}
     static = _static_forces(vehicle, mounts, bodies)
-    for b in bodies:
-        body = vehicle.bodies[b]
-        full = np.zeros((6, 6))
-        full[:3, :3] = body.mass.value * np.eye(3)
-        full[3:, 3:] = body.inertia
-        grav = np.zeros((6, 6))
-        lever = sum(
-            static[k] * (vehicle.mounts[m].position - body.cg)[2] * (1.0 if vehicle.mounts[m].body == b else -1.0)
-            for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
-        )
-        grav[3, 3] = grav[4, 4] = lever
-        rows = [r for r, _ in selectors[b]]
-        cols = [c for _, c in selectors[b]]
-        mass[np.ix_(rows, rows)] = full[np.ix_(cols, cols)]
-        gravity_k[np.ix_(rows, rows)] = grav[np.ix_(cols, cols)]
+    mass, gravity_k = _masses(vehicle, mounts, static, selectors, n)
     ports, port_map, port_base = _ports(vehicle, mounts, bodies, selectors, n, (default_k_std, default_c_std))
     outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, bodies, selectors, (n, size))
     inputs = tuple(
