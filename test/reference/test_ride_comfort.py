@@ -89,7 +89,7 @@ def test_rates_below_400_hz_and_bad_shapes_are_refused():
 @pytest.mark.parametrize("rate", [150.0, 500.0])
 @pytest.mark.parametrize("chunk", [1, 333])
 def test_the_meter_gives_the_same_bits_in_chunks(rate, chunk):
-    a = np.random.default_rng(2).standard_normal((700, 3)) + [0.0, 0.3, 9.81]
+    a = np.random.default_rng(2).standard_normal((700, 3)) + np.array([0.0, 0.3, 9.81])
     meter = rc.ComfortMeter(rate, "seat")
     for i in range(0, len(a), chunk):
         meter.feed(a[i : i + chunk])
