@@ -13,7 +13,7 @@ from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle, vehicle_from_mapping, vehicle_to_mapping
 from ride_estimation.sensors.measurement import SensorErrors, draw_unit, measure
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.signals.alignment import align
+from ride_estimation.signals.alignment import StampAligner, StreamSpec, align
 from ride_estimation.signals.corrected_run import corrected_run
 from ride_estimation.signals.correction import Correction
 from ride_estimation.signals.recording import Channel, Recording, UniformRun
@@ -99,6 +99,14 @@ def test_a_run_states_its_corrections_and_they_are_applied_once():
     assert np.count_nonzero(~inner) == 3  # 11 ms at the end are not there
     assert once.data["a"][50:-50] == pytest.approx(truth(time)[50:-50], abs=1e-3)  # cubic spline at 200 Hz, 12 Hz tone
     assert np.array_equal(once.data["a"], twice.data["a"])
+
+
+def test_a_stated_variance_becomes_that_of_the_corrected_values():
+    aligner = StampAligner([StreamSpec("a", 3, correction=KNOWN), StreamSpec("b", 3)])
+    for index in (0, 1):
+        aligner.push(index, 1_000_000_000, (0.0, 0.0, 9.81), (0.01, 0.01, 0.01))
+    assert aligner.variance(0) == pytest.approx([0.01, 0.01 / 0.95**2, 0.01 / 1.08**2])
+    assert aligner.variance(1) == (0.01, 0.01, 0.01)
 
 
 def test_the_range_follows_gain_and_bias():
