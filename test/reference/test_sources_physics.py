@@ -96,7 +96,10 @@ def vertical_delay(name, values, at):
 
 @pytest.mark.parametrize("fault", [vertical_gain, vertical_delay])
 def test_vertical_faults_look_alike_on_all_four_sensors(fault):
-    """4.4: of six spare equations one is vertical, direction [1, -1, -1, 1]: it tells that, never where."""
+    """4.4: of six spare equations one is vertical, direction [1, -1, -1, 1]: its size tells that, never where.
+
+    What it follows in time, the reading of FR and no other, may tell where: the culprit is named or among those named.
+    """
     clean, _ = parity(lambda name, values, at: values)
     found, judged = parity(fault)
     assert min(found.values()) > 1.15 * max(clean.values())
