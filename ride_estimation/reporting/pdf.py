@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.image
@@ -19,13 +20,14 @@ _POINTS = 72.0
 _LINE = 1.25  # line height over font size
 #: font size [points], text columns that fit the sheet, weight and colour by kind of text
 _STYLES = {
-    "h1": (15.0, 62, "bold", "#1b1f24"), "h2": (12.0, 78, "bold", "#1b1f24"), "p": (8.5, 125, "normal", "#1b1f24"),
+    "h1": (15.0, 54, "bold", "#1b1f24"), "h2": (12.0, 78, "bold", "#1b1f24"), "p": (8.5, 125, "normal", "#1b1f24"),
     "verdict": (10.0, 100, "bold", "#0969da"), "warning": (8.5, 125, "normal", "#9a6700"),
     "caption": (7.5, 140, "normal", "#57606a"),
 }  # fmt: skip
 #: share of the font size a character of the fixed-width font is wide
 _FIXED_WIDTH = 0.602
-_WIDEST_CELL = 60
+#: characters from which a cell continues on the next line
+_WIDEST_CELL = 48
 
 
 def write_pdf(page: Page, path: Path) -> None:
@@ -95,18 +97,18 @@ class _Sheets:
 
     def table(self, table: Table) -> None:
         """Set a table in a fixed-width font as large as the sheet allows."""
-        rows = [[" ".join(cell_text(v).split())[:_WIDEST_CELL] for v in row] for row in table.rows]
-        heads = [h[:_WIDEST_CELL] for h in table.headers]
-        widths = [max(len(cell) for cell in column) for column in zip(heads, *rows, strict=True)]
+        rows = [line for row in table.rows for line in _wrapped([cell_text(v) for v in row])]
+        heads = _wrapped(table.headers)
+        widths = [max(len(cell) for cell in column) for column in zip(*heads, *rows, strict=True)]
         numeric = [bool(table.rows) and all(is_number(row[i]) for row in table.rows) for i in range(len(heads))]
         lines = [
             "  ".join(cell.rjust(w) if right else cell.ljust(w) for cell, w, right in zip(row, widths, numeric))
-            for row in (heads, *rows)
+            for row in (*heads, *rows)
         ]
         columns = max(len(line) for line in lines)
         size = float(np.clip((_WIDTH - 2 * _MARGIN) * _POINTS / (_FIXED_WIDTH * columns), 3.0, 7.5))
-        self._lines(lines[:1], size, {"family": "monospace", "weight": "bold"})
-        self._lines(lines[1:], size, {"family": "monospace"})
+        self._lines(lines[: len(heads)], size, {"family": "monospace", "weight": "bold"})
+        self._lines(lines[len(heads) :], size, {"family": "monospace"})
         self._top += 0.08
 
     def picture(self, picture: Picture) -> None:
@@ -122,3 +124,10 @@ class _Sheets:
         size, columns, _, colour = _STYLES["caption"]
         self._lines(textwrap.wrap(picture.caption, columns), size, {"color": colour})
         self._top += 0.08
+
+
+def _wrapped(row: Sequence[str]) -> list[list[str]]:
+    """Return the lines a row of cells takes when long cells are continued below."""
+    cells = [textwrap.wrap(" ".join(cell.split()), _WIDEST_CELL) or [""] for cell in row]
+    height = max(len(cell) for cell in cells)
+    return [[cell[i] if i < len(cell) else "" for cell in cells] for i in range(height)]

@@ -18,7 +18,7 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.page import Page, png
-from ride_estimation.reporting.pdf import write_pdf
+from ride_estimation.reporting.pdf import _wrapped, write_pdf
 from ride_estimation.reporting.replay_mounts import mount_curves, stiffness_by_amplitude
 from ride_estimation.reporting.replay_spectra import motion_at, tick_rate, transmissibilities
 from ride_estimation.reporting.side_signals import SideSignals, place_of
@@ -178,3 +178,13 @@ def test_drawn_twice_a_picture_is_the_same(page: Page) -> None:
 def test_only_a_seat_is_a_seat() -> None:
     assert "seat" in place_of("pad", "seat") and "seat" in place_of("driver_seat", "cab")
     assert place_of("front_left", "cab") == "cab at front_left"
+
+
+def test_a_long_cell_of_a_document_is_continued_and_not_cut(tmp_path: Path) -> None:
+    page = Page("title")
+    words = " ".join(f"word{i}" for i in range(40))
+    page.table(["name", "finding"], [["a", words], ["b", 2.0]])
+    write_pdf(page, tmp_path / "report.pdf")
+    assert (tmp_path / "report.pdf").stat().st_size > 1000
+    assert sum(len(line[1].split()) for line in _wrapped(["a", words])) == 40
+    assert all(len(line[1]) <= 48 for line in _wrapped(["a", words]))
