@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import estimator_parameters, replay_node
 from ride_estimation.nodes.parameters import NodeParameter
 
@@ -37,8 +39,8 @@ class Recorded:
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> dict[str, type[Recorded]]:
     names = {
-        "launch": ["LaunchDescription"],
-        "launch.actions": ["DeclareLaunchArgument", "IncludeLaunchDescription"],
+        "launch": ["LaunchContext", "LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "IncludeLaunchDescription", "OpaqueFunction"],
         "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
         "launch.substitutions": ["LaunchConfiguration"],
         "launch_ros": [],
@@ -95,7 +97,34 @@ def test_replay_passes_only_arguments_the_estimation_declares(stand_in: dict[str
     assert Path(source.args[0]) == LAUNCH / "estimation.launch.py"
 
 
-@pytest.mark.parametrize("name", ["estimation.launch.py", "replay.launch.py"])
+def test_every_frame_an_output_names_is_published_where_the_vehicle_file_says(stand_in: dict[str, type[Recorded]]) -> None:
+    build("frames.launch.py")
+    defaults = {a.args[0]: a.kwargs["default_value"] for a in stand_in["DeclareLaunchArgument"].made}
+    (opaque,) = stand_in["OpaqueFunction"].made
+    opaque.kwargs["function"](types.SimpleNamespace(launch_configurations=defaults))
+    found = {}
+    for node in stand_in["Node"].made:
+        assert (node.kwargs["package"], node.kwargs["executable"]) == ("tf2_ros", "static_transform_publisher")
+        words = node.kwargs["arguments"]
+        given = dict(zip(words[::2], words[1::2], strict=True))
+        assert given["--frame-id"] == "cab_link"
+        found[given["--child-frame-id"]] = given
+    vehicle = load_vehicle(ROOT / "config" / "vehicles" / "truck_cab.yaml")
+    assert {"cab_cg", *(f"mount_{name}" for name in vehicle.mounts), *vehicle.sensors} == set(found)
+    for name, mount in vehicle.mounts.items():
+        assert [float(found[f"mount_{name}"][f"--{c}"]) for c in "xyz"] == mount.position.tolist()
+        assert float(found[f"mount_{name}"]["--qw"]) == 1.0
+
+
+def test_the_rviz_layout_shows_topics_and_frames_of_the_bundled_vehicle() -> None:
+    layout = yaml.safe_load((ROOT / "config" / "rviz" / "ride.rviz").read_text(encoding="utf-8"))["Visualization Manager"]
+    vehicle = load_vehicle(ROOT / "config" / "vehicles" / "truck_cab.yaml")
+    topics = {d["Topic"]["Value"] for d in layout["Displays"] if "Topic" in d}
+    assert topics == {"/ride/estimator/inertial_load", *(f"/ride/estimator/mounts/{m}/force" for m in vehicle.mounts)}
+    assert layout["Global Options"]["Fixed Frame"] == "cab_link"
+
+
+@pytest.mark.parametrize("name", ["estimation.launch.py", "replay.launch.py", "frames.launch.py"])
 def test_launch_file_is_built_by_ros_launch(name: str) -> None:
     found = importlib.util.find_spec("launch")
     if found is None or importlib.util.find_spec("launch_ros") is None:
