@@ -202,7 +202,12 @@ def _problem(state: Mapping[str, Any], loaded: Pipeline) -> str:
 
 
 def _different(back: Any, given: Any, where: str) -> str:
-    """Return where what an estimator took up differs in form from what it was given, empty where it does not."""
+    """Return where what an estimator took up differs in form from what it was given, empty where it does not.
+
+    Nothing and an empty list are the same: something that has not begun.
+    """
+    if back in (None, []) and given in (None, []):
+        return ""
     if isinstance(back, Mapping):
         if not isinstance(given, Mapping) or {str(k) for k in back} != set(given):
             return f"{where} has other entries"
