@@ -358,6 +358,11 @@ def _gain(
         judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
         better = predict(scene, data, work.extended, settings, refit) if work.extended.fitted else probe
         (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
+        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > pooled_nrmse(e0, s0, judged):
+            warnings.append(
+                f"validation run {other.name}: the extended model is worse there than the calibrated one; "
+                "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
+            )
         results.append(ValidationGain(
             other.name, pooled_nrmse(e0, s0, judged), pooled_nrmse(e1, s0, judged),
             bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),

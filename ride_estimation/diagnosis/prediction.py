@@ -25,6 +25,7 @@ ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
 _PASSES = 10
+_LOST = 4.0  # change over the smallest one at which the fixed point runs away
 _SETTLED = 0.02  # relative change of the law forces at which the fixed point counts as reached
 
 
@@ -110,10 +111,12 @@ def _settled(
     """Return the scene whose effects are those of the laws along its own deflection.
 
     Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
-    iterated, and halved steps are taken when the change grows.
+    iterated, and halved steps are taken when the change grows. Where the law is too stiff for that (a hard stop on a rougher
+    road) the scene whose effects were nearest to its laws is returned.
     """
     before: tuple[Effect, ...] = ()
     last, relaxation = np.inf, 1.0
+    nearest, best = np.inf, scene
     for number in range(_PASSES):
         columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
         target = combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
@@ -121,7 +124,9 @@ def _settled(
             known = {(e.where, e.index): e.signal for e in before}
             target = tuple(e for e in target if (e.where, e.index) in known)
             change = _relative_change(target, known)
-            if change < _SETTLED:
+            if change < nearest:
+                nearest, best = change, scene
+            if change < _SETTLED or not change < _LOST * nearest:
                 break
             relaxation = max(0.5 * relaxation, 0.2) if change > last else relaxation
             last = change
@@ -131,7 +136,7 @@ def _settled(
             )
         before = target
         scene = Scene(scene.plant, data, _split(scene, state, target), settings, scales=model.scales, smooth=False)
-    return scene
+    return best
 
 
 def _relative_change(effects: tuple[Effect, ...], known: dict[tuple[Where, int], Array]) -> float:

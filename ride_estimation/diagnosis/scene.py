@@ -235,6 +235,7 @@ class Scene:
                 extra_output[:, effect.index] += grid.spectrum(effect.signal)
         second_order = np.zeros_like(wrench)
         enough = (_SETTLED * self.settings.adequacy) ** 2 * float(np.sum(np.abs(self.measured_spectrum) ** 2))
+        size = np.inf
         for _ in range(_KINEMATIC_PASSES):
             q = np.einsum("fij,fj->fi", r.coordinate_from_base, self.base_spectrum)
             q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
@@ -245,7 +246,8 @@ class Scene:
             self.deflection, self.deflection_rate = grid.signal(real), grid.signal(iw * real)
             before, second_order = second_order, grid.spectrum(self.tapered(self.rotation_wrench("base")))
             change = np.einsum("fij,fj->fi", r.output_from_wrench, second_order - before)
-            if np.sum(np.abs(change) ** 2) < enough:
+            size, last = float(np.sum(np.abs(change) ** 2)), size
+            if size < enough or not size < last:
                 break
         self.coordinate_spectrum, self.deflection_spectrum = q, x
         outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
