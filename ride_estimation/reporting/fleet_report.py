@@ -14,8 +14,9 @@ from ride_estimation.io.run_metrics import Metric, run_metrics
 from ride_estimation.reporting.outliers import Outlier, find_outliers
 from ride_estimation.reporting.page import Page
 
-#: sentences about outliers shown; the table holds all numbers
-_SHOWN = 60
+#: runs that stand out and numbers per run that are shown; the table holds all
+_SHOWN = 40
+_NUMBERS = 5
 _PANELS = 12
 
 
@@ -54,8 +55,8 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
     good = [(row.name, run_metrics(row.result)) for row in rows if row.result]
     outliers = find_outliers(good)
     page.verdict(
-        f"{len(good)} of {len(rows)} runs evaluated with {vehicle}, {counts['failed']} failed; "
-        f"{len({o.run for o in outliers})} runs stand out."
+        f"{len(good)} of {len(rows)} runs evaluated with {vehicle}, {counts['failed']} failed, "
+        f"{len({o.run for o in outliers})} stand out."
     )
     if counts["failed"]:
         page.heading("Failed runs")
@@ -63,10 +64,13 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
     if not good:
         return page
     page.heading("Runs that stand out")
-    for outlier in outliers[:_SHOWN]:
-        page.warning(outlier.sentence())
-    if len(outliers) > _SHOWN:
-        page.text(f"{len(outliers) - _SHOWN} more are in the table of the fleet.")
+    by_run: dict[str, list[Outlier]] = {}
+    for outlier in outliers:
+        by_run.setdefault(outlier.run, []).append(outlier)
+    for name, own in sorted(by_run.items(), key=lambda item: -len(item[1]))[:_SHOWN]:
+        page.warning(_sentence(name, own))
+    if len(by_run) > _SHOWN:
+        page.text(f"{len(by_run) - _SHOWN} more are in the table of the fleet.")
     if not outliers:
         page.text("None.")
     page.heading("Spread over the runs")
@@ -81,6 +85,14 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
         caption = "Every run by its place in the fleet; runs that stand out in red"
         page.figure(_strips(shown, good, outliers), caption, tight=False)
     return page
+
+
+def _sentence(run: str, outliers: Sequence[Outlier]) -> str:
+    """Return what stands out in one run, the numbers farthest from the median first."""
+    far = sorted(outliers, key=lambda o: -abs(o.metric.value - o.median) / max(abs(o.median), abs(o.metric.value), 1e-300))
+    parts = [f"{o.metric.name} {o.metric.value:.4g} instead of {o.median:.4g} {o.metric.unit}" for o in far[:_NUMBERS]]
+    more = f"; and {len(far) - _NUMBERS} more" if len(far) > _NUMBERS else ""
+    return f"{run}: {'; '.join(parts)}{more} (instead of: median of the fleet)"
 
 
 def _known(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[tuple[int, float]]:

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ride_estimation.cli import compare
 from ride_estimation.cli.main import main
 from ride_estimation.io.results import RESULT_SCHEMA
 
@@ -62,3 +64,49 @@ def test_folders_without_results_are_refused(tmp_path: Path, capsys: pytest.Capt
     (foreign / "result.json").write_text('{"schema": "something else"}')
     assert main(["compare", str(foreign), "--out", str(tmp_path / "out")]) == 2
     assert "schema" in capsys.readouterr().err
+
+
+def test_damage_and_comfort_are_compared_and_an_outlier_is_marked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folders = []
+    for i, amplitude in enumerate((100.0, 102.0, 98.0, 101.0, 400.0)):
+        folder = finished(tmp_path / f"r{i}", 5e4)
+        result = json.loads((folder / "result.json").read_text())
+        entry = {
+            "mount": "left", "axis": "z", "equivalent_amplitude_n": amplitude, "equivalent_lower_n": 0.8 * amplitude,
+            "equivalent_upper_n": 1.2 * amplitude,
+        }  # fmt: skip
+        place = {"location": "cab at <b>a</b>", "z": {"a_w_m_per_s2": 0.5 + 0.001 * i}, "a8_m_per_s2": 0.4}
+        result |= {"durability": {"slope": 5.0, "mounts": [entry]}, "comfort": {"places": [place]}}
+        (folder / "result.json").write_text(json.dumps(result))
+        folders.append(str(folder))
+    assert main(["compare", *folders, "--out", str(tmp_path / "out"), "--format", "html", "pdf"]) == 0
+    printed = capsys.readouterr().out
+    assert "r4: left.z equivalent amplitude (slope 5) is 400 N, the median of 5 runs is 101 N" in printed
+    assert "a_w" not in printed  # 0.1 % apart
+    text = (tmp_path / "out" / "report.html").read_text()
+    assert "400 ± 40 *" in text and "100 ± 10<" in text
+    assert "<b>" not in text and "&lt;b&gt;" in text
+    assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_recording_needs_a_vehicle_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "run").mkdir()
+    assert main(["compare", str(tmp_path / "run"), "--out", str(tmp_path / "out")]) == 2
+    assert "--vehicle" in capsys.readouterr().err
+
+
+def test_recordings_are_replayed_first_and_names_are_kept_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = finished(tmp_path / "done", 5e4)
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.mcap").write_text("")
+
+    def replay(path: Path, job: object, folder: Path) -> None:
+        for file in ("result.json", "signals.npz"):
+            shutil.copy(made / file, folder / file)
+
+    monkeypatch.setattr(compare, "replay_run", replay)
+    runs = [str(tmp_path / "a" / "run.mcap"), str(made), str(tmp_path / "b" / "run.mcap")]
+    assert main(["compare", *runs, "--vehicle", "truck_cab", "--out", str(tmp_path / "out")]) == 0
+    text = (tmp_path / "out" / "report.html").read_text()
+    assert all(name in text for name in ("001_run", "done", "003_run"))

@@ -28,7 +28,9 @@ from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.run_metrics import Metric
 from ride_estimation.io.run_table import write_run_table
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.reporting.fleet_report import fleet_page
 from ride_estimation.reporting.outliers import find_outliers
+from ride_estimation.reporting.page import Text
 
 
 def test_a_pool_outlives_a_death_and_an_exception() -> None:
@@ -159,3 +161,25 @@ def test_outliers_weigh_spread_and_own_uncertainty() -> None:
     for harmless in (run(200.0, std=40.0), run(200.0, sure=False), run(103.0)):
         assert not find_outliers([*usual, ("odd", harmless)])
     assert not find_outliers([("a", run(1.0)), ("b", run(100.0))])  # two runs tell nothing
+
+
+def test_the_summary_says_per_run_what_stands_out() -> None:
+    @dataclasses.dataclass(frozen=True)
+    class Row:
+        name: str
+        status: str
+        error: str
+        result: dict[str, Any]
+
+    def result(factor: float) -> dict[str, Any]:
+        names = [f"p{i}" for i in range(7)]
+        parameters = [{"name": n, "value": factor * 10.0, "std": 0.1, "unit": "N/m", "status": "valid"} for n in names]
+        return {"run": {"duration_s": 5.0}, "warnings": [], "parameters": parameters}
+
+    rows = [Row(f"r{i}", "done", "", result(1.0 + 0.001 * i)) for i in range(5)]
+    rows += [Row("odd", "done", "", result(2.0)), Row("bad", "failed", "why it failed", {})]
+    page = fleet_page("folder", "truck", rows)
+    texts = [b.text for b in page.blocks if isinstance(b, Text)]
+    assert any(t.startswith("6 of 7 runs evaluated with truck, 1 failed, 1 stand out") for t in texts)
+    (odd,) = [t for t in texts if t.startswith("odd:")]
+    assert "p0 20 instead of 10.0" in odd and "and 2 more" in odd
