@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.arrangement import Arrangement, relative_tilt_maps
+from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.block_math import cross, low_pass
+from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.deflection import DeflectionBlock
 from ride_estimation.estimation.frame_deformation import FrameDeformation
 from ride_estimation.estimation.mount_law import MountLaw
@@ -101,9 +102,11 @@ class MountForceEstimator:
         The mount elements, scaled by the parameter estimator.
     known
         Which mount axes have a measured deflection, shape (M, 3).
+    tilting
+        How the brackets tilt with their frame.
     """
 
-    def __init__(self, arrangement: Arrangement, law: MountLaw, known: NDArray[np.bool_]) -> None:
+    def __init__(self, arrangement: Arrangement, law: MountLaw, known: NDArray[np.bool_], tilting: BracketTilt) -> None:
         self.arrangement = arrangement
         self.law = law
         self.known = known
@@ -125,9 +128,13 @@ class MountForceEstimator:
             self._transducer[3 * arrangement.mount_names.index(sensor.mount) + AXES.index(sensor.axis)] = True
         if arrangement.has_base_motion:
             stated = [s.noise_std**2 for s in arrangement.base_sensors if s is not None]
-            maps = relative_tilt_maps(arrangement.mounts)
-            self._frame = FrameDeformation(self._g, np.array(stated), maps, arrangement.vehicle.gravity, arrangement.arms)
+            self._frame = FrameDeformation(self._g, np.array(stated), tilting, arrangement.vehicle.gravity, arrangement.arms)
         self.reset()
+
+    def take_tilt(self) -> None:
+        """Take over what was learned about the tilt of the brackets."""
+        if self._frame is not None:
+            self._frame.take_tilt()
 
     def reset(self) -> None:
         """Forget running statistics."""
@@ -279,11 +286,19 @@ class MountForceEstimator:
         self._innovation = np.zeros(6)
         self._innovation[self._free] = np.einsum("ij,j,ij->i", g, seen, g) + np.diag(load_covariance)[self._free]
         rest = np.eye(3 * count) - gain @ g
-        static = STATIC_SHARE * np.abs(self.static_force).ravel()
-        left = np.einsum("ij,jk,ik->i", rest, model + np.diag(static**2), rest)
+        left = np.einsum("ij,jk,ik->i", rest, model, rest) + self._static_variance()
         determined = np.einsum("ij,jk,ik->i", gain, load, gain)
         determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
         self._std = np.sqrt(np.stack([left + determined, determined, left])).reshape(3, count, 3)
+
+    def _static_variance(self) -> Array:
+        """Return the variance of the static forces, shape (3 M,): stiffness that shares them is only so well known; levelling."""
+        vertical = np.zeros_like(self._stiffness)
+        vertical[2::3] = self._stiffness[2::3]
+        open_share = np.eye(3 * self._count) - share_by_stiffness(self._g, vertical) @ self._g
+        # without motion of the bases the share of the twist, which is as wide as the forces, stands for this too
+        relative = STATIC_SHARE**2 + np.where(self.known, self.parameter_std[0] ** 2, 0.0).ravel()
+        return np.asarray(open_share**2 @ (relative * self.static_force.ravel() ** 2))
 
     def _covariance(self, deflection: DeflectionBlock, frame: FrameDeformation, parameters: Array) -> Array:
         """Return the covariance of the constitutive forces: rigid motion, deformation of the frame, parameters."""

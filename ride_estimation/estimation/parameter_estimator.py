@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.cg_motion import MotionBlock
 from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.force_balance import BalanceChunk, BalanceInput, ForceBalance
@@ -54,6 +55,8 @@ _CLEARLY = 6.0
 _CHANGE_STD = 0.15
 #: refused intervals in a row that make a change
 _REFUSED = 2
+#: mean over ten intervals of the normalised innovation squared that has the last seconds looked at again: one is expected
+_RESTLESS = 2.5
 #: factor on the innovation covariance from here on a change is suspected
 _SUSPECT_RATIO = 16.0
 
@@ -69,7 +72,7 @@ class ParameterEstimator:
         Of the pipeline.
     """
 
-    def __init__(self, arrangement: Arrangement, settings: PipelineSettings) -> None:
+    def __init__(self, arrangement: Arrangement, tilting: BracketTilt, settings: PipelineSettings) -> None:
         self.arrangement = arrangement
         self.settings = settings
         all_slots = find_slots(arrangement, settings)
@@ -88,7 +91,7 @@ class ParameterEstimator:
             self._balance = TransducerBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
             self._response = MeasuredResponse()
         else:
-            balance = ForceBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz, self._turns)
+            balance = ForceBalance(arrangement, tilting, self.slots, self._law, settings.parameter_corner_hz, self._turns)
             self._balance, self._response = balance, ModelResponse(balance, arrangement.vehicle.gravity)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
@@ -286,6 +289,9 @@ class ParameterEstimator:
             return False
         self._update(self._interval, chunk.step)
         self._interval = Interval(len(self.theta))
+        if self.innovation_ratio > _RESTLESS and not self._reviews:
+            # too small a change for the gate would widen the scatter and never be learned
+            self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         self._review(weights, chunk.step)
         self.stamp_ns = stamp_ns
         return True
