@@ -127,7 +127,8 @@ def masses(seeds: range, noise: float) -> dict[str, list]:
         # the reference is the element as the file states it: make the file right for this one stiffness
         vehicle = vehicle.replace_elements({("front_left", "z"): old.replace(stiffness=float(k))})
         body = vehicle.bodies["cab"]
-        body = dataclasses.replace(body, inertia=cab.inertia * 1.15)
+        # in every other world the inertia is off with the mass, in the rest it is right
+        body = dataclasses.replace(body, inertia=cab.inertia * (1.15 if seed % 2 else 1.0))
         vehicle = dataclasses.replace(vehicle, bodies={"cab": body})
         pipeline = Pipeline(vehicle)
         through(pipeline, data)
@@ -203,7 +204,7 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float], mov
             f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
         )
         line(f"force {axis}, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'inside {axis}']):.1f} %")
-    line("mass with known stiffness (file mass and inertia 15 % high), worst", "3 %", f"{100 * max(mass['anchored']):.2f} %")
+    line("mass with known stiffness (file mass 15 % high, with and without the inertia), worst", "3 %", f"{100 * max(mass['anchored']):.2f} %")
     line(
         "mass without anchor: not_identifiable",
         "every run",
