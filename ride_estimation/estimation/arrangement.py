@@ -20,6 +20,8 @@ ACCELEROMETERS = ("accelerometer", "imu")
 #: distance of a base sensor from its mount that matters [m], extent across their longest line that base sensors need to tell the
 #: rotation of the frame [m]
 AWAY, LEAST_SPREAD = 0.02, 0.2
+#: how brackets follow the twist of their frame until it is known, see :func:`relative_tilt_maps`
+USUAL_SHARES = np.array([0.7, 0.0, 0.5, 0.0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,33 +162,39 @@ def base_distances(mounts: Sequence[Mount], sensors: Sequence[Sensor | None]) ->
     return [0.0 if s is None else float(np.linalg.norm(m.position - s.position)) for m, s in zip(mounts, sensors)]
 
 
-def relative_tilt_maps(mounts: Sequence[Mount]) -> Array:
+def plate_fit(mounts: Sequence[Mount]) -> tuple[Array, Array]:
+    """Return the horizontal places of the mounts from their middle, (M, 2), and the fit of a plate to heights at them.
+
+    Rows of the fit give height, slope along x, slope along y and, with four or more mounts that show one, twist
+    (``z = ... + W x y``); shape (4, M), or (3, M) without twist.
+    """
+    place = np.array([m.position[:2] for m in mounts]).reshape(len(mounts), 2)
+    place = place - place.mean(axis=0) if len(mounts) else place
+    x, y = place.T
+    plane = np.column_stack([np.ones(len(mounts)), x, y])
+    twisted = np.column_stack([plane, x * y])
+    shows = len(mounts) >= 4 and np.linalg.matrix_rank(twisted, tol=1e-6) == 4
+    return place, np.asarray(np.linalg.pinv(twisted if shows else plane, rcond=1e-6))
+
+
+def relative_tilt_maps(mounts: Sequence[Mount], shares: Array = USUAL_SHARES) -> Array:
     """Return T, shape (M, 3, 3 M): from the stacked deflections to the rotation of the body relative to each bracket.
 
-    Roll and pitch come from a plane through the vertical deflections, with four or more mounts plus a twist term x y: a
-    twisted frame rolls at its front against its rear, and its brackets with it. Yaw comes from the horizontal deflections.
-    Rows are zero where the mounts lie on one line.
+    Roll and pitch come from a plane through the vertical deflections, with four or more mounts plus a twist ``W x y``, which
+    the brackets follow by shares (s_r, c_r, s_p, c_p): ``roll = W (s_r x + c_r)``, ``pitch = -W (s_p y + c_p)``. Yaw comes from
+    the horizontal deflections. Rows are zero where the mounts lie on one line.
     """
     count = len(mounts)
     maps = np.zeros((count, 3, 3 * count))
     if count < 2:
         return maps
-    place = np.array([m.position for m in mounts])
-    centre = place.mean(axis=0)
-    x, y = (place - centre)[:, 0], (place - centre)[:, 1]
-    columns = [np.ones(count), x, y]
-    if count >= 4 and np.linalg.matrix_rank(np.column_stack([*columns, x * y]), tol=1e-6) == 4:
-        columns.append(x * y)
-    design = np.column_stack(columns)
-    if np.linalg.matrix_rank(design, tol=1e-6) < len(columns):
-        design = np.column_stack([np.ones(count), x, y])
-    fit = np.linalg.pinv(design, rcond=1e-6)
-    span = float(np.sum(x**2 + y**2))
-    for i in range(count):
-        twist = fit[3] * x[i] if len(fit) == 4 else 0.0
-        maps[i, 0, 2::3] = fit[2] + twist
-        maps[i, 1, 2::3] = -fit[1]
+    place, fit = plate_fit(mounts)
+    span = float(np.sum(place**2))
+    twist = fit[3] if len(fit) == 4 else np.zeros(count)
+    for i, (x, y) in enumerate(place):
+        maps[i, 0, 2::3] = fit[2] + twist * (shares[0] * x + shares[1])
+        maps[i, 1, 2::3] = -fit[1] - twist * (shares[2] * y + shares[3])
         if span > 0.0:
-            maps[i, 2, 0::3] = -y / span
-            maps[i, 2, 1::3] = x / span
+            maps[i, 2, 0::3] = -place[:, 1] / span
+            maps[i, 2, 1::3] = place[:, 0] / span
     return maps

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.arrangement import Arrangement, relative_tilt_maps
+from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.cg_motion import MotionBlock
 from ride_estimation.estimation.motion_kernel import deflection_block
 from ride_estimation.frames import AXES
@@ -60,12 +61,14 @@ class DeflectionEstimator:
     ----------
     arrangement
         Body, mounts, sensors.
+    tilting
+        How the brackets tilt with their frame.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
+    def __init__(self, arrangement: Arrangement, tilting: BracketTilt) -> None:
         self.arrangement = arrangement
+        self._tilting = tilting
         self._count = len(arrangement.mounts)
-        self.tilt_maps = relative_tilt_maps(arrangement.mounts)
         self.has_base = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
         self._base_variance = np.array([s.noise_std**2 if s else _UNKNOWN_RELATIVE**2 for s in arrangement.base_sensors])
         self._slots = [
@@ -128,7 +131,7 @@ class DeflectionEstimator:
             self._begin(motion, base)
             self._mean_square = _MARGIN * expected_square
         deflection_block(
-            motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self.tilt_maps,
+            motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._tilting.maps,
             self.arrangement.vehicle.gravity, dt, self._state,
             self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance,
             deflection, rate, relative, turn,
@@ -145,7 +148,7 @@ class DeflectionEstimator:
     def turn_rate(self, block: DeflectionBlock) -> Array:
         """Return the rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s]."""
         flat = block.rate.reshape(len(block.rate), 3 * self._count)
-        return np.asarray((flat @ self.tilt_maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape))
+        return np.asarray((flat @ self._tilting.maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape))
 
     def _begin(self, motion: MotionBlock, base: Array) -> None:
         """Take the first relative acceleration as bias in x and y: it is mostly tilt of the sensors."""
@@ -172,7 +175,7 @@ class DeflectionEstimator:
         gravity = self.arrangement.vehicle.gravity
         corner = np.mean(noise[:, 2, 0] / noise[:, 2, 2]) ** 0.25 / dt**0.5 if self._count else 1.0
         for a, row in ((0, 1), (1, 0)):
-            tilt_variance = self.tilt_maps[:, row, 2::3] ** 2 @ self._p[:, 2, 0, 0]
+            tilt_variance = self._tilting.maps[:, row, 2::3] ** 2 @ self._p[:, 2, 0, 0]
             noise[:, a, 0] += gravity**2 * tilt_variance * 2.0 / (corner * dt)
         # white in continuous time, so that the answer does not depend on the tick
         noise[:, :, 3] = _UNKNOWN_RELATIVE**2 * 0.002 / dt

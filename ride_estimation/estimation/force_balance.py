@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
-from ride_estimation.estimation.arrangement import Arrangement, relative_tilt_maps
+from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.balance_kernel import high_pass_block, integrate_block, low_pass_block
 from ride_estimation.estimation.block_math import cross
+from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.mount_law import MountLaw
 from ride_estimation.estimation.slots import Slot
 from ride_estimation.frames import AXES, skew
@@ -87,6 +88,8 @@ class ForceBalance:
     ----------
     arrangement
         Body and mounts.
+    tilting
+        How the brackets tilt with their frame.
     slots
         Multipliers to be estimated.
     law
@@ -98,14 +101,14 @@ class ForceBalance:
     """
 
     def __init__(
-        self, arrangement: Arrangement, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float, turns: tuple[int, ...] = ()
+        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float,
+        turns: tuple[int, ...] = (),
     ) -> None:
         self.arrangement = arrangement
         self.slots = slots
         self.law = law
         self.corner = 2.0 * np.pi * corner_hz
         self._count = len(arrangement.mounts)
-        n_axes = 3 * self._count
         self._linear = np.ones((self._count, 3), dtype=bool)
         for i, mount in enumerate(arrangement.mounts):
             for a, axis in enumerate(AXES):
@@ -114,7 +117,7 @@ class ForceBalance:
         self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
         self.turns = turns
         self._file_inverse = inverse_mass(arrangement)
-        self._tilt_map = relative_tilt_maps(arrangement.mounts).reshape(n_axes, n_axes)
+        self._tilting = tilting
         self._slot_axis = np.array([3 * s.mount + s.axis for s in slots], dtype=np.int64)
         self._slot_role = np.array([s.role for s in slots], dtype=np.int64)
         self.scale_inertia(np.zeros(len(turns)))
@@ -220,13 +223,14 @@ class ForceBalance:
         high_pass_block(relative, self.corner, dt, self._input, passed)
         low_pass_block(relative, self.corner, dt, self._tilt, slow)
         # the trapezoidal rule loses (omega dt)^2 / 6 of a double integral
-        tilt = (slow - dt * dt / 6.0 * passed) @ self._tilt_map.T
+        tilt_map = self._tilting.maps.reshape(3 * self._count, -1)
+        tilt = (slow - dt * dt / 6.0 * passed) @ tilt_map.T
         gravity = self.arrangement.vehicle.gravity
         passed[:, 0::3] += gravity * tilt[:, 1::3]
         passed[:, 1::3] -= gravity * tilt[:, 0::3]
         x, v = np.empty((ticks, n)), np.empty((ticks, n))
         integrate_block(passed, self.corner, dt, self._integrators, x, v)
-        return x, v, x @ self._tilt_map.T
+        return x, v, x @ tilt_map.T
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.block_math import cross
+from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.deformation_filter import filter_bank
 from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
 from ride_estimation.jit import compile_kernel
@@ -109,28 +110,22 @@ class FrameDeformation:
         G of the free coordinates, shape (F, 3 M); its transpose gives the deflections of a rigid motion.
     base_variance
         Noise variance of the base sensors, shape (M,).
-    tilt_maps
-        From the stacked deflections to the rotation against each bracket, shape (M, 3, 3 M).
+    tilting
+        How the brackets tilt with their frame.
     gravity
         [m/s^2].
     arms
         Mount minus CG, shape (M, 3) [m].
     """
 
-    def __init__(self, wrench: Array, base_variance: Array, tilt_maps: Array, gravity: float, arms: Array) -> None:
+    def __init__(self, wrench: Array, base_variance: Array, tilting: BracketTilt, gravity: float, arms: Array) -> None:
         size = wrench.shape[1]
         self.projector = np.eye(size) - np.linalg.pinv(wrench) @ wrench
         self._count = size // 3
-        self._arms, self._turn_map = arms, tilt_maps.mean(axis=0)
+        self._arms, self._tilting, self._gravity = arms, tilting, gravity
         self._freedom = np.array([np.trace(self.projector[a::3, a::3]) for a in range(3)])
         self._base_variance = float(np.mean(base_variance))
-        # what gravity adds to the projected relative acceleration through the tilt of the brackets, from the vertical deflections
-        tilt = np.zeros((size, size))
-        tilt[0::3], tilt[1::3] = gravity * tilt_maps[:, 1], -gravity * tilt_maps[:, 0]
-        self._tilt = self.projector @ tilt[:, 2::3]
-        self._tilt[2::3] = 0.0
-        square = np.sum((self._tilt @ self.projector[2::3, 2::3]) ** 2, axis=1)
-        self._tilt_square = square.reshape(self._count, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9)
+        self.take_tilt()
         self.reset()
 
     def reset(self) -> None:
@@ -141,6 +136,28 @@ class FrameDeformation:
         self._chosen = np.full(3, -1)
         #: error variance of value and rate of a channel before projection, per axis
         self.variance, self.rate_variance = np.full(3, _UNKNOWN**2), np.full(3, _UNKNOWN_RATE**2)
+
+    def take_tilt(self) -> None:
+        """Take over how the brackets tilt: the maps of the twist, and what its doubts leave."""
+        self._turn_map = self._tilting.maps.mean(axis=0)
+        self._tilt = self._gravity_map(self._tilting.maps)
+        self._tilt_square = self._square(self._tilt)
+        #: variance of what a unit of vertical deformation wrongly adds because the shares are uncertain, per axis
+        self._doubt_square = np.sum([self._square(self._gravity_map(maps)) for maps in self._tilting.doubt], axis=0)
+
+    def _gravity_map(self, tilt_maps: Array) -> Array:
+        """Return what gravity adds to the projected relative acceleration through tilt, from vertical deformations, (3 M, M)."""
+        size = len(self.projector)
+        tilt = np.zeros((size, size))
+        tilt[0::3], tilt[1::3] = self._gravity * tilt_maps[:, 1], -self._gravity * tilt_maps[:, 0]
+        seen = self.projector @ tilt[:, 2::3]
+        seen[2::3] = 0.0
+        return np.asarray(seen)
+
+    def _square(self, gravity_map: Array) -> Array:
+        """Return the mean squared gain of a map per degree of freedom, shape (3,)."""
+        square = np.sum((gravity_map @ self.projector[2::3, 2::3]) ** 2, axis=1)
+        return np.asarray(square.reshape(self._count, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9))
 
     def observe(
         self, relative: Array, turn: Array, turn_rate: Array, stiffness: Array, damping: Array, dt: float
@@ -206,14 +223,16 @@ class FrameDeformation:
     def _choose(self, stiffness: Array, damping: Array) -> None:
         """Choose the filter of every axis; the vertical one first, as what it leaves tilts the others."""
         k2, c2 = np.mean(stiffness**2, axis=0), np.mean(damping**2, axis=0)
-        tilt = np.zeros(len(self._spectrum.frequencies))
+        tilt = whole = np.zeros(len(self._spectrum.frequencies))
         for axis in (2, 0, 1):
             if self._freedom[axis] > 1e-6:
-                left = self._choose_axis(axis, k2[axis], c2[axis], tilt * self._tilt_square[axis])
-                tilt = left if axis == 2 else tilt
+                noise = tilt * self._tilt_square[axis] + whole * self._doubt_square[axis]
+                left, bend = self._choose_axis(axis, k2[axis], c2[axis], noise)
+                if axis == 2:
+                    tilt, whole = left, bend
 
-    def _choose_axis(self, axis: int, k2: float, c2: float, tilt: Array) -> Array:
-        """Choose a filter for what errors cost; return the density of the value's error [m^2/Hz]."""
+    def _choose_axis(self, axis: int, k2: float, c2: float, tilt: Array) -> tuple[Array, Array]:
+        """Choose a filter for what errors cost; return the densities of the value's error and of the value [m^2/Hz]."""
         spectrum, bank, dt = self._spectrum, self._bank, self._step
         measured, spread = spectrum.density[:, axis], spectrum.spread[:, axis]
         white = 2.0 * self._base_variance * dt
@@ -232,11 +251,11 @@ class FrameDeformation:
             self._filters[axis] = bank.discretised(now, dt)
             self._warm_up(axis)
         self.variance[axis], self.rate_variance[axis] = value[now], rate[now]
-        if axis != 2:
-            return tilt
         whole = signal / (2.0 * np.pi * spectrum.frequencies) ** 4
+        if axis != 2:
+            return tilt, whole
         self._trusted = bool(value[now] < _TRUSTED * float(spectrum.widths @ whole))
-        return self._trust * bank.left(now, signal, tilt + white) + (1.0 - self._trust) * whole
+        return self._trust * bank.left(now, signal, tilt + white) + (1.0 - self._trust) * whole, whole
 
     def _warm_up(self, axis: int) -> None:
         """Give a new filter the states it would have had it run all the time: without them its integrals would ring.

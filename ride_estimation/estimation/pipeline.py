@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_fill import BaseFill
-from ride_estimation.estimation.block_math import count_unfit, turn_channels
+from ride_estimation.estimation.block_math import count_unfit, cross, turn_channels
+from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
@@ -76,11 +77,12 @@ class Pipeline:
         a = self.arrangement
         self._motion = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity, self.settings)
         self._loads = InertialLoads.of(a.body)
-        self._deflection = DeflectionEstimator(a)
+        self._tilting = BracketTilt(a)
+        self._deflection = DeflectionEstimator(a, self._tilting)
         self._fill = BaseFill(a)
         self._law = MountLaw(a)
-        self._forces = MountForceEstimator(a, self._law, self._deflection.known)
-        self._parameters = ParameterEstimator(a, self.settings)
+        self._forces = MountForceEstimator(a, self._law, self._deflection.known, self._tilting)
+        self._parameters = ParameterEstimator(a, self._tilting, self.settings)
         self._anchor = MassAnchor(a, self._parameters.slots)
         self._factor = 1.0
         cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
@@ -216,7 +218,9 @@ class Pipeline:
     def reset(self, reason: str) -> None:
         """Forget motion and learned parameters and begin again from the vehicle file."""
         self._due = None
-        self._parameters = ParameterEstimator(self.arrangement, self.settings)
+        self._tilting.reset()
+        self._forces.take_tilt()
+        self._parameters = ParameterEstimator(self.arrangement, self._tilting, self.settings)
         self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
         self._kept, self._calm = [], []
         self._apply()
@@ -227,6 +231,7 @@ class Pipeline:
         """Begin a new time base: motion and integrators start again, parameters stay."""
         self._restarts[reason] += 1
         self._motion.reset()
+        self._tilting.restart()
         self._deflection.reset()
         self._forces.reset()
         self._parameters.restart()
@@ -337,11 +342,19 @@ class Pipeline:
                 if stated is not None and len(stated) >= 3 and all(np.isfinite(v) and v > 0.0 for v in stated[:3]):
                     self._motion.set_variance(n, np.array(stated[:3], dtype=float))
 
+    def _motion_at_mounts(self, motion: MotionBlock) -> Array:
+        """Return the specific force of the body at its mounts, shape (K, M, 3)."""
+        arms, alpha, rate = self.arrangement.arms, motion.motion[:, None, 3:], motion.rate[:, None]
+        return np.asarray(motion.motion[:, None, :3] + cross(alpha, arms) + cross(rate, cross(rate, arms)))
+
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
         turn_channels(block.values, block.valid, *self._base_layout, base, base_ok)
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
+        if self._tilting.observe(base, self._motion_at_mounts(motion), base_ok, dt):
+            self._forces.take_tilt()
+        base = self._tilting.tilting(base, dt)
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._transducers:
             displaced[:, i, axis] = block.values[:, start]
@@ -453,7 +466,7 @@ class Pipeline:
             )  # fmt: skip
         messages = self._gate.messages() + [m for m in (residual_message(test),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
-        messages += self._parameters.notes()
+        messages += [*self._parameters.notes(), *self._tilting.notes()]
         if self._taken_back:
             messages.append(f"{self._taken_back} times what was learned in the last seconds was taken back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
@@ -472,7 +485,7 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
-            "gate": self._gate.save(),
+            "gate": self._gate.save(), "tilt": self._tilting.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -486,6 +499,8 @@ class Pipeline:
         check_state(state, self._sensors, self.arrangement.mount_names)
         self._due = None
         self._motion.load(state["motion"])
+        self._tilting.load(state["tilt"])
+        self._forces.take_tilt()
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
         self._anchor.load(state["anchor"])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,8 +19,13 @@ STIFFNESS, DAMPING = np.full((4, 3), 1e5), np.full((4, 3), 1e3)
 SIGMA = 0.01
 
 
+def known_tilt(maps: np.ndarray) -> SimpleNamespace:
+    """Brackets of which is known how they tilt."""
+    return SimpleNamespace(maps=maps, doubt=np.zeros((1, *maps.shape)))
+
+
 def make() -> FrameDeformation:
-    return FrameDeformation(WRENCH, np.full(4, SIGMA**2), np.zeros((4, 3, 12)), 9.81, ARMS)
+    return FrameDeformation(WRENCH, np.full(4, SIGMA**2), known_tilt(np.zeros((4, 3, 12))), 9.81, ARMS)
 
 
 def integrate(frame: FrameDeformation, acceleration: np.ndarray) -> np.ndarray:
@@ -109,7 +115,7 @@ def test_finite_rotation_is_no_deformation() -> None:
     acceleration = np.stack([zero, accel_y, accel_z], axis=-1)
     maps = np.zeros((4, 3, 12))
     maps[:, 0, 2::3] = y / np.sum(y**2)
-    frame = FrameDeformation(WRENCH, np.full(4, SIGMA**2), maps, 0.0, ARMS)
+    frame = FrameDeformation(WRENCH, np.full(4, SIGMA**2), known_tilt(maps), 0.0, ARMS)
     turn, rate = np.column_stack([angle, 0 * angle, 0 * angle]), np.column_stack([omega, 0 * omega, 0 * omega])
     estimate = np.concatenate(
         [frame.observe(acceleration[i : i + 10], turn[i : i + 10], rate[i : i + 10], STIFFNESS, DAMPING, DT)[0]

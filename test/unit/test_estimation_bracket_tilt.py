@@ -1,0 +1,104 @@
+# Copyright 2026 ride_estimation contributors
+"""Tilt of brackets: shares of a synthetic frame come back with honest doubt, a rig that only translates is noticed."""
+
+from __future__ import annotations
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from ride_estimation.estimation.arrangement import USUAL_SHARES, arrange
+from ride_estimation.estimation.bracket_tilt import _PRIOR_STD, BracketTilt
+from ride_estimation.io.vehicle_file import load_vehicle
+
+VEHICLE = pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"
+RATE, GRAVITY, NOISE = 200.0, 9.80665, 0.02
+
+
+def band(rng: np.random.Generator, size: int, low: float, high: float, rms: float) -> np.ndarray:
+    """Band-limited angle and its second derivative, shape (2, size)."""
+    f = np.fft.rfftfreq(size, 1.0 / RATE)
+    spectrum = np.where((f > low) & (f < high), 1.0 / np.maximum(f, low) ** 2, 0.0) * np.exp(2j * np.pi * rng.random(f.size))
+    angle = np.fft.irfft(spectrum, size)
+    scale = rms / np.std(angle)
+    return scale * np.stack([angle, np.fft.irfft(-((2 * np.pi * f) ** 2) * spectrum, size)])
+
+
+def readings(shares: tuple[float, ...], seed: int, seconds: float = 60.0) -> tuple[np.ndarray, np.ndarray]:
+    """Specific force of brackets and body (K, 4, 3): frame angles, twist, relative rotation, sideways motion, noise."""
+    rng = np.random.default_rng(seed)
+    size = round(seconds * RATE)
+    place = np.array([m.position[:2] for m in load_vehicle(VEHICLE).mounts.values()])
+    x, y = (place - place.mean(axis=0)).T
+    (w, w2), (phi, phi2), (theta, theta2) = (band(rng, size, 0.3, 8.0, a)[:, :, None] for a in (0.003, 0.005, 0.004))
+    (rel, rel2), (rel_p, rel_p2) = (band(rng, size, 0.5, 4.0, a)[:, :, None] for a in (0.003, 0.003))
+    side, fore = (band(rng, size, 0.5, 20.0, 1e-3)[1][:, None] for _ in range(2))
+    s_r, c_r, s_p, c_p, l_r, l_p = shares
+    base, body = np.zeros((size, 4, 3)), np.zeros((size, 4, 3))
+    base[:, :, 2] = GRAVITY + w2 * x * y + phi2 * y - theta2 * x
+    body[:, :, 2] = GRAVITY + (phi2 - rel2) * y - (theta2 - rel_p2) * x
+    base[:, :, 1] = side - 0.4 * phi2 + GRAVITY * ((1 - l_r) * phi + w * (s_r * x + c_r))
+    base[:, :, 0] = fore + 0.4 * theta2 - GRAVITY * ((1 - l_p) * theta - w * (s_p * y + c_p))
+    body[:, :, 1] = side - 0.4 * phi2 + GRAVITY * (phi - rel)
+    body[:, :, 0] = fore + 0.4 * theta2 - GRAVITY * (theta - rel_p)
+    return tuple(a + NOISE * rng.standard_normal(a.shape) for a in (base, body))
+
+
+def learned(base: np.ndarray, body: np.ndarray, block: int = 100) -> BracketTilt:
+    """Feed readings in blocks."""
+    tilt = BracketTilt(arrange(load_vehicle(VEHICLE)))
+    for k in range(0, len(base), block):
+        part = slice(k, k + block)
+        tilt.observe(base[part], body[part], np.ones((len(base[part]), 4), dtype=bool), 1.0 / RATE)
+    return tilt
+
+
+@pytest.mark.parametrize(
+    ("shares", "seed"),
+    [((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1), ((0.0, 0.1, 1.0, -0.1, 0.0, 0.0), 2), ((0.4, 0.0, 0.4, 0.0, 1.0, 1.0), 3)],
+)
+def test_shares_come_back_within_three_standard_deviations(shares, seed):
+    tilt = learned(*readings(shares, seed))
+    std = np.sqrt(np.diag(tilt.covariance))
+    assert np.all(np.abs(tilt.shares - shares) < 3.0 * std)
+    assert np.all(std < 0.5 * _PRIOR_STD), "the readings tell more than the prior"
+
+
+def test_a_rig_that_only_translates_is_said_and_a_frame_that_tilts_is_not():
+    assert "levelled" in learned(*readings((0.0, 0.0, 0.0, 0.0, 1.0, 1.0), 4)).notes()[0]
+    assert learned(*readings((1.0, 0.0, 1.0, 0.0, 0.0, 0.0), 5)).notes() == []
+
+
+def test_readings_of_levelled_sensors_become_those_of_tilting_ones():
+    level, body = readings((0.0, 0.0, 0.0, 0.0, 1.0, 1.0), 6)
+    tilting, _ = readings((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 6)
+    tilt = learned(level, body)
+    tilt.restart()
+    put_right = np.concatenate([tilt.tilting(level[k : k + 100], 1.0 / RATE) for k in range(0, len(level), 100)])
+    late = slice(round(20 * RATE), None)
+    # slower parts are drift of the integration, which no estimate of a deflection uses
+    fast = signal.butter(4, 0.25, "highpass", fs=RATE, output="sos")
+    before, after = (np.std(signal.sosfiltfilt(fast, a - tilting, axis=0)[late, :, :2]) for a in (level, put_right))
+    # what is left: leak of the integration at 0.3 Hz (2 * 7.6 degrees), share off by its standard deviation
+    assert after < 0.3 * before
+
+
+def test_without_excitation_the_prior_stays_and_a_tilting_frame_is_left_alone():
+    rng = np.random.default_rng(7)
+    still = GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3))
+    tilt = learned(still, GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3)))
+    assert np.all(np.abs(tilt.shares[:4] - USUAL_SHARES) < 3.0 * np.sqrt(np.diag(tilt.covariance)[:4]))
+    assert tilt.tilting(still[:100], 1.0 / RATE) is not None and not tilt.levelled.any()
+
+
+def test_a_saved_state_continues_alike():
+    base, body = readings((0.5, 0.0, 0.5, 0.0, 1.0, 1.0), 8, 40.0)
+    whole, first = learned(base, body), learned(base[:4000], body[:4000])
+    second = BracketTilt(arrange(load_vehicle(VEHICLE)))
+    second.load(json.loads(json.dumps(first.save())))
+    for k in range(4000, len(base), 100):
+        second.observe(base[k : k + 100], body[k : k + 100], np.ones((100, 4), dtype=bool), 1.0 / RATE)
+    assert np.array_equal(second.shares, whole.shares)
