@@ -25,6 +25,7 @@ from ride_estimation.estimation.identifiable import null_directions
 from ride_estimation.estimation.interval import Interval, IntervalMemory
 from ride_estimation.estimation.mount_forces import static_share
 from ride_estimation.estimation.mount_law import ROLES, MountLaw
+from ride_estimation.estimation.mounting_doubt import MountingDoubt
 from ride_estimation.estimation.parameter_status import StatusTracker
 from ride_estimation.estimation.refinement import Refinement
 from ride_estimation.estimation.response import ModelResponse
@@ -109,6 +110,7 @@ class ParameterEstimator:
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
+        self._doubt: MountingDoubt | None = None if by_transducers else MountingDoubt(arrangement)
         self._filter: GuardedEkf | None = None
         self._memory = IntervalMemory(len(self.theta))
         self._refinement = Refinement(self._response, self._prepare, self._prior_std, self._lower, self._upper, balance)
@@ -256,6 +258,8 @@ class ParameterEstimator:
         joined = BalanceInput.join(self._blocks)
         self._pending_ticks_taken = self._pending_ticks
         self._blocks, self._pending_ticks = [], 0
+        if self._doubt is not None:
+            self._doubt.observe(joined.deflection, joined.rate)
         return self._balance.observe(joined, self._static(), self.follow, dt)
 
     def _static(self) -> Array:
@@ -391,9 +395,18 @@ class ParameterEstimator:
         self._memory.add(interval, centre)
         self.std = self._memory.standard_deviation(ekf.p, self.theta)
         own = slice(0, self.count)
+        self.std[own] = self._with_doubt(self.std[own])
         self.status.follow(
             self.std[own], self._prior_std[own], self.theta[own], self._memory, self._lower[own], self._upper[own]
         )  # fmt: skip
+
+    def _with_doubt(self, std: Array) -> Array:
+        """Return standard deviations with what the mounting of the sensors leaves uncertain, at most those of the file."""
+        if self._doubt is None:
+            return std
+        doubt = self._doubt.std()
+        added = np.array([doubt[s.role, s.mount, s.axis] for s in self.slots])
+        return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
 
     def _normalised(self, ekf: GuardedEkf, residual: Array, jacobian: Array, scale: float) -> float:
         """Return the normalised innovation squared per degree of freedom."""
@@ -428,7 +441,9 @@ class ParameterEstimator:
     def save(self) -> dict[str, Any]:
         """Return what was learned as plain lists; the filters of the signals start again."""
         return {
-            "theta": self.theta.tolist(), "std": self.std.tolist(), "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
+            "theta": self.theta.tolist(), "std": self.std.tolist(),
+            "doubt": None if self._doubt is None else self._doubt.save(),
+            "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.p.tolist(), "memory": self._memory.save(),
             "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
         }  # fmt: skip
@@ -437,6 +452,8 @@ class ParameterEstimator:
         """Continue from :meth:`save`."""
         self.theta = np.array(saved["theta"], dtype=float)
         self.std = np.array(saved["std"], dtype=float)
+        if self._doubt is not None:
+            self._doubt.load(saved["doubt"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.innovation_ratio, self.changes = float(saved["innovation_ratio"]), int(saved["changes"])
         self._memory.load(saved["memory"])
