@@ -3,15 +3,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import pathlib
 
 import numpy as np
 import pytest
 from scipy import signal
+from worlds.adapters import START_NS, arrivals, believed_vehicle
+from worlds.cab import drive, measure, random_sensors, random_vehicle
+from worlds.roads import Road
 
 from ride_estimation.estimation.arrangement import USUAL_SHARES, arrange
 from ride_estimation.estimation.bracket_tilt import _PRIOR_STD, BracketTilt
+from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle
 
 VEHICLE = pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"
@@ -102,3 +107,23 @@ def test_a_saved_state_continues_alike():
     for k in range(4000, len(base), 100):
         second.observe(base[k : k + 100], body[k : k + 100], np.ones((100, 4), dtype=bool), 1.0 / RATE)
     assert np.array_equal(second.shares, whole.shares)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("follow", "seed"), [((0.0, 0.0), 1501), ((0.2, 0.9), 1502)])
+def test_a_frame_in_an_independent_world_is_learned_and_its_forces_are_honest(follow, seed):
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "air")
+    road = dataclasses.replace(Road.random(rng), follow=follow)
+    data = measure(drive(cab, road, 40.0, seed), random_sensors(cab, rng), 200.0, seed, noise_share=0.01)
+    pipeline = Pipeline(believed_vehicle(data, seed=seed))
+    blocks = [out for stamp, name, values in arrivals(data) for out in pipeline.observe(name, stamp, values)]
+    blocks += pipeline.finish()
+    tilt = pipeline._tilting
+    assert np.all(np.abs(tilt.shares[[0, 2]] - follow) < 3.5 * np.sqrt(np.diag(tilt.covariance)[[0, 2]]))
+    stamp = np.concatenate([b.stamp_ns for b in blocks])
+    row = np.round((stamp - START_NS) * 1e-9 * data.rate_hz).astype(int)
+    good = (row > 20 * data.rate_hz) & (row < len(data.time))
+    force, std = (np.concatenate([getattr(b, n) for b in blocks])[good] for n in ("mount_force", "mount_force_std"))
+    inside = np.abs(force - data.truth["mount_force"][row[good]]) < 2.0 * std
+    assert inside.mean(axis=(0, 1)).min() > 0.9

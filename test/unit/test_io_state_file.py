@@ -100,7 +100,9 @@ CHANGES: dict[str, tuple[Callable[[dict[str, Any]], dict[str, Any]], str]] = {
     "one digit": (lambda d: {**d, "state": {**d["state"], "run_time": d["state"]["run_time"] + 1.0}}, "checksum"),
     "other version": (lambda d: {**d, "software": "99.0.0"}, "version '99.0.0'"),
     "other vehicle": (lambda d: {**d, "vehicle": {"name": "other", "fingerprint": "0"}}, "of the vehicle 'other'"),
-    "part missing": (lambda d: resealed({**d, "state": {k: v for k, v in d["state"].items() if k != "anchor"}}), "form of a state"),
+    "part missing": (
+        lambda d: resealed({**d, "state": {k: v for k, v in d["state"].items() if k != "anchor"}}), "form of a state",
+    ),
     "foreign part": (lambda d: resealed({**d, "state": {**d["state"], "more": 1}}), "other entries"),
     "text for a number": (lambda d: resealed({**d, "state": {**d["state"], "run_time": "soon"}}), "form of a state"),
     "huge parameter": (

@@ -21,8 +21,9 @@ class Road:
     ``coherence_length`` of left against right [m], ``bumps`` as (time s, height m, length m, side 'both'|'left'|'right'),
     ``cobbles`` rms height [m] with ``cobble_length`` [m], ``horizontal`` ratio of the own horizontal to the vertical
     chassis acceleration, ``twist`` share of the axle twist that reaches the cab frame, ``local`` ratio of local bracket
-    acceleration, ``standing_s`` seconds at rest before the start, ``stop_s`` when it stops again [s], ``engine``
-    (frequency Hz, acceleration m/s^2) of a shake while moving.
+    acceleration, ``follow`` shares of the frame's twist that brackets roll and pitch with (a cross member rolls, a rail
+    pitches, a stiff subframe does neither), ``standing_s`` seconds at rest before the start, ``stop_s`` when it stops
+    again [s], ``engine`` (frequency Hz, acceleration m/s^2) of a shake while moving.
     """
 
     roughness: float = 256e-6
@@ -35,6 +36,7 @@ class Road:
     horizontal: float = 0.5
     twist: float = 0.5
     local: float = 0.1
+    follow: tuple[float, float] = (1.0, 0.0)
     standing_s: float = 1.0
     ramp_s: float = 1.0
     stop_s: float = np.inf
@@ -226,8 +228,10 @@ def base_motion(
         dx, y = point[0] - middle[0], point[1]
         brackets[:, i, 2] = twist_value * dx * y
         brackets[:, i, 5] = twist_rate * dx * y
-        brackets[:, i, 6] = twist_value * dx
-        brackets[:, i, 9] = twist_rate * dx
+        brackets[:, i, 6] = road.follow[0] * twist_value * dx
+        brackets[:, i, 9] = road.follow[0] * twist_rate * dx
+        brackets[:, i, 7] = -road.follow[1] * twist_value * y
+        brackets[:, i, 10] = -road.follow[1] * twist_rate * y
         for axis in range(3):
             local = process(1.5, 25.0, road.local * vertical)
             value, rate = series(local if local.any() else zero)
