@@ -265,7 +265,8 @@ class EstimatorNode(LifecycleNode):
         if self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
             self._reported_ns = now_ns
             if self._session is not None and self._outputs is not None:
-                self._outputs.publish_parameters(now_ns, self._session.body, self._session.pipeline.parameters())
+                pipeline = self._session.pipeline
+                self._outputs.publish_parameters(now_ns, self._session.body, pipeline.inertia, pipeline.parameters())
             self._reported_since_watch = True
             self._publish_diagnostics(now_ns)
 

@@ -100,12 +100,12 @@ class EstimatePublishers:
             conversions.joint_state(stamp, frame, self._joints, deflection_std.ravel(), no_rate, force_std.ravel())
         )
 
-    def publish_parameters(self, stamp_ns: int, body: Body, estimates: Iterable[Estimate]) -> None:
-        """Publish the parameters and the inertia of the body they belong to."""
+    def publish_parameters(self, stamp_ns: int, body: Body, inertia: NDArray[np.float64], estimates: Iterable[Estimate]) -> None:
+        """Publish the parameters and the mass, CG and estimated inertia (3, 3) [kg m^2] of the body they belong to."""
         estimates = tuple(estimates)
         self._parameters.publish(conversions.parameters(stamp_ns, body.name, estimates))
         mass = next((e.value for e in estimates if e.name == f"{body.name}.mass" and np.isfinite(e.value)), body.mass.value)
-        self._inertia.publish(conversions.inertia(stamp_ns, self._vehicle_frame, mass, body.cg, body.inertia))
+        self._inertia.publish(conversions.inertia(stamp_ns, self._vehicle_frame, mass, body.cg, inertia))
 
 
 def finite(block: OutputBlock) -> NDArray[np.bool_]:
