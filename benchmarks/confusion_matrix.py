@@ -66,7 +66,10 @@ def stored_case(case: Case, folder: pathlib.Path) -> StoredCase:
         causes = case.causes or ("none",)
         save_case(
             path,
-            make_scenario(causes, case.seed, residual=case.residual, noise=case.noise, duration=case.duration, form=case.form),
+            make_scenario(
+                causes, case.seed, residual=case.residual, noise=case.noise, duration=case.duration, form=case.form,
+                follow=tuple(np.random.default_rng([case.seed, 1]).uniform(0.0, 1.0, 2)),
+            ),
         )
     return load_case(path)
 

@@ -64,6 +64,7 @@ def make_scenario(
     file_error: float = 0.0,
     turned: bool = False,
     form: str | None = None,
+    follow: tuple[float, float] = (1.0, 0.0),
     step: float = 1e-3,
 ) -> Scenario:
     """Draw a vehicle, roads and places, plant the causes at the wanted residual and measure.
@@ -80,13 +81,15 @@ def make_scenario(
         Mass and inertia of the file are off by this many of their stated standard deviations (uniform).
     form
         Functional form of the first cause, drawn where None.
+    follow
+        How the brackets of the vehicle follow the twist of its frame, see ``roads.Road``.
     """
     rng = np.random.default_rng([seed, sum(map(ord, "".join(causes)))])
     vehicle = random_vehicle(rng, vehicle_kind)
     sensors = random_sensors(vehicle, rng, displacement=displacement, turned=turned)
     road_kind = road_kind or str(rng.choice(["any", "any", "rough", "bumps", "cobbles"]))
     others = [str(rng.choice(["any", "rough", "bumps"])) for _ in range(validations)]
-    roads = [Road.random(rng, kind) for kind in (road_kind, *others)]
+    roads = [dataclasses.replace(Road.random(rng, kind), follow=follow) for kind in (road_kind, *others)]
     bases = [base_motion(road, vehicle.mounts, duration, step, seed * 10 + i) for i, road in enumerate(roads)]
     wanted = [c for c in causes if c != "none"]
     planted: list[tuple[Effect, float, float]] = []
