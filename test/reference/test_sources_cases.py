@@ -115,7 +115,7 @@ def test_whole_loader_case_meets_ten_percent(path):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="target missed: 10.7 % measured at the rear mounts, slow twist of the frame")
+@pytest.mark.xfail(reason="target missed: 10.5 % measured at the rear mounts, slow twist of the frame")
 def test_truck_on_rough_ground_meets_ten_percent():
     for name, pair in replayed(SCENARIOS / "truck_rough_10_km_per_h.yaml", 20.0)[1].items():
         assert score(*pair).nrmse < 0.10, name
