@@ -78,7 +78,7 @@ def main() -> None:
     print(f"{where:<13} wall {more['wall']:7.1f} s   processor {several:7.1f} s   parent {more['parent']:.1f} s")
     print(f"speed-up      wall {one['wall'] / more['wall']:.2f}      by processor time {work / share:.2f}")
     same = one["digests"] == more["digests"]
-    print(f"digests of all runs {'equal' if same else 'DIFFER'}: {len(set(one['digests'].values()))} different one(s)")
+    print(f"digests of all runs {'equal' if same else 'DIFFER'} ({len(set(one['digests'].values()))} distinct)")
 
 
 if __name__ == "__main__":
