@@ -131,7 +131,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             return {name: arrays[name] for name in arrays.files}
     except InputDataError:
         raise
-    # numpy and zipfile raise many kinds on damaged files: BadZipFile, zlib.error, EOFError, NotImplementedError, SyntaxError...
+    # numpy and zipfile raise many kinds on damaged files: BadZipFile, zlib.error, EOFError, SyntaxError...
     except Exception as error:
         raise InputDataError(f"{path}: not a readable npz file ({_words(error)})") from error
 
