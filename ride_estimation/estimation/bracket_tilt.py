@@ -29,7 +29,8 @@ from ride_estimation.jit import compile_kernel
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: standard deviations of the shares before anything was learned; shifts in metres
+#: shares before anything was learned and their standard deviations; shifts in metres
+_PRIOR = np.concatenate([USUAL_SHARES, [0.0, 0.0]])
 _PRIOR_STD = np.array([0.6, 0.15, 0.6, 0.15, 0.3, 0.3])
 #: band in which gravity dominates the horizontal readings: corners of the high-pass and the low-pass [Hz]
 _BAND = (0.25, 1.5)
@@ -147,7 +148,7 @@ class BracketTilt:
 
     def reset(self) -> None:
         """Forget everything: the prior."""
-        self.shares = np.concatenate([USUAL_SHARES, [0.0, 0.0]])
+        self.shares = _PRIOR.copy()
         self.covariance = np.diag(_PRIOR_STD**2)
         size = 2 * _SLOPES + len(self._pattern)
         self._moments = np.zeros((size, size))
@@ -179,7 +180,7 @@ class BracketTilt:
         return np.array([relative_tilt_maps(self._mounts, scaled[:, i]) - none for i in range(4)])
 
     def observe(self, base: Array, body: Array, ok: BoolArray, dt: float) -> bool:
-        """Learn from a block; return whether the maps changed.
+        """Learn from a block where :attr:`learns`; return whether the maps changed.
 
         Parameters
         ----------
@@ -190,8 +191,6 @@ class BracketTilt:
         dt
             Tick [s].
         """
-        if not self.learns:
-            return False
         relative = base - body
         horizontal = np.ascontiguousarray(relative[:, :, :2]).reshape(len(base), -1)
         frame, against = base[:, :, 2] @ self._fit.T, relative[:, :, 2] @ self._fit.T
@@ -261,9 +260,8 @@ class BracketTilt:
         pattern[size + 1 : 2 * size : 2, 4] = -self._gravity
         pattern[2 * size :: 2, 5] = self._gravity
         weighted = np.linalg.solve(covariance, np.column_stack([pattern, slope[:3].ravel()]))
-        prior = np.concatenate([USUAL_SHARES, [0.0, 0.0]])
         self.covariance = np.linalg.inv(pattern.T @ weighted[:, :6] + np.diag(_PRIOR_STD**-2))
-        self.shares = self.covariance @ (pattern.T @ weighted[:, 6] + prior / _PRIOR_STD**2)
+        self.shares = self.covariance @ (pattern.T @ weighted[:, 6] + _PRIOR / _PRIOR_STD**2)
         self._conclude()
         return True
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -97,36 +97,35 @@ def _load(run: FinishedReplay, mount: str, axis: int) -> str:
 
 
 def _motion_spectra(runs: Sequence[FinishedReplay]) -> Figure:
-    figure = Figure(figsize=(11, 3.4))
-    axes = figure.subplots(1, 3)
-    for i, axis in enumerate(AXES):
-        for run in runs:
-            if np.sum(run.valid) >= 64:
-                frequency, density = spectrum(run.cg_accel[run.valid, i], run.time_s)
-                axes[i].loglog(frequency, density, linewidth=0.9, label=run.name)
-        axes[i].minorticks_off()
-        axes[i].set_title(axis, fontsize=9)
-        axes[i].set_xlabel("frequency [Hz]")
-        axes[i].set_ylabel("[(m/s²)²/Hz]")
-    if axes[0].get_legend_handles_labels()[0]:
-        axes[0].legend(fontsize=7)
-    figure.subplots_adjust(left=0.07, right=0.98, bottom=0.16, top=0.9, wspace=0.3)
-    return figure
+    return _spectra(
+        {r.name: _by_axis(r.cg_accel[r.valid, :3], r.time_s) for r in runs if np.sum(r.valid) >= 64}, "[(m/s²)²/Hz]"
+    )
 
 
 def _force_spectra(runs: Sequence[FinishedReplay], mount: str) -> Figure:
+    found = {}
+    for run in runs:
+        if mount in run.mount_names and np.sum(run.valid) >= 64:
+            densities = _by_axis(run.mount_force[run.valid, run.mount_names.index(mount)], run.time_s)
+            found[run.name] = [(frequency, np.sqrt(density)) for frequency, density in densities]
+    return _spectra(found, "[N/√Hz]")
+
+
+def _by_axis(values: Array, time_s: Array) -> list[tuple[Array, Array]]:
+    return [spectrum(values[:, i], time_s) for i in range(len(AXES))]
+
+
+def _spectra(curves: Mapping[str, list[tuple[Array, Array]]], unit: str) -> Figure:
+    """Draw (frequency, value) of every axis by name, one picture per axis."""
     figure = Figure(figsize=(11, 3.4))
     axes = figure.subplots(1, 3)
     for i, axis in enumerate(AXES):
-        for run in runs:
-            if mount in run.mount_names and np.sum(run.valid) >= 64:
-                force = run.mount_force[run.valid, run.mount_names.index(mount), i]
-                frequency, density = spectrum(force, run.time_s)
-                axes[i].loglog(frequency, np.sqrt(density), linewidth=0.9, label=run.name)
+        for name, by_axis in curves.items():
+            axes[i].loglog(*by_axis[i], linewidth=0.9, label=name)
         axes[i].minorticks_off()
         axes[i].set_title(axis, fontsize=9)
         axes[i].set_xlabel("frequency [Hz]")
-        axes[i].set_ylabel("[N/√Hz]")
+        axes[i].set_ylabel(unit)
     if axes[0].get_legend_handles_labels()[0]:
         axes[0].legend(fontsize=7)
     figure.subplots_adjust(left=0.07, right=0.98, bottom=0.16, top=0.9, wspace=0.3)
