@@ -42,9 +42,9 @@ _SETTLED, _LEAST, _EVERY = 1.5 / _BAND[0], 5.0, 1.0
 _SLOPES = 5
 #: levelled share that is acted on, and by how many standard deviations it must be known
 _LEVELLED, _CERTAIN = 0.3, 4.0
-#: corner [Hz] and memory of the mean [s] of the integration that turns readings of levelled sensors into those of tilting ones
-_CORNER, _MEMORY = 0.04, 30.0
-#: time over which a correction of the readings sets in [s]: a step would ring in every double integration
+#: memory of the mean of angular accelerations [s], noise of the angle [rad] its leak is chosen for and bounds of that corner [Hz]
+_MEMORY, _ANGLE_NOISE, _CORNERS = 30.0, 5e-3, (0.04, 0.25)
+#: time over which the swing sets in [s]: a step would ring in every double integration
 _FADE = 3.0
 
 
@@ -109,23 +109,26 @@ def accumulate(
 
 
 @compile_kernel
-def integrate_slope(slopes: Array, corner: float, memory: float, dt: float, state: Array, angle: Array) -> None:
+def integrate_slope(slopes: Array, corner: float, memory: float, dt: float, state: Array, angle: Array, rate: Array) -> None:
     """Integrate angular accelerations (K, 2) twice without their running mean, leaking at ``corner`` [rad/s].
 
-    ``state`` (2, 4): mean over ``memory`` [s], rate, angle, age; in place. ``angle`` (K, 2) out.
+    ``state`` (2, 4): mean over ``memory`` [s], rate, angle, age; in place. ``angle``, ``rate`` (K, 2) out.
     """
     leak = np.exp(-corner * dt)
     for n in range(len(slopes)):
         for i in range(2):
             state[i, 3] += dt
             state[i, 0] += min(1.0, dt / min(memory, state[i, 3])) * (slopes[n, i] - state[i, 0])
-            state[i, 1] = leak * state[i, 1] + dt * (slopes[n, i] - state[i, 0])
-            state[i, 2] = leak * state[i, 2] + dt * state[i, 1]
+            # leap frog: the rate is kept half a tick late
+            early = state[i, 1]
+            state[i, 2] = leak * state[i, 2] + dt * early
+            state[i, 1] = leak * early + dt * (slopes[n, i] - state[i, 0])
             angle[n, i] = state[i, 2]
+            rate[n, i] = 0.5 * (early + state[i, 1]) - corner * state[i, 2]
 
 
 class BracketTilt:
-    """Shares by which brackets follow their frame, the tilt maps that follow from them, and readings of levelled sensors.
+    """Shares by which brackets follow their frame, the tilt maps that follow from them, and how far a frame tilts without them.
 
     Parameters
     ----------
@@ -144,6 +147,7 @@ class BracketTilt:
         self._pattern = np.zeros((2 * len(self._mounts), 4))
         self._pattern[0::2, 2], self._pattern[0::2, 3] = self._gravity * place[:, 1], self._gravity
         self._pattern[1::2, 0], self._pattern[1::2, 1] = self._gravity * place[:, 0], self._gravity
+        self._slope_variance = float(np.max(self._fit[1:3] ** 2 @ self._noise)) if self.learns else 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -214,8 +218,8 @@ class BracketTilt:
         self._next = self._time + _EVERY
         return self._learn()
 
-    def tilting(self, base: Array, dt: float) -> Array:
-        """Return the readings that brackets tilting with their frame would show, (K, M, 3); those of tilting ones as they are.
+    def swing(self, base: Array, dt: float) -> tuple[Array, Array]:
+        """Return the rotation of the frame that its brackets do not make, and its rate, shape (K, 3) each [rad, rad/s].
 
         Parameters
         ----------
@@ -224,20 +228,22 @@ class BracketTilt:
         dt
             Tick [s].
         """
+        angle, rate = np.zeros((len(base), 3)), np.zeros((len(base), 3))
         if not self.learns:
-            return base
+            return angle, rate
         plane = base[:, :, 2] @ self._fit[[2, 1]].T * np.array([1.0, -1.0])
-        angle = np.empty_like(plane)
-        integrate_slope(plane, 2.0 * np.pi * _CORNER, _MEMORY, dt, self._angle, angle)
+        # white noise s^2 dt integrated twice with a leak w leaves an angle of variance s^2 dt / (4 w^3)
+        corner = (self._slope_variance * dt / (4.0 * _ANGLE_NOISE**2)) ** (1.0 / 3.0)
+        corner = min(max(corner, 2.0 * np.pi * _CORNERS[0]), 2.0 * np.pi * _CORNERS[1])
+        whole, whole_rate = np.empty_like(plane), np.empty_like(plane)
+        integrate_slope(plane, corner, _MEMORY, dt, self._angle, whole, whole_rate)
         if not (self.levelled.any() or self._applied.any()):
-            return base
+            return angle, rate
         fade = np.exp(-dt / _FADE * np.arange(1, len(base) + 1))[:, None]
         share = self.levelled + (self._applied - self.levelled) * fade
         self._applied = share[-1]
-        out = base.copy()
-        out[:, :, 0] -= self._gravity * (share[:, 1] * angle[:, 1])[:, None]
-        out[:, :, 1] += self._gravity * (share[:, 0] * angle[:, 0])[:, None]
-        return out
+        angle[:, :2], rate[:, :2] = share * whole, share * whole_rate
+        return angle, rate
 
     def _learn(self) -> bool:
         """Weigh what was regressed against the prior; return whether that was possible."""
@@ -271,8 +277,8 @@ class BracketTilt:
         if not names:
             return []
         return [
-            f"accelerometers at the mount bases do not show the {' and '.join(names)} of the frame (levelled sensors, or a rig "
-            "that only translates): their readings are put right for it"
+            f"accelerometers at the mount bases do not show the {' and '.join(names)} of the frame: brackets are taken not to "
+            "turn with it (levelled, or a rig that only translates)"
         ]
 
     def save(self) -> dict[str, Any]:

@@ -41,12 +41,16 @@ _LEAST = np.array([1e-4, 1e-4, 2e-4])
 
 @dataclasses.dataclass(frozen=True)
 class DeflectionBlock:
-    """Deflection, rate, relative acceleration, rotation against the bracket (K, M, 3); std of deflection and rate (M, 3)."""
+    """Deflection, rate, relative acceleration, rotation against the bracket (K, M, 3); rotation of the frame that the brackets do
+    not make and its rate (K, 3); std of deflection and rate (M, 3).
+    """
 
     deflection: Array
     rate: Array
     relative: Array
     turn: Array
+    swing: Array
+    swing_rate: Array
     std: Array
     rate_std: Array
 
@@ -130,15 +134,16 @@ class DeflectionEstimator:
         if not self._started:
             self._begin(motion, base)
             self._mean_square = _MARGIN * expected_square
+        swing, swing_rate = self._tilting.swing(base, dt)
         deflection_block(
             motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._tilting.maps,
-            self.arrangement.vehicle.gravity, dt, self._state,
+            swing, self.arrangement.vehicle.gravity, dt, self._state,
             self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance,
             deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
-        return DeflectionBlock(deflection, rate, relative, turn, std, rate_std)
+        return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std)
 
     def _follow_size(self, square: Array, duration: float) -> None:
         """Follow the mean squared deflection, quickly up and slowly down: at rest the deflection is known to be small."""
@@ -148,7 +153,8 @@ class DeflectionEstimator:
     def turn_rate(self, block: DeflectionBlock) -> Array:
         """Return the rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s]."""
         flat = block.rate.reshape(len(block.rate), 3 * self._count)
-        return np.asarray((flat @ self._tilting.maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape))
+        relative = (flat @ self._tilting.maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape)
+        return np.asarray(relative + block.swing_rate[:, None])
 
     def _begin(self, motion: MotionBlock, base: Array) -> None:
         """Take the first relative acceleration as bias in x and y: it is mostly tilt of the sensors."""

@@ -29,7 +29,8 @@ _STEP = 1e-3
 @dataclasses.dataclass(frozen=True)
 class BalanceInput:
     """What one block contributes, shapes (K, 6) and (K, M, 3): the wrench the mounts carry, relative acceleration, deflection and
-    rate, rotation against the brackets and its rate, dynamic part of the mount forces.
+    rate, rotation against the brackets and its rate, dynamic part of the mount forces; rotation of the frame that the brackets
+    do not make, shape (K, 3).
     """
 
     support: Array
@@ -39,6 +40,7 @@ class BalanceInput:
     turn: Array
     turn_rate: Array
     dynamic: Array
+    swing: Array
 
     @staticmethod
     def join(parts: list[BalanceInput]) -> BalanceInput:
@@ -151,6 +153,7 @@ class ForceBalance:
         n = 3 * self._count
         self._input = np.zeros((3, n))
         self._tilt = np.zeros((3, n))
+        self._swing = np.zeros((8, 3))
         self._integrators = np.zeros((9, n))
         self._turned = np.zeros((7, 2 * n))
         self._wrench = np.zeros((7, 12))
@@ -196,7 +199,7 @@ class ForceBalance:
         relative = data.relative.reshape(ticks, n)
         if self._offset is None:
             self._offset = (relative.mean(axis=0), both.mean(axis=0))
-        x, v, turn = self._integrate(relative - self._offset[0], dt)
+        x, v, turn = self._integrate(relative - self._offset[0], data.swing, dt)
         accelerations = np.empty((ticks, 12))
         high_pass_block(both - self._offset[1], self.corner, dt, self._wrench, accelerations)
         static = cross(turn.reshape(ticks, self._count, 3), static_force).reshape(ticks, n) @ self.arrangement.wrench.T
@@ -216,7 +219,7 @@ class ForceBalance:
         stacked = self._averaged(np.hstack([accelerations, held, elastic, viscous, rest]), average)
         return self._assemble(stacked, n, dt * average)
 
-    def _integrate(self, relative: Array, dt: float) -> tuple[Array, Array, Array]:
+    def _integrate(self, relative: Array, swing: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return high-passed deflection, rate and rotation against the brackets, each (K, 3 M)."""
         ticks, n = relative.shape
         passed, slow = np.empty((ticks, n)), np.empty((ticks, n))
@@ -226,11 +229,15 @@ class ForceBalance:
         tilt_map = self._tilting.maps.reshape(3 * self._count, -1)
         tilt = (slow - dt * dt / 6.0 * passed) @ tilt_map.T
         gravity = self.arrangement.vehicle.gravity
-        passed[:, 0::3] += gravity * tilt[:, 1::3]
-        passed[:, 1::3] -= gravity * tilt[:, 0::3]
+        # two sections here, four more after: each as many as the signals it is added to went through
+        twice, often = np.empty_like(swing), np.empty_like(swing)
+        high_pass_block(swing, self.corner, dt, self._swing[:3], twice)
+        high_pass_block(twice, self.corner, dt, self._swing[3:], often)
+        passed[:, 0::3] += gravity * (tilt[:, 1::3] + twice[:, 1:2])
+        passed[:, 1::3] -= gravity * (tilt[:, 0::3] + twice[:, 0:1])
         x, v = np.empty((ticks, n)), np.empty((ticks, n))
         integrate_block(passed, self.corner, dt, self._integrators, x, v)
-        return x, v, x @ tilt_map.T
+        return x, v, x @ tilt_map.T + np.tile(often, self._count)
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
@@ -282,7 +289,7 @@ class ForceBalance:
     def save(self) -> dict[str, Any]:
         """Return the filters as plain lists (chunks not yet averaged are dropped)."""
         return {
-            "input": self._input.tolist(), "tilt": self._tilt.tolist(),
+            "input": self._input.tolist(), "tilt": self._tilt.tolist(), "swing": self._swing.tolist(),
             "integrators": self._integrators.tolist(), "turned": self._turned.tolist(), "wrench": self._wrench.tolist(),
             "nonlinear": self._nonlinear.tolist(), "left": [p.tolist() for p in self._left],
             "offset": None if self._offset is None else [o.tolist() for o in self._offset],
@@ -295,6 +302,7 @@ class ForceBalance:
         self._integrators = np.array(saved["integrators"], dtype=float).reshape(9, n)
         self._input = np.array(saved["input"], dtype=float).reshape(3, n)
         self._tilt = np.array(saved["tilt"], dtype=float).reshape(3, n)
+        self._swing = np.array(saved["swing"], dtype=float).reshape(8, 3)
         self._turned = np.array(saved["turned"], dtype=float).reshape(7, 2 * n)
         self._wrench = np.array(saved["wrench"], dtype=float).reshape(7, 12)
         self._nonlinear = np.array(saved["nonlinear"], dtype=float).reshape(7, 3 * n)

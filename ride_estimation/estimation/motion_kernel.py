@@ -340,9 +340,9 @@ def _advance_gyro(p: Array, dt: float, gyro_variance: float, bias_density: float
 
 @compile_kernel
 def deflection_block(
-    motion: Array, rate: Array, base: Array, base_ok: NDArray[np.bool_], arms: Array, tilt_maps: Array, gravity: float, dt: float,
-    state: Array, p: Array, noise: Array, displaced: Array, displaced_ok: NDArray[np.bool_], displaced_variance: Array,
-    deflection: Array, speed: Array, relative: Array, turn: Array,
+    motion: Array, rate: Array, base: Array, base_ok: NDArray[np.bool_], arms: Array, tilt_maps: Array, swing: Array,
+    gravity: float, dt: float, state: Array, p: Array, noise: Array, displaced: Array, displaced_ok: NDArray[np.bool_],
+    displaced_variance: Array, deflection: Array, speed: Array, relative: Array, turn: Array,
 ) -> None:  # fmt: skip
     """Integrate the relative acceleration of body and base at every mount, cab axes.
 
@@ -359,6 +359,8 @@ def deflection_block(
         Shape (K, M); a bracket without sample coasts, its acceleration variance must be chosen accordingly.
     arms, tilt_maps
         (M, 3) and (M, 3, 3 M).
+    swing
+        Rotation of the frame that the brackets do not make, shape (K, 3) [rad].
     gravity
         [m/s^2].
     state
@@ -383,7 +385,7 @@ def deflection_block(
     for k in range(motion.shape[0]):
         for i in range(mounts):
             for a in range(3):
-                total = 0.0
+                total = swing[k, a]
                 for j in range(mounts):
                     for b in range(3):
                         total += tilt_maps[i, a, 3 * j + b] * (state[0, j, b] + dt * state[1, j, b])

@@ -218,7 +218,8 @@ class MountForceEstimator:
         if self._frame is None:
             return deflection.deflection, deflection.rate
         own = self._frame.observe(
-            deflection.relative, deflection.turn.mean(axis=1), turn_rate.mean(axis=1), self.law.stiffness, self.law.damping, dt
+            deflection.relative, deflection.turn.mean(axis=1) - deflection.swing, turn_rate.mean(axis=1) - deflection.swing_rate,
+            self.law.stiffness, self.law.damping, dt,
         )  # fmt: skip
         merged = []
         for total, deformation in zip((deflection.deflection, deflection.rate), own, strict=True):

@@ -354,7 +354,6 @@ class Pipeline:
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         if self._tilting.learns and self._tilting.observe(base, self._motion_at_mounts(motion), base_ok, dt):
             self._forces.take_tilt()
-        base = self._tilting.tilting(base, dt)
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._transducers:
             displaced[:, i, axis] = block.values[:, start]
@@ -380,7 +379,7 @@ class Pipeline:
     ) -> None:
         data = BalanceInput(
             support / self._factor, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
-            self._deflection.turn_rate(deflection), self._forces.shared(support) / self._factor,
+            self._deflection.turn_rate(deflection), self._forces.shared(support) / self._factor, deflection.swing,
         )  # fmt: skip
         self._run_time += len(support) * dt
         p = self._parameters

@@ -11,7 +11,7 @@ from ride_estimation.sensors.sensor import Sensor
 
 _NAME = "ride_estimation/estimator_state/"
 #: raised whenever a key is added or changes its meaning; 2: verdicts on the sensors are kept
-STATE_SCHEMA = f"{_NAME}2"
+STATE_SCHEMA = f"{_NAME}3"
 
 
 def check_state(state: Mapping[str, Any], sensors: Sequence[Sensor], mount_names: Sequence[str]) -> None:
