@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,10 @@ _LENGTH = 40
 _MARGIN = 1.2
 #: intervals' worth of white-noise theory that the scatter is mixed with
 _SHRINK = 4.0
+#: scatter over white-noise theory before it is known, and its bounds
+_START, _INFLATION = 4.0, (0.5, 1e6)
+#: intervals that a scatter needs
+_FEWEST = 4
 
 
 class Interval:
@@ -55,6 +60,42 @@ class Interval:
         self.duration += duration
 
 
+@dataclasses.dataclass(frozen=True)
+class Scatter:
+    """How much gradients scatter where intervals tell something: eigenvalues of their joint information (D,), eigenvectors
+    (N, D), covariance of the sum of the gradients along them (D, D).
+    """
+
+    values: Array
+    basis: Array
+    covariance: Array
+
+    @property
+    def ratio(self) -> float:
+        """Return the mean of scatter over what white noise of the stated size would make."""
+        return float(np.mean(np.diag(self.covariance) / self.values))
+
+
+def scatter_of(information: Array, scores: Array) -> Scatter:
+    """Return the scatter of gradients, each with its neighbour: noise near a resonance is correlated over an interval.
+
+    Parameters
+    ----------
+    information
+        Of J intervals, shape (J, N, N).
+    scores
+        Gradients at the parameters in question, shape (J, N).
+    """
+    n = len(scores)
+    # neighbours together: half of the scatter of sums of two
+    pairs = scores[1:] + scores[:-1]
+    scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
+    values, basis = np.linalg.eigh(information.sum(axis=0))
+    keep = values > 1e-6 * values[-1]
+    basis = basis[:, keep]
+    return Scatter(values[keep], basis, basis.T @ scatter @ basis)
+
+
 class IntervalMemory:
     """The last intervals, for a covariance that rests on their scatter.
 
@@ -76,7 +117,16 @@ class IntervalMemory:
         self._information: list[Array] = []
         self._gradient: list[Array] = []
         self._centre: list[Array] = []
-        self.inflation = 4.0
+        self.inflation = _START
+
+    def foresee(self, intervals: list[Interval]) -> None:
+        """Take the scatter of intervals that are about to be learned, linearised where they fit best: sensors may be far better
+        than the model, and the first intervals would be believed as if the model were as good.
+        """
+        if len(intervals) >= _FEWEST:
+            scores = np.array([i.gradient for i in intervals])
+            ratio = scatter_of(np.array([i.information for i in intervals]), scores).ratio
+            self.inflation = float(np.clip(ratio, _START, _INFLATION[1]))
 
     @property
     def length(self) -> int:
@@ -111,23 +161,18 @@ class IntervalMemory:
         """
         n = self.length
         stated = np.sqrt(np.diag(p))
-        if n < 4:
+        if n < _FEWEST:
             return stated
         information = np.array(self._information)
         scores = np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
-        # neighbours together: half of the scatter of sums of two
-        pairs = scores[1:] + scores[:-1]
-        scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
         total = information.sum(axis=0)
-        values, basis = np.linalg.eigh(total)
-        keep = values > 1e-6 * values[-1]
-        projected = basis[:, keep].T @ scatter @ basis[:, keep]
-        ratio = float(np.mean(np.diag(projected) / values[keep]))
-        self.inflation = float(np.clip(ratio, 0.5, 1e6))
+        scatter = scatter_of(information, scores)
+        ratio = scatter.ratio
+        self.inflation = float(np.clip(ratio, *_INFLATION))
         # the filter remembers more than this memory: take its covariance, with the scatter instead of scaled theory
-        half = p @ basis[:, keep] / self.inflation
-        mixed = (n * projected + _SHRINK * ratio * np.diag(values[keep])) / (n + _SHRINK)
-        weight = float(np.sum(values[keep]))
+        half = p @ scatter.basis / self.inflation
+        mixed = (n * scatter.covariance + _SHRINK * ratio * np.diag(scatter.values)) / (n + _SHRINK)
+        weight = float(np.sum(scatter.values))
         filtered = half @ mixed @ half.T
         gained = float(np.trace(p @ total) / self.inflation / len(p))
         scale = max(1.0, gained) if weight > 0.0 else 1.0

@@ -264,11 +264,9 @@ class ParameterEstimator:
 
     def _static(self) -> Array:
         a = self.arrangement
-        weight = np.zeros(6)
-        weight[2] = a.body.mass.value * a.vehicle.gravity
         stiffness = np.maximum(self._law.stiffness, 0.0).ravel()
         stiffness = stiffness + 1e-9 * max(float(stiffness.max()), 1.0)
-        return static_share(a.wrench[a.free], stiffness, weight[a.free]).reshape(len(a.mounts), 3)
+        return static_share(a.wrench[a.free], stiffness, a.weight[a.free]).reshape(len(a.mounts), 3)
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
@@ -314,8 +312,14 @@ class ParameterEstimator:
         if self._refinement.duration < _FIRST:
             return False
         starts = [self._refinement.least_squares(), self.theta]
-        refined = [self._refinement.refine(start, weights) for start in starts]
-        best = min(refined, key=lambda r: r[1])[0]
+        # with sensors far better than the model the first answer overrides the prior in all it cannot tell
+        for _ in range(2):
+            refined = [self._refinement.refine(start, weights, self._memory.inflation) for start in starts]
+            best = min(refined, key=lambda r: r[1])[0]
+            before = self._memory.inflation
+            self._memory.foresee(self._refinement.passed(best, weights))
+            if self._memory.inflation <= before:
+                break
         self._filter = GuardedEkf(best, np.diag(self._prior_std**2))
         self._learn_all(best, weights, step)
         self.excited_time += self._refinement.duration
@@ -324,8 +328,10 @@ class ParameterEstimator:
 
     def _learn_all(self, centre: Array, weights: Array, step: float) -> None:
         """Feed the last seconds to the filter, linearised at one point."""
+        intervals = self._refinement.passed(centre, weights)
         self._memory.clear()
-        for interval in self._refinement.passed(centre, weights):
+        self._memory.foresee(intervals)
+        for interval in intervals:
             self._learn(interval, centre)
         self._set(self.theta, step)
 
@@ -335,10 +341,11 @@ class ParameterEstimator:
             return
         self._reviews = self._reviews[1:]
         state, last = self._response.state, self._response.last
-        theta, cost = self._refinement.refine(self.theta, weights)
-        prior = np.sum((self.theta / self._prior_std) ** 2)
+        inflation = max(self._memory.inflation, 1.0)
+        theta, cost = self._refinement.refine(self.theta, weights, inflation)
+        prior = inflation * np.sum((self.theta / self._prior_std) ** 2)
         present = sum(i.square for i in self._refinement.passed(self.theta, weights)) + float(prior)
-        if present - cost > _CLEARLY * max(self._memory.inflation, 1.0):
+        if present - cost > _CLEARLY * inflation:
             self._filter.replace(x=theta, p=np.diag(self._prior_std**2))
             self._learn_all(theta, weights, step)
         else:

@@ -119,7 +119,7 @@ class Refinement:
         logs = np.log(np.maximum(1.0 + rls.theta[:n], 0.1))
         return np.asarray(np.clip(np.append(logs, rls.theta[n:]), self._lower, self._upper))
 
-    def refine(self, start: Array, weights: Array) -> tuple[Array, float]:
+    def refine(self, start: Array, weights: Array, inflation: float) -> tuple[Array, float]:
         """Minimise the output error from a start; return the best parameters and their cost.
 
         Parameters
@@ -128,8 +128,10 @@ class Refinement:
             Shape (N,).
         weights
             L with ``L L^T`` the inverse covariance of an innovation, shape (6, 6).
+        inflation
+            Scatter of the gradients over what these weights let expect: so much less they count against the prior.
         """
-        prior = np.diag(self._prior_std**-2.0)
+        prior = inflation * np.diag(self._prior_std**-2.0)
         best, best_cost, damping = start, np.inf, 0.0
         information, gradient = prior, np.zeros(len(start))
         theta = start
