@@ -239,6 +239,10 @@ class FrameDeformation:
         # a stated noise larger than what was ever measured is too large
         share = min(1.0, float(np.min(measured * (1.0 + 2.0 * spread) / (white + tilt))))
         white, tilt = share * white, share * tilt
+        if axis != 2:
+            # frames deform less and less quickly towards low frequency: acceleration that does not fall there is gravity through
+            # tilt that is not known of
+            white = max(white, float(measured[0] - tilt[0]))
         signal = np.where(measured > (1.0 + 2.0 * spread) * (white + tilt), measured - white - tilt, 0.0)
         signal = signal * max(1.0, float(spectrum.surge[axis]))
         value, rate = bank.errors(signal, tilt, white, self._time)
