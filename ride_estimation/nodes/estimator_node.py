@@ -28,6 +28,7 @@ from std_srvs.srv import Trigger
 
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.state_file import restore_state, save_results, save_state
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
@@ -40,10 +41,12 @@ from ride_estimation.nodes.node_health import NODE, load_status
 from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
 from ride_estimation.nodes.session import Session
-from ride_estimation.resources import shared_path
 
 #: period of the watch over topics and silence [s], steady clock; not in the data path
 WATCH_PERIOD_S = 1.0
+
+#: its kernels are compiled before the node is made
+BUNDLED_VEHICLE = "truck_cab"
 
 
 class EstimatorNode(LifecycleNode):
@@ -95,7 +98,7 @@ class EstimatorNode(LifecycleNode):
         """Load vehicle and saved state, create outputs; a mistake in them is one message and FAILURE."""
         given = values(self, TABLE)
         try:
-            vehicle = load_vehicle(vehicle_path(str(given["vehicle"])))
+            vehicle = load_vehicle(str(given["vehicle"]))
             session = Session(vehicle, pipeline_settings(given))
             state_file = Path(str(given["state_file"])).expanduser()
             if given["state_file"] and state_file.exists():
@@ -348,17 +351,19 @@ class EstimatorNode(LifecycleNode):
         return response
 
 
-def vehicle_path(given: str) -> Path:
-    """Return the path of a vehicle file: an existing path, or the name of a bundled vehicle."""
-    path = Path(given).expanduser()
-    if path.suffix or path.exists():
-        return path
-    return shared_path("config", "vehicles", f"{given}.yaml")
+def prepared(make: Callable[[], Node]) -> Node:
+    """Compile the kernels, then make the node: it appears in the graph when it can answer.
+
+    The first start after an installation compiles for half a minute; a manager that asks the node to configure would wait for
+    that, and give up. The bundled vehicle needs nearly the same kernels as any other.
+    """
+    Session(load_vehicle(BUNDLED_VEHICLE), PipelineSettings()).warm_up()
+    return make()
 
 
 def main(args: Sequence[str] | None = None, make: Callable[[], Node] = EstimatorNode) -> int:
     """Run the node until a signal."""
-    return run_node(make, lambda node: str(node.get_parameter("executor").value), args)
+    return run_node(lambda: prepared(make), lambda node: str(node.get_parameter("executor").value), args)
 
 
 if __name__ == "__main__":

@@ -5,17 +5,22 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Sequence
+from types import FrameType
 
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 #: names a user may choose
 EXECUTORS: tuple[str, ...] = ("events", "single")
 
 #: Finite on purpose: without a timeout the events executor of rclpy 7.1 spins in a busy loop that ignores signals.
 WAIT_S = 0.2
+
+#: what asks a node to leave
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def make_executor(name: str, context: Context | None = None) -> Executor:
@@ -40,8 +45,10 @@ def make_executor(name: str, context: Context | None = None) -> Executor:
 def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until a signal, a shutdown or its attribute ``finished``, and leave; return ``exit_code``.
 
-    SIGINT arrives twice under ``ros2 launch`` and the context is already down when ``spin_once`` raises, so signals are
-    ignored while the node is destroyed and nothing is logged after the loop.
+    A signal only ends the loop, between two callbacks: the context stays valid until the node is destroyed, so that nothing a
+    callback publishes and nothing saved at the end fails because of it. (The handlers of rclpy take the context away in the
+    middle of a callback.) While the node is being made a signal breaks off. SIGINT arrives twice under ``ros2 launch``, so
+    signals are ignored while the node is destroyed.
 
     Parameters
     ----------
@@ -52,24 +59,30 @@ def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], 
     args
         Command line for rclpy, None for ``sys.argv``.
     """
-    rclpy.init(args=args)
     code = 0
     node: Node | None = None
     executor: Executor | None = None
+    asked_to_leave: list[int] = []
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        asked_to_leave.append(number)
+        if node is None:
+            raise KeyboardInterrupt
+
+    for number in _SIGNALS:
+        signal.signal(number, leave)
     try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = factory()
         executor = make_executor(executor_name(node))
         executor.add_node(node)
-        while rclpy.ok() and not getattr(node, "finished", False):
+        while not asked_to_leave and rclpy.ok() and not getattr(node, "finished", False):
             executor.spin_once(timeout_sec=WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except RuntimeError:  # RCLError: a signal took the context away while the node was being made
-        if rclpy.ok():
-            raise
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
         if executor is not None:
             executor.shutdown(timeout_sec=WAIT_S)
         if node is not None:
