@@ -150,7 +150,7 @@ class MassAnchor:
         It is that of the present mass: with what was added until it is taken off again.
         """
         start, end = float(r.details["from_s"]), float(r.details.get("to_s", math.inf))
-        added, file_mass = float(r.details["mass"]), self.arrangement.body.mass.value
+        added, file_mass = float(r.details["mass"]), self.arrangement.file_mass
         if run_time < start:
             self._before, self._added_at = (theta.copy(), std.copy()), excited_time
             return None

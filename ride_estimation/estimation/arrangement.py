@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.assembly import assemble
+from ride_estimation.vehicles.modes import unheld_motions
 from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
 
 Array = NDArray[np.float64]
@@ -44,6 +46,12 @@ class Arrangement:
         Mount minus CG, shape (M, 3) [m].
     wrench
         G, shape (6, 3 M): from the stacked mount forces (cab axes) to force and moment about the CG.
+    carried
+        The bodies that hang on the body and on nothing else, with their mounts, None where there are none.
+    weight
+        Force and moment about the CG that carry the body at rest and what it carries, shape (6,) [N, N m].
+    ignored
+        Why other bodies on mounts of the body take no part, one sentence each.
     """
 
     vehicle: Vehicle
@@ -54,11 +62,24 @@ class Arrangement:
     transducers: tuple[Sensor, ...]
     arms: Array
     wrench: Array
+    carried: Vehicle | None
+    weight: Array
+    ignored: tuple[str, ...]
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Return which of the six coordinates the body may move in, shape (6,) bool."""
         return np.array([c in self.body.coordinates for c in COORDINATES])
+
+    @property
+    def file_mass(self) -> float:
+        """Return the mass the mounts carry by the vehicle file: the body and what hangs on it [kg]."""
+        return sum(b.mass.value for b in _with_carried(self.body, self.carried))
+
+    @property
+    def carried_mass_std(self) -> float:
+        """Return the standard deviation of the mass of what hangs on the body [kg]."""
+        return float(np.sqrt(sum((b.mass.std or 0.0) ** 2 for b in _with_carried(self.body, self.carried)[1:])))
 
     @property
     def has_base_motion(self) -> bool:
@@ -97,6 +118,7 @@ def arrange(vehicle: Vehicle) -> Arrangement:
     wrench = np.zeros((6, 3 * len(mounts)))
     for i, arm in enumerate(arms):
         wrench[:, 3 * i : 3 * i + 3] = np.vstack([np.eye(3), skew(arm)])
+    carried, ignored = _hung_on(vehicle, name)
     return Arrangement(
         vehicle=vehicle,
         body=body,
@@ -108,7 +130,81 @@ def arrange(vehicle: Vehicle) -> Arrangement:
         ),
         arms=arms,
         wrench=wrench,
+        carried=carried,
+        weight=_weight(vehicle, body, carried),
+        ignored=ignored,
     )
+
+
+def _hung_on(vehicle: Vehicle, name: str) -> tuple[Vehicle | None, tuple[str, ...]]:
+    """Return the bodies that hang on one body only, with their mounts (the body as prescribed base), and why others do not count.
+
+    Bodies are taken in groups that mounts link without the body itself: a seat, a driver on the seat.
+    """
+    carried: dict[str, Body] = {}
+    held: dict[str, Mount] = {}
+    ignored = []
+    for group in _groups(vehicle, name):
+        links = [m for m in vehicle.mounts.values() if m.body in group or m.base in group]
+        if not any(name in (m.body, m.base) for m in links):
+            continue
+        who = ", ".join(b for b in vehicle.bodies if b in group)
+        grounded = sorted({m.base for m in links if m.base not in vehicle.bodies})
+        if grounded:
+            ignored.append(f"{who} is fastened to {name} and to {', '.join(grounded)}: its force on {name} is left out")
+            continue
+        mounts = {m.name: dataclasses.replace(m, body=m.base, base=m.body) if m.body == name else m for m in links}
+        part = dataclasses.replace(
+            vehicle, bodies={b: vehicle.bodies[b] for b in vehicle.bodies if b in group}, mounts=mounts, sensors={},
+            force_references=(),
+        )  # fmt: skip
+        reason = _unsteady(part)
+        if reason:
+            ignored.append(f"{who} on {name} does not stand by the vehicle file ({reason}): its force on {name} is left out")
+            continue
+        carried |= part.bodies
+        held |= mounts
+    if not carried:
+        return None, tuple(ignored)
+    return dataclasses.replace(vehicle, bodies=carried, mounts=held, sensors={}, force_references=()), tuple(ignored)
+
+
+def _groups(vehicle: Vehicle, name: str) -> list[set[str]]:
+    """Return the sets of bodies that mounts link to each other when one body is taken away."""
+    left = [b for b in vehicle.bodies if b != name]
+    groups: list[set[str]] = []
+    while left:
+        group = {left.pop(0)}
+        grown = True
+        while grown:
+            near = {e for m in vehicle.mounts.values() if {m.body, m.base} & group for e in (m.body, m.base)}
+            new = near & set(left)
+            group |= new
+            left = [b for b in left if b not in new]
+            grown = bool(new)
+        groups.append(group)
+    return groups
+
+
+def _unsteady(vehicle: Vehicle) -> str:
+    """Return why bodies on prescribed bases do not stay where they are, empty where they do."""
+    try:
+        motions = unheld_motions(assemble(vehicle))
+    except ConfigurationError as error:
+        return str(error)
+    return "; ".join(motions)
+
+
+def _with_carried(body: Body, carried: Vehicle | None) -> tuple[Body, ...]:
+    return (body, *carried.bodies.values()) if carried is not None else (body,)
+
+
+def _weight(vehicle: Vehicle, body: Body, carried: Vehicle | None) -> Array:
+    weight = np.zeros(6)
+    for other in _with_carried(body, carried):
+        force = np.array([0.0, 0.0, other.mass.value * vehicle.gravity])
+        weight += np.concatenate([force, np.cross(other.cg - body.cg, force)])
+    return weight
 
 
 def _base_sensor(vehicle: Vehicle, mount: Mount) -> Sensor | None:

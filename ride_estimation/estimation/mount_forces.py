@@ -158,8 +158,7 @@ class MountForceEstimator:
         self._update_static()
 
     def _update_static(self) -> None:
-        weight = np.zeros(6)
-        weight[2] = self.mass * self.arrangement.vehicle.gravity
+        weight = self._weight()
         stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
         total = float(stiffness.max()) if stiffness.size else 0.0
         self._stiffness = stiffness + 1e-9 * (total if total > 0.0 else 1.0)
@@ -236,10 +235,13 @@ class MountForceEstimator:
         self._viscous_square += forget * (np.mean((self.law.damping * v) ** 2, axis=0) - self._viscous_square)
         self._dynamic_square += forget * (np.mean(self.shared(support) ** 2, axis=0) - self._dynamic_square)
 
+    def _weight(self) -> Array:
+        """Return the wrench that carries the body at rest and what it carries, shape (6,); all masses scale together."""
+        return self.mass / self.arrangement.body.mass.value * self.arrangement.weight
+
     def shared(self, support: Array) -> Array:
         """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
-        dynamic = support.copy()
-        dynamic[:, 2] -= self.mass * self.arrangement.vehicle.gravity
+        dynamic = support - self._weight()
         return np.asarray((dynamic @ self._gain_slow.T).reshape(len(support), self._count, 3))
 
     def _judge(self) -> None:

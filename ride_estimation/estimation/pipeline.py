@@ -21,6 +21,7 @@ from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_fill import BaseFill
 from ride_estimation.estimation.block_math import count_unfit, cross, turn_channels
 from ride_estimation.estimation.bracket_tilt import BracketTilt
+from ride_estimation.estimation.carried_bodies import CarriedBodies
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
@@ -77,6 +78,7 @@ class Pipeline:
         a = self.arrangement
         self._motion = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity, self.settings)
         self._loads = InertialLoads.of(a.body)
+        self._carried = CarriedBodies(a, self.settings)
         self._tilting = BracketTilt(a)
         self._deflection = DeflectionEstimator(a, self._tilting)
         self._fill = BaseFill(a)
@@ -231,6 +233,7 @@ class Pipeline:
         """Begin a new time base: motion and integrators start again, parameters stay."""
         self._restarts[reason] += 1
         self._motion.reset()
+        self._carried.reset()
         self._tilting.restart()
         self._deflection.reset()
         self._forces.reset()
@@ -262,10 +265,12 @@ class Pipeline:
         self._rate = motion.rate[-1]
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
+        support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
         inertial = self._loads.load(accel, motion.rate)
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         # an error of the mass scales all forces alike and is no reason to doubt equilibrium
         own_covariance = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        own_covariance = own_covariance + self._factor**2 * self._carried.covariance
         deflection = self._observe_deflection(block, motion, support, dt)
         forces = self._observe_forces(deflection, support, own_covariance, motion, dt)
         for name, i, stream, start in self._cells:
@@ -402,7 +407,9 @@ class Pipeline:
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
-        self._forces.mass, self._forces.mass_relative_std = self._loads.mass, relative
+        a = self.arrangement
+        self._forces.mass = self._loads.mass
+        self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
         self._forces.follow = self._parameters.follow
         self._forces.parameter_std = self._parameters.stds()
 
@@ -470,7 +477,7 @@ class Pipeline:
             )  # fmt: skip
         messages = self._gate.messages() + [m for m in (residual_message(test),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
-        messages += [*self._parameters.notes(), *self._tilting.notes()]
+        messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
         if self._taken_back:
             messages.append(f"{self._taken_back} times what was learned in the last seconds was taken back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
@@ -489,7 +496,7 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
-            "gate": self._gate.save(), "tilt": self._tilting.save(),
+            "gate": self._gate.save(), "tilt": self._tilting.save(), "carried": self._carried.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -504,6 +511,8 @@ class Pipeline:
         self._due = None
         self._motion.load(state["motion"])
         self._tilting.load(state["tilt"])
+        if "carried" in state:
+            self._carried.load(state["carried"])
         self._forces.take_tilt()
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.estimation.arrangement import Arrangement
@@ -38,9 +39,14 @@ class Slot:
 
 def find_slots(arrangement: Arrangement, settings: PipelineSettings) -> tuple[Slot, ...]:
     """Return the multipliers the elements of an arrangement have, stiffness first."""
+    return find_slots_of(arrangement.mounts, settings)
+
+
+def find_slots_of(mounts: Sequence[Mount], settings: PipelineSettings) -> tuple[Slot, ...]:
+    """Return the multipliers the elements of some mounts have, stiffness first; ``Slot.mount`` counts these mounts."""
     found = []
     for role in range(len(ROLES)):
-        for i, mount in enumerate(arrangement.mounts):
+        for i, mount in enumerate(mounts):
             for a, axis in enumerate(AXES):
                 if axis in mount.elements:
                     slot = _slot(role, i, a, mount, mount.elements[axis], settings)

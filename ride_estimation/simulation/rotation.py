@@ -244,12 +244,15 @@ def _model(
         full = np.linalg.inv(np.block([[mass[i] * np.eye(3), -cross], [cross, inertia[i]]]))
         inverse[i] = full.reshape(2, 3, 2, 3).transpose(0, 2, 1, 3)
     number, axis = assembly.component_index()
+    moment = np.zeros((len(mounts), 3))
+    moment[number[axis >= 3], axis[axis >= 3] - 3] = -assembly.static_tension[axis >= 3]
     return RotationModel(
         mount_body=np.array([names.index(m.body) for m in mounts], dtype=np.int64),
         mount_base=np.array([names.index(m.base) if m.base in names else -1 for m in mounts], dtype=np.int64),
         arm_body=np.array([m.position - vehicle.bodies[m.body].cg for m in mounts]),
         arm_base=np.array([m.position - vehicle.bodies[m.base].cg if m.base in names else np.zeros(3) for m in mounts]),
         static_force=np.ascontiguousarray(assembly.static_force),
+        static_moment=moment,
         component_mount=number,
         component_axis=axis,
         mass=mass,

@@ -35,8 +35,8 @@ class RotationModel(NamedTuple):
         Body numbers per mount, base -1 where prescribed, shape (M,).
     arm_body, arm_base
         Mount position from the reference points of body and base, shape (M, 3).
-    static_force
-        Force on the body at rest, base axes, shape (M, 3).
+    static_force, static_moment
+        Force and moment on the body at rest, base axes, shape (M, 3).
     component_mount, component_axis
         Shape (C,), axis 0 to 5.
     mass, offset, inertia, inverse
@@ -55,6 +55,7 @@ class RotationModel(NamedTuple):
     arm_body: Array
     arm_base: Array
     static_force: Array
+    static_moment: Array
     component_mount: Codes
     component_axis: Codes
     mass: Array
@@ -273,7 +274,9 @@ def set_wrenches(
         copy(model.static_force[m], local)
         add(pull[m, 0], -1.0, local)
         turned(bracket[m], local, force[m])
-        turned(bracket[m], pull[m, 1], couple)
+        copy(pull[m, 1], arm)
+        add(model.static_moment[m], -1.0, arm)
+        turned(bracket[m], arm, couple)
         turned_back(rotation[body], force[m], local)
         add(local, 1.0, wrench[body, 0])
         add_cross(model.arm_body[m], local, 1.0, wrench[body, 1])

@@ -114,6 +114,19 @@ def test_full_rotation_satisfies_equilibrium_of_forces_and_moments_exactly(cab):
     np.testing.assert_allclose(felt, force.sum(axis=1) / 1200.0, atol=1e-10)
 
 
+@pytest.mark.parametrize("full_rotation", [False, True])
+def test_a_body_beside_its_mount_stands_still_on_the_static_moment(full_rotation):
+    """A seat whose CG is 50 mm from its only mount: 54 N m at rest in the rotational element."""
+    place = np.array([0.0, 0.0, 0.3])
+    laws = {a: KelvinVoigt(4e3, 100.0) for a in ("x", "y", "z", "roll", "pitch", "yaw")}
+    mount = Mount("m", place - [0.05, 0.0, 0.2], "seat", "floor", laws)
+    seat = Vehicle("seat", {"seat": Body("seat", Prior(110.0), place, np.diag([6.0, 7.0, 4.0]))}, {"m": mount}, {})
+    assembly = assemble(seat)
+    assert assembly.static_tension[4] == pytest.approx(110.0 * seat.gravity * 0.05)
+    still = BaseMotion.from_displacement(np.zeros((200, 1, 3)), 200.0)
+    assert np.abs(simulate(assembly, still, full_rotation=full_rotation).coordinates).max() < 1e-12  # m, rad
+
+
 def test_full_rotation_tends_to_small_rotations_with_the_amplitude(cab):
     differences, readings = [], []
     for scale in (0.02, 0.002):
