@@ -339,6 +339,8 @@ class ParameterEstimator:
         """Look again at the last seconds as a whole; move where that fits clearly better than what the filter holds."""
         if not self._reviews or self.excited_time < self._reviews[0] or self._filter is None:
             return
+        if self._refinement.duration < _FIRST:  # what was kept of a pause in the motion is too short to look at
+            return
         self._reviews = self._reviews[1:]
         state, last = self._response.state, self._response.last
         inflation = max(self._memory.inflation, 1.0)
