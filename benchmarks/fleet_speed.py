@@ -26,7 +26,7 @@ from pathlib import Path
 from ride_estimation.cli.fleet import find_recordings
 from ride_estimation.cli.fleet_task import FleetTask, process_task
 from ride_estimation.cli.pool import run_on_cluster, run_on_pool
-from ride_estimation.cli.replay import ReplayJob, vehicle_file
+from ride_estimation.cli.replay import ReplayJob
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.scenario_file import load_scenario
@@ -61,7 +61,7 @@ def window(recording: Recording, start_ns: int, end_ns: int) -> Recording:
 
 def make_runs(folder: Path, runs: int, seconds: float) -> None:
     """Write the runs as bags; those that are there already stay."""
-    vehicle = load_vehicle(vehicle_file(VEHICLE))
+    vehicle = load_vehicle(VEHICLE)
     missing = [number for number in range(runs) if not (folder / f"run{number:03d}" / "metadata.yaml").is_file()]
     if not missing:
         return
@@ -78,7 +78,7 @@ def make_runs(folder: Path, runs: int, seconds: float) -> None:
 
 def measure(recordings: dict[str, Path], out: Path, workers: int, scheduler: str) -> dict[str, object]:
     """Run the fleet once and return times and digests."""
-    job = ReplayJob(load_vehicle(vehicle_file(VEHICLE)), PipelineSettings(), formats=())
+    job = ReplayJob(load_vehicle(VEHICLE), PipelineSettings(), formats=())
     tasks = [FleetTask(name, str(path), str(out / name.replace("/", "__")), job) for name, path in recordings.items()]
     start, own = time.perf_counter(), time.process_time()
     outcomes = run_on_cluster(tasks, scheduler, timed) if scheduler else run_on_pool(tasks, workers, timed)

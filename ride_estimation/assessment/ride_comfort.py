@@ -242,8 +242,8 @@ class Exposure:
         found = []
         if "seat" not in self.location:
             found.append(
-                f"measured at {self.location}, floor, not seat: exposure and limits are defined where the vibration enters "
-                "the body, and the seat may lower or raise these values"
+                "measured on the floor, not seat: exposure and limits are defined where the vibration enters the body, and the "
+                "seat may lower or raise these values"
             )
         crest = max(axis.crest_factor for axis in self.axes)
         if crest > CREST_FACTOR_LIMIT:

@@ -20,7 +20,7 @@ from scipy import signal
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import skew
-from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
 from ride_estimation.signals.correction import Correction
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -142,11 +142,11 @@ def _statistics(sensor: Sensor, channel: Channel) -> _Statistics:
     values, stamps = sensor.correction.apply(channel.values[good]), channel.stamp_ns[good]
     count = sensor.channels
     duration = float(np.ptp(stamps)) * 1e-9 if len(stamps) > 1 else 0.0
-    if duration < SHORTEST_S:
+    period = float(np.median(np.diff(np.unique(stamps)))) * 1e-9 if duration > 0.0 else 0.0
+    block = max(round(BLOCK_S / period), 2) if period > 0.0 else 2
+    if duration < SHORTEST_S or len(values) * BLOCK_S < SHORTEST_S * block:
         zero = np.zeros(count)
-        return _Statistics(zero, zero, zero, zero, duration, "")
-    period = float(np.median(np.diff(np.unique(stamps)))) * 1e-9
-    block = max(round(BLOCK_S / period), 2)
+        return _Statistics(zero, zero, zero, zero, min(duration, len(values) / block * BLOCK_S), "")
     blocks = values[: len(values) // block * block].reshape(-1, block, count)
     means, std = blocks.mean(axis=1), np.sqrt(np.mean(blocks.var(axis=1, ddof=1), axis=0))
     scatter = means.std(axis=0, ddof=1)
@@ -159,7 +159,8 @@ def _statistics(sensor: Sensor, channel: Channel) -> _Statistics:
     moving = ""
     if np.any(scatter > limits):
         worst = int(np.argmax(scatter / limits))
-        moving = f"its one-second means scatter by {scatter[worst]:.3g} (at rest below {limits[worst]:.3g})"
+        unit = SENSOR_KINDS[sensor.kind][1].split(", ")[worst // 3]
+        moving = f"its one-second means scatter by {scatter[worst]:.2g} {unit} (at rest below {limits[worst]:.2g})"
     return _Statistics(values.mean(axis=0), std, floor, scatter / math.sqrt(len(means)), duration, moving)
 
 
@@ -262,10 +263,11 @@ def summary_lines(found: Standstill) -> Sequence[str]:
     """Return the table a command prints."""
     lines = [
         f"{found.duration_s:.1f} s at rest; gravity is {found.slope_deg:.2f} deg off z (slope, or an error of all sensors)",
-        f"{'sensor':<24}{'noise':>10}{'was':>10}  {'bias [unit of the sensor]':<30}{'angle [deg]':>12}",
+        f"{'sensor':<24}{'noise':>10}{'was':>10}  {'bias':<30}{'unit':<8}{'angle [deg]':>12}",
     ]
     for name, c in found.sensors.items():
-        bias = "  ".join(f"{v:.3g}" for v in c.bias)
-        lines.append(f"{name:<24}{c.noise:>10.3g}{c.noise_before:>10.3g}  {bias:<30}{c.angle_deg:>12.2f}")
+        bias = "  ".join(f"{v:>8.2g}" for v in c.bias)
+        unit = SENSOR_KINDS[c.sensor.kind][1].partition(",")[0]
+        lines.append(f"{name:<24}{c.noise:>10.2g}{c.noise_before:>10.2g}  {bias:<30}{unit:<8}{c.angle_deg:>12.2f}")
         lines += [f"    {finding}" for finding in c.findings]
     return lines

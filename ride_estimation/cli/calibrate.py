@@ -7,11 +7,10 @@ import argparse
 from pathlib import Path
 
 from ride_estimation.assessment.standstill import calibrate, summary_lines
-from ride_estimation.cli.replay import vehicle_file
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.results import output_folder
-from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
+from ride_estimation.io.vehicle_file import find_vehicle_file, load_vehicle, save_vehicle
 
 HELP = "noise, bias and orientation of the sensors from a recording at standstill, written to a vehicle file"
 EXAMPLES = """\
@@ -31,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate, print, write."""
-    vehicle = load_vehicle(vehicle_file(options.vehicle))
+    vehicle = load_vehicle(options.vehicle)
+    if options.out is not None and options.out.exists() and options.out.samefile(find_vehicle_file(options.vehicle)):
+        raise InputDataError(f"{options.out}: is the vehicle file that is read; its comments would be lost: write another file")
     found = calibrate(read_recording(options.recording, vehicle), vehicle)
     print("\n".join(summary_lines(found)))
     if options.out is not None:

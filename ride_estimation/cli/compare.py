@@ -8,10 +8,11 @@ import dataclasses
 from pathlib import Path
 
 from ride_estimation.cli.replay import ReplayJob, add_replay_arguments, replay_run
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.result_files import FinishedReplay, read_replay
 from ride_estimation.io.results import output_folder
 from ride_estimation.reporting.formats import write_page
+from ride_estimation.reporting.outliers import LEAST_RUNS
 from ride_estimation.reporting.runs_report import runs_page
 
 HELP = "several runs side by side: parameters, damage, comfort and spectra, and which run stands out"
@@ -36,13 +37,19 @@ def run(options: argparse.Namespace) -> int:
     """Replay what is not replayed yet, write the page and print which runs stand out."""
     folder = output_folder(options.out)
     finished = [Path(given) for given in options.runs]
-    recordings = [path for path in finished if not (path / "result.json").is_file() and path.exists()]
+    missing = [str(path) for path in finished if not path.exists()]
+    if missing:
+        raise InputDataError(f"{', '.join(missing)}: does not exist")
+    recordings = [path for path in finished if not (path / "result.json").is_file()]
     if recordings:
         finished = replayed(finished, recordings, folder, options)
+    elif options.vehicle or options.settings or options.without or options.rate is not None:
+        raise ConfigurationError("--vehicle, --rate, --settings and --without are for recordings; all runs are replayed already")
     runs = named_apart([read_replay(path) for path in finished])
     page, findings = runs_page(runs)
     written = write_page(page, folder, options.format)
-    print("\n".join(findings) or f"no run stands out among {len(runs)}")
+    few = f"which run stands out is told from {LEAST_RUNS} runs on"
+    print("\n".join(findings) or (f"no run stands out among {len(runs)}" if len(runs) >= LEAST_RUNS else few))
     print(f"written to {folder}: {', '.join(written)}")
     return 0
 

@@ -25,12 +25,16 @@ from ride_estimation.identification.model_comparison import (
 )
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json
+from ride_estimation.io.results import output_folder, require_folder
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.alignment import align
 from ride_estimation.signals.spectra import spectrum_correlation
 from ride_estimation.vehicles.vehicle import Vehicle
 
 HELP = "compare Voigt, damping filter, Maxwell and friction mounts on one run and score them on unseen runs"
+EXAMPLES = """\
+  ride-estimation compare-models bags/nominal/bag --vehicle truck_cab --validate bags/rough_with_bumps/bag --out out/models
+"""
 
 Array = NDArray[np.float64]
 
@@ -40,7 +44,7 @@ _SPECTRUM_BLOCK_S = 5.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("run", type=Path, metavar="RUN", help="bag the models are fitted to")
-    parser.add_argument("--vehicle", required=True, type=Path, metavar="V.yaml")
+    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
     parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RUN2", help="bags the models have not seen")
     parser.add_argument(
         "--literature", action="store_true", help="also Zener, two Maxwell cells, fractional and Bouc-Wen (takes longer)"
@@ -51,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Fit every model to the run, score all of them on all runs, print the table."""
     vehicle = load_vehicle(options.vehicle)
+    if options.out is not None:
+        require_folder(options.out)
     runs = [MeasuredRun(vehicle, align(read_recording(path, vehicle))) for path in (options.run, *options.validate)]
     progress = Progress(1.0, "fitting mount models")
     candidates = (*CANDIDATES, *LITERATURE) if options.literature else CANDIDATES
@@ -58,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     progress.close()
     document = compare(vehicle, runs, fitted)
     if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
+        output_folder(options.out)
         write_json(options.out / "comparison.json", document)
     print_table(document)
     return 0

@@ -30,6 +30,12 @@ from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
 
 HELP = "find what the simulation of a recorded run gets wrong, name the cause, extend the model, measure the gain"
+EXAMPLES = """\
+  ride-estimation diagnose bags/hidden_friction/bag --vehicle truck_cab \\
+      --validate bags/hidden_friction_validation/bag --out out/diagnosis
+  ride-estimation diagnose bench.csv --out out/mount             (columns time_s, displacement_mm, force_kn of one mount)
+  ride-estimation diagnose record.csv --oscillator V1,V2 --rate 610 --out out/oscillator
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file; or a bench record (.csv, .txt, .tsv, .npz, .mat) of the "
         "displacement and force of one mount, or with --oscillator of the excitation and response of one mass",
     )
-    parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file; not used for a bench record")
+    parser.add_argument(
+        "--vehicle", metavar="V.yaml", help="vehicle file, or the name of a bundled one; not used for a bench record"
+    )
     parser.add_argument(
         "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
         help="further runs that neither fit nor select: the gain is measured on them",

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ride_estimation.cli.replay import vehicle_file
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.bounded import read_arrays
@@ -35,9 +34,10 @@ def run(options: argparse.Namespace) -> int:
     if (options.source / "signals.npz").is_file():
         groups, start = replay_groups(read_arrays(options.source / "signals.npz"))
     elif options.vehicle is None:
-        raise ConfigurationError(f"{options.source}: no signals.npz of a replay; a recording needs --vehicle V.yaml")
+        what = "no signals.npz of a replay" if options.source.exists() else "does not exist"
+        raise ConfigurationError(f"{options.source}: {what}; a recording needs --vehicle V.yaml")
     else:
-        vehicle = load_vehicle(vehicle_file(options.vehicle))
+        vehicle = load_vehicle(options.vehicle)
         recording = read_recording(options.source, vehicle)
         groups, start = recording_groups(recording, vehicle.sensors, options.out.suffix.lower() != ".mf4")
     write_measurement_file(options.out, groups, start)

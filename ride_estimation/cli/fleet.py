@@ -83,7 +83,8 @@ def find_recordings(folder: Path) -> dict[str, Path]:
         No such folder, or nothing in it.
     """
     if not folder.is_dir():
-        raise InputDataError(f"{folder}: no such folder")
+        what = "is a file; 'replay' takes one recording" if folder.exists() else "no such folder"
+        raise InputDataError(f"{folder}: {what}")
     found: dict[str, Path] = {}
     for place, folders, files in os.walk(folder, followlinks=True):
         folders.sort()

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import ride_estimation
+from ride_estimation.cli.finite import require_finite
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.analysis import BenchIdentification, identify_records, ladder_for
@@ -26,8 +27,16 @@ from ride_estimation.identification.bench.steady_cycles import EXTRACTIONS, find
 from ride_estimation.identification.bench.time_domain import prepare
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_operating_points, read_oscillator_record
 from ride_estimation.io.identification_files import write_identification
+from ride_estimation.io.results import require_folder
 
 HELP = "identify a force element (stiffness, damping, friction) from bench records of displacement and force"
+EXAMPLES = """\
+  ride-estimation identify sine_1hz.csv sine_5hz.csv --validate random.csv --out out/bushing
+  ride-estimation identify run.mat --displacement x --displacement-unit mm --force F --force-unit kN --rate 1000 --out out/mount
+  ride-estimation identify stop.csv --model jounce_bumper --out out/stop
+
+Records have columns of time, displacement and force with the unit in the name (time_s, displacement_mm, force_kn).
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, required=True, metavar="DIR", help="folder for identification.json, element.yaml, report.html"
     )
     parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RECORD", help="records that are not fitted")
-    names = ", ".join((*(m.name for m in LADDER), *JOUNCE_MODELS))
-    parser.add_argument("--model", default="auto", help=f"auto (choose on held-out data) or one of: {names}")
+    names = _models()
+    parser.add_argument("--model", default="auto", help=f"auto (choose on held-out data) or one of: {', '.join(names)}")
     parser.add_argument(
         "--method", choices=("time", "frequency"), default="time", help="fit force samples, or K and W of harmonic tests"
     )
@@ -57,9 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=float,
         metavar=("FROM", "TO"),
-        help="seconds of the record that --oscillator fits; the rest is held out",
+        help="seconds of the record that --oscillator fits (default: the first 70 %%); the rest is held out",
     )
     add_reading_arguments(parser)
+
+
+def _models() -> tuple[str, ...]:
+    return (*(m.name for m in LADDER), *JOUNCE_MODELS)
 
 
 def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
@@ -103,6 +116,10 @@ def reading_options(options: argparse.Namespace) -> ReadOptions:
 
 def run(options: argparse.Namespace) -> int:
     """Identify and write the results."""
+    require_finite(options)
+    require_folder(options.out)
+    if options.model not in ("auto", *_models()):
+        raise InputDataError(f"--model: model {options.model!r} is unknown; allowed: auto, {', '.join(_models())}")
     if options.oscillator:
         return _run_oscillator(options)
     if options.model in JOUNCE_MODELS:
@@ -227,13 +244,13 @@ def _run_oscillator(options: argparse.Namespace) -> int:
 
 def print_summary(found: BenchIdentification) -> None:
     """Print the ladder, the parameters and what stays unexplained."""
-    print(f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'held out %':>12}{'gain %':>9}{'criterion':>12}")
+    print(f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'held out %':>12} {'gain %':>9}{'criterion':>12}")
     for i, rung in enumerate(found.rungs):
         mark = " <" if i == found.chosen else ""
-        gain = f"{100 * rung.gain:>9.1f}" if rung.gain_over else f"{'':>9}"
+        gain = f"{max(100 * rung.gain, -999.0):>9.1f}" if rung.gain_over else f"{'':>9}"
         print(
             f"{rung.fit.model.name:<18}{rung.fit.model.parameter_count:>11}{100 * rung.fitted['std']:>10.3g}"
-            f"{100 * rung.mse**0.5:>12.3g}{gain}{rung.criterion:>12.0f}{mark}"
+            f"{100 * rung.mse**0.5:>12.3g} {gain}{rung.criterion:>12.0f}{mark}"
         )
     for p in found.uncertainty.parameters:
         print(f"  {p.name:<18}{p.value:>13.5g} +- {p.std:<10.2g}{p.unit:<8}{p.status}{'  ' + p.reason if p.reason else ''}")

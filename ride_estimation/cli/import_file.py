@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ride_estimation.cli.replay import vehicle_file
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.files.channel_map import default_map, load_channel_map
 from ride_estimation.io.files.conversion import recording_from_file
@@ -37,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Read, map, write."""
-    vehicle = load_vehicle(vehicle_file(options.vehicle))
+    vehicle = load_vehicle(options.vehicle)
     channels = default_map(vehicle.sensors) if options.channels is None else load_channel_map(options.channels, vehicle.sensors)
     file = read_measurement_file(options.file, channels.time_channel, channels.rate_hz)
     if options.channels is None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import ast
 import importlib
+import os
 import pkgutil
 import sys
 from collections.abc import Iterable, Sequence
@@ -103,11 +104,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; return 0 on success, 2 on bad input (one message on stderr)."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     helps = verb_helps()
-    options = build_parser([word for word in given if word in helps][:1]).parse_args(given)
+    parser = build_parser([word for word in given if word in helps][:1])
+    if "" in given:
+        place = given.index("")
+        before = f" after {given[place - 1]}" if place else ""
+        parser.error(f"an empty argument{before}: a variable of the shell that is not set?")
+    options = parser.parse_args(given)
     try:
-        return int(options.execute(options))
+        status = int(options.execute(options))
+        sys.stdout.flush()
+        return status
     except RideEstimationError as error:
         print(f"ride-estimation {options.verb}: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        # the reader of the output has gone (| head): nothing more to say, and nothing to flush at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        # disk full, no permission, disk gone: where reading and writing have no words of their own
+        place_of_error = error.filename or "input or output"
+        print(f"ride-estimation {options.verb}: {place_of_error}: {error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

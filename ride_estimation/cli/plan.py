@@ -6,10 +6,9 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
-from pathlib import Path
 
 from ride_estimation.cli.finite import require_finite
-from ride_estimation.errors import InputDataError
+from ride_estimation.errors import ConfigurationError
 from ride_estimation.identification.fisher import Identifiability
 from ride_estimation.identification.sensitivities import Excitation
 from ride_estimation.identification.sensor_plan import Option, SensorPlan, plan
@@ -19,6 +18,12 @@ from ride_estimation.vehicles.modes import NEUTRAL_HZ
 _SHOWN = 6  # null directions that are printed one by one
 
 HELP = "tell which parameters a vehicle file's sensors can identify and which addition would help most"
+EXAMPLES = """\
+  ride-estimation plan --vehicle truck_cab
+  ride-estimation plan --vehicle truck_cab --unknown-mass --road B --speed 22 --duration 300       (a motorway, cab not weighed)
+"""
+#: what a test drive can be: option, least, largest, unit
+RANGES = (("speed", 0.5, 60.0, "m/s"), ("duration", 1.0, 86400.0, "s"), ("rate", 20.0, 20000.0, "Hz"))
 
 #: G_d(n0) at the geometric middle of each ISO 8608 class [m^3]
 ROAD_CLASSES = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}
@@ -26,7 +31,9 @@ ROAD_CLASSES = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("--vehicle", required=True, type=Path, metavar="V.yaml", help="vehicle file with its sensors")
+    parser.add_argument(
+        "--vehicle", required=True, metavar="V.yaml", help="vehicle file with its sensors, or the name of a bundled one"
+    )
     parser.add_argument("--road", default="C", choices=sorted(ROAD_CLASSES), help="ISO 8608 class (default C)")
     parser.add_argument("--speed", default=15.0, type=float, help="vehicle speed [m/s] (default 15)")
     parser.add_argument("--duration", default=60.0, type=float, help="usable driving [s] (default 60)")
@@ -39,8 +46,12 @@ def run(options: argparse.Namespace) -> int:
     """Print what is identifiable, what is not and why, and the ranked additions."""
     require_finite(options)
     vehicle = load_vehicle(options.vehicle)
-    if not (options.speed > 0.0 and options.duration > 0.0 and options.rate > 0.0):
-        raise InputDataError("--speed, --duration and --rate must be positive")
+    wrong = [
+        f"--{name} {getattr(options, name):g}; allowed: {low:g} to {high:g} {unit}"
+        for name, low, high, unit in RANGES if not low <= getattr(options, name) <= high
+    ]  # fmt: skip
+    if wrong:
+        raise ConfigurationError(wrong)
     excitation = Excitation(
         roughness=ROAD_CLASSES[options.road],
         speed=options.speed,

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ride_estimation.assessment import seat
+from ride_estimation.assessment import ride_comfort, seat
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
-from ride_estimation.io.tables import column, read_table
+from ride_estimation.io.results import output_folder
+from ride_estimation.io.tables import Table, read_table
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals import integration
 from ride_estimation.signals.spectra import label_peaks, welch_spectrum
@@ -20,11 +21,19 @@ from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import linearise, undamped_modes
 
 HELP = "classical procedures: loop, lift, weighing, drop test, leaf spring, velocity, seat, spectrum, peaks, modes, Voigt limits"
+EXAMPLES = """\
+  ride-estimation procedure axle-loads --weight-n 120000 --cg-from-rear-m 2.1 --wheelbase-m 3.8
+  ride-estimation procedure leaf-spring --span-m 1.4 --width-m 0.08 --thickness-m 0.012 --leaves 6
+  ride-estimation procedure modes --vehicle truck_cab --measured bounce=2.1 lateral=5.5 fore-aft=6.8
+  ride-estimation procedure loop loop_1hz.csv loop_10hz.csv --frequency 1 10      (columns time_s, displacement_mm, force_n)
+
+'ride-estimation procedure PROCEDURE --help' says which columns and numbers a procedure needs.
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add one sub-command per procedure."""
-    kinds = parser.add_subparsers(dest="procedure", required=True, metavar="PROCEDURE")
+    kinds = parser.add_subparsers(dest="procedure", required=True, metavar="PROCEDURE", help="one of")
 
     loop = kinds.add_parser("loop", help="stiffness and equivalent damping from force-displacement loops")
     loop.add_argument("files", nargs="+", type=Path, help="CSV: time_s, displacement_mm, force_n, one file per frequency")
@@ -68,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     pad = kinds.add_parser("seat", help="seat pad: separation of the occupant, signal to noise, exposure")
     pad.add_argument("file", type=Path, help="CSV: time_s and the column, gravity removed, up positive")
-    pad.add_argument("--column", required=True, help="column without its unit suffix")
+    pad.add_argument("--column", required=True, help="vertical acceleration, without its unit suffix")
     pad.add_argument("--standstill", type=Path, default=None, help="CSV with the same column, vehicle at rest, engine off")
     pad.set_defaults(procedure_run=_seat)
 
@@ -77,7 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     peaks.add_argument("--input", required=True, help="input column without its unit suffix (axle, chassis)")
     peaks.add_argument("--output", required=True, help="output column without its unit suffix (cab, seat)")
     peaks.add_argument("--block", type=int, required=True, help="samples per block")
-    peaks.add_argument("--vehicle", type=Path, default=None, help="vehicle file whose modes count")
+    peaks.add_argument("--vehicle", metavar="V.yaml", help="vehicle file, or the name of a bundled one, whose modes count")
     peaks.add_argument("--modes-hz", type=float, nargs="+", default=[], help="natural frequencies instead of a vehicle file")
     peaks.set_defaults(procedure_run=_peaks)
 
@@ -89,12 +98,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     spectrum.set_defaults(procedure_run=_spectrum)
 
     modes = kinds.add_parser("modes", help="mount stiffness from measured modes of the cab")
-    modes.add_argument("--vehicle", type=Path, required=True)
+    modes.add_argument("--vehicle", metavar="V.yaml", required=True, help="vehicle file, or the name of a bundled one")
     modes.add_argument("--measured", nargs="+", required=True, metavar="MODE=HZ", help="for example bounce=2.6 roll=2.4")
     modes.set_defaults(procedure_run=_modes)
 
     limits = kinds.add_parser("voigt-limits", help="error of a spring and damper tuned at one frequency at the other resonances")
-    limits.add_argument("--vehicle", type=Path, required=True)
+    limits.add_argument("--vehicle", metavar="V.yaml", required=True, help="vehicle file, or the name of a bundled one")
     limits.add_argument("--tuned-hz", type=float, required=True, help="frequency at which spring and damper are taken")
     limits.add_argument("--amplitude-mm", type=float, default=1.0, help="deflection amplitude (default 1)")
     limits.set_defaults(procedure_run=_limits)
@@ -107,13 +116,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _uniform_rate(path: Path, table: dict[str, hysteresis_loop.Array]) -> float:
-    t = column(table, path, "time")
+def _uniform_rate(table: Table) -> float:
+    t = table.column("time", "s")
     if t.size < 3 or (t[1:] <= t[:-1]).any():
-        raise InputDataError(f"{path}: time must rise from row to row")
+        raise InputDataError(f"{table.path}: time must rise from row to row")
     step = float(t[-1] - t[0]) / (t.size - 1)
     if (abs(t[1:] - t[:-1] - step) > 0.1 * step).any():
-        raise InputDataError(f"{path}: time steps vary by more than 10 %; resample the record")
+        raise InputDataError(f"{table.path}: time steps vary by more than 10 %; resample the record")
     return 1.0 / step
 
 
@@ -122,15 +131,19 @@ def _loop(options: argparse.Namespace) -> None:
         raise InputDataError(f"{len(options.files)} files but {len(options.frequency)} frequencies are given")
     loops = []
     for path, frequency in zip(options.files, options.frequency):
+        if frequency <= 0.0:
+            raise InputDataError(f"--frequency {frequency:g}: allowed are frequencies above 0 Hz")
         table = read_table(path)
-        _uniform_rate(path, table)
-        time_s, displacement, force = (column(table, path, name) for name in ("time", "displacement", "force"))
+        _uniform_rate(table)
+        time_s, displacement, force = table.column("time"), table.column("displacement", "m"), table.column("force", "N")
         loops.append(hysteresis_loop.analyse_loop(time_s, displacement, force, frequency))
         r = loops[-1]
         print(
             f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm: stiffness {r.stiffness:.5g} N/m, equivalent damping "
             f"{r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
         )
+        if r.stiffness <= 0.0 or r.loss_energy <= 0.0:
+            print("warning: a spring that pushes the wrong way, or a loop that gives energy: sign of force or displacement?")
     warning = hysteresis_loop.viscous_check(loops)
     if warning:
         print(f"warning: {warning}")
@@ -139,7 +152,7 @@ def _loop(options: argparse.Namespace) -> None:
 def _lift(options: argparse.Namespace) -> None:
     table = read_table(options.file)
     result = static_tests.tyre_stiffness_from_lift(
-        column(table, options.file, "unloading"), column(table, options.file, "rise"), options.tyres
+        table.column("unloading", "N"), table.column("rise", "m"), options.tyres
     )
     print(f"tyre stiffness {result.stiffness:.5g} +- {result.std:.2g} N/m per tyre, scatter {result.residual_rms:.3g} N")
 
@@ -151,11 +164,11 @@ def _axles(options: argparse.Namespace) -> None:
 
 def _drop(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(options.file, table)
-    names = [n for n in table if n != "time"]
+    rate = _uniform_rate(table)
+    names = [n for n in table.columns if n != "time"]
     if len(names) != 1:
         raise InputDataError(f"{options.file}: one column beside time is needed; it has {', '.join(names)}")
-    decay = free_decay.analyse_decay(table[names[0]], rate)
+    decay = free_decay.analyse_decay(table.column(names[0]), rate)
     mass = free_decay.effective_mass(options.pivot_inertia_kg_m2, options.arm_m)
     damping = free_decay.damping_constant(decay.damping_ratio, options.stiffness_n_per_m, mass)
     print(
@@ -174,18 +187,19 @@ def _leaf(options: argparse.Namespace) -> None:
         rate = leaf_spring.semi_elliptic_rate(*geometry, leaves=options.leaves)
     else:
         raise InputDataError("give --span-m, --width-m and --thickness-m, or --force-n and --deflection-m")
-    spread = f" +- {rate.std:.2g}" if rate.std else ""
+    spread = f" +- {100.0 * rate.std / rate.value:.2g} %" if rate.std else ""
     print(f"spring rate {rate.value:.6g}{spread} N/m ({rate.source}); quarter-car --spring-rate-n-per-m holds it")
 
 
 def _velocity(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(options.file, table)
-    acceleration = column(table, options.file, options.column)
+    rate = _uniform_rate(table)
+    acceleration = table.column(options.column, "m/s^2")
     found = integration.acceleration_to_velocity(acceleration, rate, options.corner_hz)
     duration = acceleration.size / rate
     drift = integration.velocity_drift(options.noise_m_per_s2, rate, duration)
-    rows = np.column_stack([table["time"], found])
+    rows = np.column_stack([table.column("time"), found])
+    output_folder(options.out.parent)
     np.savetxt(options.out, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
     print(
         f"offset {acceleration.mean():.4g} m/s^2 removed: left in, it would drift to "
@@ -197,29 +211,36 @@ def _velocity(options: argparse.Namespace) -> None:
 
 def _seat(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(options.file, table)
-    values = column(table, options.file, options.column)
+    rate = _uniform_rate(table)
+    values = table.column(options.column, "m/s^2")
     times = seat.separation_times(values, rate)
     if times:
         listed = ", ".join(f"{t:.2f}" for t in times[:10]) + (" ..." if len(times) > 10 else "")
         print(f"warning: the occupant left the seat {len(times)} times (at {listed} s); the pad then measures only itself")
     else:
         print("the occupant never left the seat (vertical acceleration stays above -1 g)")
+    still = np.zeros_like(values)
+    day = ride_comfort.EXPOSURE_REFERENCE_S
+    vertical = ride_comfort.assess(np.column_stack([still, still, values]), rate, day, "seat").axes[2]
+    print(
+        f"vertical axis, Wk: a_w {vertical.weighted_rms:.3g} m/s^2 (its A(8) after 8 h a day), VDV {vertical.vibration_dose:.3g} "
+        f"m/s^1.75 of this record, crest factor {vertical.crest_factor:.3g}; the exposure takes the worst of three axes"
+    )
     if options.standstill is not None:
-        rest = column(read_table(options.standstill), options.standstill, options.column)
+        rest = read_table(options.standstill).column(options.column, "m/s^2")
         ratio = seat.signal_to_noise_db(values, rest)
         print(f"signal to noise {ratio:.1f} dB, a ratio of {10 ** (ratio / 20):.4g} (stand-still {np.std(rest):.3g} m/s^2 rms)")
 
 
 def _peaks(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(options.file, table)
+    rate = _uniform_rate(table)
     natural = list(options.modes_hz)
     if options.vehicle is not None:
         natural += [m.frequency_hz for m in undamped_modes(linearise(assemble(load_vehicle(options.vehicle))))]
     if not natural:
         raise InputDataError("give --vehicle or --modes-hz: without natural frequencies no peak can be told from a mode")
-    spectra = [welch_spectrum(column(table, options.file, n), rate, options.block) for n in (options.output, options.input)]
+    spectra = [welch_spectrum(table.column(n), rate, options.block) for n in (options.output, options.input)]
     print(spectra[0].describe())
     found = label_peaks(spectra[0], spectra[1], natural)
     for peak in found:
@@ -230,13 +251,14 @@ def _peaks(options: argparse.Namespace) -> None:
 
 def _spectrum(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(options.file, table)
-    values = column(table, options.file, options.column)
+    rate = _uniform_rate(table)
+    values = table.column(options.column)
+    unit = table.units[options.column]
     spectrum = welch_spectrum(values, rate, options.block, options.claimed_resolution_hz)
     print(f"{spectrum.describe()}")
     strongest = spectrum.density[1:].argsort()[::-1][:5] + 1
     for index in sorted(strongest.tolist()):
-        print(f"  {spectrum.frequency_hz[index]:8.3f} Hz  {spectrum.density[index]:.4g} per Hz")
+        print(f"  {spectrum.frequency_hz[index]:8.3f} Hz  {spectrum.density[index]:.4g} {f'({unit})^2/Hz' if unit else 'per Hz'}")
 
 
 def _modes(options: argparse.Namespace) -> None:

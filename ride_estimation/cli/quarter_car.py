@@ -15,33 +15,51 @@ from ride_estimation.identification.quarter_car.checks import check_road, pitch_
 from ride_estimation.identification.quarter_car.fit import QuarterCarFit, fit_models, line_coherence
 from ride_estimation.identification.quarter_car.models import PARAMETERS, QuarterCarSimulation
 from ride_estimation.io.json_file import write_json
-from ride_estimation.io.tables import column, read_table
+from ride_estimation.io.results import output_folder, require_folder
+from ride_estimation.io.tables import read_table
 
 HELP = "fit the six quarter-car models of document 002 with bounds, multi-start and a plausibility gate"
+EXAMPLES = """\
+  ride-estimation quarter-car run.csv --sprung-mass-kg 4500 --unsprung-mass-kg 550 --speed-m-per-s 4.2 --out out/quarter
+  ride-estimation quarter-car run.csv --sprung-mass-kg 4500 --unsprung-mass-kg 550 --models 1 3 --spring-rate-n-per-m 230000
+
+run.csv has the columns time_s, road_m (or _mm), body_acceleration_m_per_s2 (or _g), axle_acceleration_m_per_s2 (or _g).
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("table", type=Path, help="CSV: time_s, road_m, body_acceleration_m_per_s2, axle_acceleration_m_per_s2")
-    parser.add_argument("--sprung-mass-kg", type=float, required=True)
-    parser.add_argument("--unsprung-mass-kg", type=float, required=True)
-    parser.add_argument("--speed-m-per-s", type=float, default=0.0, help="to check that a wheel can follow the road")
-    parser.add_argument("--wheel-radius-m", type=float, default=0.5)
-    parser.add_argument("--noise-m-per-s2", type=float, default=0.02, help="noise of the accelerometers (default 0.02)")
-    parser.add_argument("--spring-rate-n-per-m", type=float, default=None, help="known spring rate (leaf geometry), held")
+    parser.add_argument("--sprung-mass-kg", type=float, required=True, metavar="KG", help="above the suspension, at this wheel")
+    parser.add_argument("--unsprung-mass-kg", type=float, required=True, metavar="KG", help="wheel and its share of the axle")
+    parser.add_argument(
+        "--speed-m-per-s", type=float, default=0.0, metavar="V", help="vehicle speed, to check that a wheel can follow the road"
+    )
+    parser.add_argument("--wheel-radius-m", type=float, default=0.5, metavar="R", help="for that check (default 0.5)")
+    parser.add_argument("--noise-m-per-s2", type=float, default=0.02, metavar="A", help="of the accelerometers (default 0.02)")
+    parser.add_argument("--spring-rate-n-per-m", type=float, metavar="K", help="known spring rate (leaf geometry), held")
     parser.add_argument("--roll-envelope", action="store_true", help="fit with the rolled envelope of the road")
-    parser.add_argument("--models", type=int, nargs="+", choices=range(1, 7), default=range(1, 7), help="which of the six")
-    parser.add_argument("--starts", type=int, default=4, help="random starts per model (default 4)")
+    parser.add_argument(
+        "--models", type=int, nargs="+", choices=range(1, 7), default=range(1, 7), metavar="N",
+        help="which of the six (default all)",
+    )
+    parser.add_argument("--starts", type=int, default=4, metavar="N", help="random starts per model (default 4)")
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write quarter_car.json")
 
 
 def run(options: argparse.Namespace) -> int:
     """Fit, print the table of models and what is doubtful about each."""
     require_finite(options)
+    if options.starts < 0 or options.speed_m_per_s < 0.0:
+        given = f"--starts {options.starts}, --speed-m-per-s {options.speed_m_per_s:g}"
+        raise InputDataError(f"{given}; allowed: 0 or more")
+    if options.roll_envelope and options.speed_m_per_s == 0.0:
+        raise InputDataError("--roll-envelope needs --speed-m-per-s: how far the wheel rolls between two samples")
+    if options.out is not None:
+        require_folder(options.out)
     table = read_table(options.table)
-    time, road, body, axle = (
-        column(table, options.table, n) for n in ("time", "road", "body_acceleration", "axle_acceleration")
-    )
+    time, road = table.column("time", "s"), table.column("road", "m")
+    body, axle = (table.column(f"{place}_acceleration", "m/s^2") for place in ("body", "axle"))
     rate = (time.size - 1) / float(time[-1] - time[0]) if time[-1] > time[0] else 0.0
     if rate <= 0.0 or np.any(np.abs(np.diff(time) * rate - 1.0) > 0.1):
         raise InputDataError(f"{options.table}: time must rise in equal steps")
@@ -73,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
         if offer:
             print(offer)
     if options.out is not None:
-        options.out.mkdir(parents=True, exist_ok=True)
+        output_folder(options.out)
         write_json(options.out / "quarter_car.json", {"models": [dataclasses.asdict(r) for r in results]})
     return 0
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +17,18 @@ from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.frames import AXES
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.result_files import read_diagnosis
 from ride_estimation.io.results import output_folder, result_document, write_signals
 from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
-from ride_estimation.reporting.formats import write_page
+from ride_estimation.reporting.formats import clear_pages, write_page
+from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.reporting.replay_report import replay_page
 from ride_estimation.reporting.replay_spectra import tick_rate
 from ride_estimation.reporting.side_signals import side_signals
-from ride_estimation.resources import shared_path
 from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.signals.quality import ChannelQuality
@@ -105,7 +106,7 @@ class ReplayJob:
         ConfigurationError
             Mistakes in the vehicle file, the settings or the numbers given.
         """
-        vehicle = without_sensors(load_vehicle(vehicle_file(options.vehicle)), options.without)
+        vehicle = without_sensors(load_vehicle(options.vehicle), options.without)
         settings = load_settings(options.settings) if options.settings else PipelineSettings()
         if options.rate is not None:
             settings = dataclasses.replace(settings, rate_hz=options.rate)
@@ -117,6 +118,8 @@ class ReplayJob:
 
 def run(options: argparse.Namespace) -> int:
     """Replay one run; see :data:`HELP`."""
+    if "none" in options.format and len(options.format) > 1:
+        raise ConfigurationError(f"--format {' '.join(options.format)}: none stands alone")
     job = ReplayJob.of(options, ("none",) if options.no_report else options.format)
     diagnosis = read_diagnosis(options.diagnosis) if options.diagnosis else None
     require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
@@ -179,6 +182,7 @@ def replay_run(
         mass_relative_std(result, pipeline.arrangement.body.name),
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, job.settings)
+    clear_pages(folder)
     write_json(folder / "result.json", document)
     write_signals(folder / "signals.npz", result)
     written = ["result.json", "signals.npz"]
@@ -194,14 +198,6 @@ def mass_relative_std(result: OfflineRun, body: str) -> float:
         if estimate.name == f"{body}.mass" and estimate.value > 0.0 and math.isfinite(estimate.std):
             return estimate.std / estimate.value
     return 0.0
-
-
-def vehicle_file(given: str) -> Path:
-    """Return the path of a vehicle file named by path or, without ``/`` and ``.yaml``, by the name of a bundled one."""
-    path = Path(given)
-    if path.exists() or path.suffix or len(path.parts) != 1:
-        return path
-    return shared_path("config", "vehicles", f"{given}.yaml")
 
 
 def without_sensors(vehicle: Vehicle, names: Sequence[str]) -> Vehicle:
@@ -265,14 +261,16 @@ def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], l
     ]
     for p in result.parameters:
         reason = f" ({p.reason})" if p.reason else ""
-        lines.append(f"{p.name:<34}{p.value:>12.5g}{p.std:>10.3g}{p.prior:>12.5g}  {p.unit:<7} {p.status.value}{reason}")
+        value, std = with_std(p.value, p.std)
+        lines.append(f"{p.name:<34}{value:>12}{std:>10}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}{reason}")
     if result.mount_names:
-        lines.append(f"{'force on the body by mount [N]':<34}{'mean':>30}{'largest deviation from it':>30}")
+        heads = (_three_words(f"mean {axis}" for axis in AXES), _three_words(f"swing {axis}" for axis in AXES))
+        lines.append(f"{'force on the body by mount [N]':<34}{heads[0]:>32}{heads[1]:>32}  (largest deviation from the mean)")
         force = result.signals["mount_force"][result.valid]
         for i, name in enumerate(result.mount_names if len(force) else ()):
             mean = force[:, i].mean(axis=0)
             swing = abs(force[:, i] - mean).max(axis=0)
-            lines.append(f"{name:<34}{_three(mean):>30}{_three(swing):>30}")
+            lines.append(f"{name:<34}{_three(mean):>32}{_three(swing):>32}")
     lines += [f"warning: {text}" for text in warnings[:12]]
     if len(warnings) > 12:
         lines.append(f"... {len(warnings) - 12} more warnings in result.json")
@@ -281,4 +279,8 @@ def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], l
 
 
 def _three(values: Sequence[float]) -> str:
-    return "  ".join(f"{v:8.1f}" for v in values)
+    return _three_words(f"{v:.0f}" for v in values)
+
+
+def _three_words(words: Iterable[str]) -> str:
+    return "  ".join(f"{word:>8}" for word in words)

@@ -44,7 +44,8 @@ def read_yaml(path: Path) -> Mapping[str, Any]:
     except FileNotFoundError:
         raise ConfigurationError("the file does not exist", where=str(path)) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"the file cannot be read: {error}", where=str(path)) from error
+        words = error.strerror if isinstance(error, OSError) else f"it is not UTF-8 text ({error.reason} at byte {error.start})"
+        raise ConfigurationError(f"the file cannot be read: {words}", where=str(path)) from error
     try:
         root = yaml.compose(text, Loader=_LOADER)
         _expanded(root, {})

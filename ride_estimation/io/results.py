@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import platform
 from collections.abc import Mapping
 from importlib import metadata
@@ -43,6 +44,22 @@ def output_folder(path: str | Path) -> Path:
     except OSError as error:
         raise InputDataError(f"{folder}: the output folder cannot be made: {error.strerror or error}") from error
     return folder
+
+
+def require_folder(path: str | Path) -> None:
+    """Refuse an output folder that cannot be made, before the work is done; nothing is created.
+
+    Raises
+    ------
+    InputDataError
+        The path or a folder above it is a file, or may not be written to.
+    """
+    folder = Path(path)
+    nearest = next(place for place in (folder, *folder.parents, Path.cwd()) if place.exists())
+    if not nearest.is_dir():
+        raise InputDataError(f"{folder}: the output folder cannot be made: {nearest} is a file")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputDataError(f"{folder}: the output folder cannot be made: {nearest} may not be written to")
 
 
 def software() -> dict[str, str]:

@@ -83,7 +83,8 @@ def _durability(result: Mapping[str, Any]) -> list[Metric]:
 
 def _comfort(result: Mapping[str, Any]) -> list[Metric]:
     found = []
+    hours = result.get("comfort", {}).get("daily_exposure_s", 28800.0) / 3600.0
     for place in result.get("comfort", {}).get("places", ()):
         found.append(Metric(f"a_w z, {place['location']}", float(place["z"]["a_w_m_per_s2"]), None, "m/s²"))
-        found.append(Metric(f"A(8), {place['location']}", float(place["a8_m_per_s2"]), None, "m/s²"))
+        found.append(Metric(f"A(8) of {hours:g} h a day, {place['location']}", float(place["a8_m_per_s2"]), None, "m/s²"))
     return found

@@ -4,51 +4,96 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.units import split_suffix
+from ride_estimation.units import si_unit, split_suffix, suffixes_of
 
 Array = NDArray[np.float64]
 
 
-def read_table(path: Path) -> dict[str, Array]:
-    """Read a CSV file with a header into SI columns by name without unit suffix (``rise_mm`` -> ``rise`` in m).
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Columns in SI by name without unit suffix (``rise_mm`` -> ``rise`` in m).
+
+    Attributes
+    ----------
+    path
+        Where it was read, for messages.
+    columns
+        Values in SI, all of one length.
+    units
+        SI unit by name, empty where the name had no suffix.
+    """
+
+    path: Path
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+
+    def column(self, name: str, unit: str = "") -> Array:
+        """Return a column.
+
+        Parameters
+        ----------
+        name
+            Without unit suffix.
+        unit
+            SI unit it must have; any by default.
+
+        Raises
+        ------
+        InputDataError
+            No such column, or one of no or of another unit.
+        """
+        if name not in self.columns:
+            such = f" (such as {name}{suffixes_of(unit)[0]})" if unit else ""
+            raise InputDataError(f"{self.path}: no column {name!r}{such}; it has {', '.join(self.headings())}")
+        if unit and self.units[name] != unit:
+            is_in = f"is in {self.units[name]}" if self.units[name] else "has no unit in its name"
+            allowed = " or ".join(f"{name}{suffix}" for suffix in suffixes_of(unit))
+            raise InputDataError(f"{self.path}: column {name!r} {is_in}; needed is {unit}: {allowed}")
+        return self.columns[name]
+
+    def headings(self) -> list[str]:
+        """Return the names with their SI units."""
+        return [f"{name} [{unit}]" if unit else name for name, unit in self.units.items()]
+
+
+def read_table(path: Path) -> Table:
+    """Read a CSV file with a header line.
 
     Raises
     ------
     InputDataError
-        Missing or empty file, no header, a cell that is no finite number (row and column are named), unequal rows.
+        Missing or empty file, no header, a cell that is no finite number (row and column are named), unequal rows, one quantity
+        in two columns.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = [row for row in csv.reader(stream) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except OSError as error:
+        raise InputDataError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputDataError(f"{path}: cannot be read as a table: {error}") from error
     if len(rows) < 2:
         raise InputDataError(f"{path}: a header line and at least one row are needed")
     header = [cell.strip() for cell in rows[0]]
-    columns: dict[str, list[float]] = {name: [] for name in header}
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(header):
             raise InputDataError(f"{path}: row {number} has {len(row)} cells, the header has {len(header)}")
-        for name, cell in zip(header, row):
-            columns[name].append(_number(path, number, name, cell))
-    found = {}
-    for name, values in columns.items():
-        short, _, factor = split_suffix(name)
-        found[short] = factor * np.array(values)
-    return found
-
-
-def column(table: dict[str, Array], path: Path, name: str) -> Array:
-    """Return a column or say which there are."""
-    if name not in table:
-        raise InputDataError(f"{path}: no column {name!r} (with unit, such as {name}_m or {name}_n); it has {', '.join(table)}")
-    return table[name]
+    columns, units = {}, {}
+    for place, name in enumerate(header):
+        short, unit, factor = split_suffix(name)
+        if short in columns:
+            raise InputDataError(f"{path}: two columns are called {short!r} when their units are left away")
+        values = [_number(path, number, name, row[place]) for number, row in enumerate(rows[1:], start=2)]
+        columns[short], units[short] = factor * np.array(values), si_unit(unit)
+    return Table(path, columns, units)
 
 
 def _number(path: Path, row: int, name: str, cell: str) -> float:

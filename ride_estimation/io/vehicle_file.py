@@ -18,6 +18,7 @@ from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.document import Section, read_yaml
 from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, stiffness_unit_problems
 from ride_estimation.io.vehicle_sensors import Names, read_force_references, read_sensors, topic_problems
+from ride_estimation.resources import shared_path
 from ride_estimation.sensors.layout import LayoutCheck, check_layout
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import STANDARD_GRAVITY, Body, ForceReference, Mount, Prior, Vehicle
@@ -31,17 +32,40 @@ def load_vehicle(path: str | Path) -> Vehicle:
     Parameters
     ----------
     path
-        YAML file of schema ``ride_estimation/vehicle/1``.
+        YAML file of schema ``ride_estimation/vehicle/1``, or the name of a bundled one (:func:`find_vehicle_file`).
 
     Raises
     ------
     ConfigurationError
         All mistakes at once: field, value given, what is allowed.
     """
-    path = Path(path)
+    path = find_vehicle_file(path)
     document = read_yaml(path)
     vehicle = vehicle_from_mapping(document, where=str(path))
     return dataclasses.replace(vehicle, checksum=hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def find_vehicle_file(given: str | Path) -> Path:
+    """Return the path of a vehicle file that is named by its path or, in one word without ``.yaml``, as a bundled one.
+
+    Parameters
+    ----------
+    given
+        ``my/truck.yaml`` or ``truck_cab``.
+
+    Raises
+    ------
+    ConfigurationError
+        One word that is neither a file nor a bundled vehicle; the message lists these.
+    """
+    path = Path(given).expanduser()
+    if path.exists() or path.suffix or len(path.parts) != 1:
+        return path
+    bundled = {file.stem: file for file in sorted(shared_path("config", "vehicles").glob("*.yaml"))}
+    if path.name not in bundled:
+        names = ", ".join(bundled)
+        raise ConfigurationError(f"no such file, and no bundled vehicle of that name; there are {names}", where=str(given))
+    return bundled[path.name]
 
 
 def vehicle_from_mapping(document: Any, where: str = "vehicle") -> Vehicle:

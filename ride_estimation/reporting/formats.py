@@ -10,6 +10,17 @@ from ride_estimation.reporting.page import Page
 from ride_estimation.reporting.pdf import write_pdf
 
 
+def clear_pages(folder: Path) -> None:
+    """Remove the report of an earlier call from a folder, so that no old page stands beside new results."""
+    for name in ("report.html", "report.pdf"):
+        (folder / name).unlink(missing_ok=True)
+    pictures = folder / "pictures"
+    for picture in pictures.glob("[0-9][0-9]_*.png"):
+        picture.unlink()
+    if pictures.is_dir() and not any(pictures.iterdir()):
+        pictures.rmdir()
+
+
 def write_page(page: Page, folder: Path, formats: Sequence[str]) -> list[str]:
     """Write a report and return the names of what was written below the folder.
 

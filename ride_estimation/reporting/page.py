@@ -12,6 +12,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ride_estimation.reporting.numbers import plain
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -35,6 +37,12 @@ img{max-width:100%;height:auto}figure{margin:1em 0;overflow-x:auto}figcaption{co
 figure,tr{break-inside:avoid}.wide,figure{overflow:visible}table{font-size:8pt}img{max-height:23cm}
 .verdict,.warning,th{-webkit-print-color-adjust:exact;print-color-adjust:exact}}
 """
+
+
+class Digits(str):
+    """A number that is written already, with the digits it deserves."""
+
+    __slots__ = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,12 +164,12 @@ def png(picture: Picture, dpi: int) -> bytes:
 
 def cell_text(value: object) -> str:
     """Return the text of a cell of a table: numbers with four significant digits."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return plain(value) if isinstance(value, float) else str(value)
 
 
 def is_number(value: object) -> bool:
     """Return whether a cell is set as a number."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, (int, float, Digits)) and not isinstance(value, bool)
 
 
 def _html(block: Block) -> str:

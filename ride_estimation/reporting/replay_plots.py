@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import signal
@@ -69,12 +70,17 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
             right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
         right.minorticks_off()
         right.set_ylabel("[m/s²/√Hz]")
-    axes[0][0].legend(loc="upper right", fontsize=8, ncols=3)
+    _legend_above(axes[0][0])
     axes[0][1].set_title("spectrum: measured (grey), difference (red)", fontsize=9)
     axes[2][0].set_xlabel("time [s]")
     axes[2][1].set_xlabel("frequency [Hz]")
     figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
     return figure
+
+
+def _legend_above(axes: Axes) -> None:
+    """Put the legend above the frame, where it hides nothing."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), fontsize=8, ncols=3, frameon=False)
 
 
 def spectrum(values: Array, time_s: Array) -> tuple[Array, Array]:
@@ -108,7 +114,7 @@ def motion_and_load(run: OfflineRun) -> Figure:
         for i, direction in enumerate(AXES if start == 0 else ("roll", "pitch", "yaw")):
             axis.plot(*thinned(time, run.signals[name][:, start + i]), linewidth=0.6, label=direction)
         axis.set_ylabel(label)
-        axis.legend(loc="upper right", fontsize=8, ncols=3)
+        _legend_above(axis)
     axes[-1].set_xlabel("time [s]")
     figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
     return figure
@@ -147,22 +153,31 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
     label
         What they are, for the axis.
     """
-    figure = Figure(figsize=(11, 3.2))
-    axis = figure.subplots()
     history, prior = run.history, {p.name: p.prior for p in run.parameters}
     time = (history.stamp_ns - run.stamp_ns[0]) * 1e-9
+    limits = _limits(history.value, history.names, names, prior)
+    # one panel per axis of the mounts: twelve curves and their bands in one cannot be told apart
+    panels: dict[str, list[str]] = {}
     for name in names:
-        column = history.names.index(name)
-        scale = prior[name] or 1.0
-        value, std = history.value[:, column] / scale, history.std[:, column] / abs(scale)
-        line = axis.plot(time, value, linewidth=1.0, label=name.rsplit(".", 1)[0])[0]
-        axis.fill_between(time, value - 2.0 * std, value + 2.0 * std, color=line.get_color(), alpha=0.12, linewidth=0.0)
-    axis.axhline(1.0, color=MEASURED, linewidth=0.6, linestyle=":")
-    axis.set_ylim(*_limits(history.value, history.names, names, prior))
-    axis.set_ylabel(f"{label} / prior [-]")
-    axis.set_xlabel("time [s]")
-    axis.legend(fontsize=7, ncols=4, loc="upper right")
-    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.16, top=0.95, hspace=0.28, wspace=0.22)
+        parts = name.split(".")
+        panels.setdefault(parts[1] if len(parts) == 3 else "", []).append(name)
+    figure = Figure(figsize=(11, 3.2))
+    frames = figure.subplots(1, len(panels), squeeze=False)[0]
+    for place, (axis, (direction, shown)) in enumerate(zip(frames, panels.items())):
+        for name in shown:
+            column = history.names.index(name)
+            scale = prior[name] or 1.0
+            value, std = history.value[:, column] / scale, history.std[:, column] / abs(scale)
+            line = axis.plot(time, value, linewidth=1.0, label=name.split(".")[0])[0]
+            axis.fill_between(time, value - 2.0 * std, value + 2.0 * std, color=line.get_color(), alpha=0.12, linewidth=0.0)
+        axis.axhline(1.0, color=MEASURED, linewidth=0.6, linestyle=":")
+        axis.set_ylim(*limits)
+        axis.set_title(direction, fontsize=9)
+        axis.set_xlabel("time [s]")
+        if place == 0:
+            axis.set_ylabel(f"{label} / prior [-]")
+            axis.legend(fontsize=7, ncols=2, loc="upper right")
+    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.16, top=0.92, wspace=0.15)
     return figure
 
 

@@ -17,8 +17,10 @@ from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
 from ride_estimation.reporting import replay_sections as sections
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.numbers import plain, with_std
+from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.side_signals import SideSignals
+from ride_estimation.sensors.sensor import SENSOR_KINDS
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -52,9 +54,9 @@ def replay_page(
     diagnosis
         Content of ``diagnosis.json`` of the same run, for the ladder of models.
     """
-    page = Page(f"Replay of {Path(recording.name).name} with {vehicle.name}")
+    page = Page(f"Replay of {run_title(recording.name)} with {vehicle.name}")
     _head(page, recording, vehicle, run, result)
-    _quality(page, run, quality)
+    _quality(page, vehicle, run, quality)
     _fit(page, run, result)
     page.heading("Motion and inertial load of the body")
     page.text("At the centre of gravity, gravity removed; the load is m a and I alpha + omega x I omega.")
@@ -68,6 +70,12 @@ def replay_page(
     _parameters(page, run, result)
     sections.ladder(page, diagnosis, recording.checksum)
     return page
+
+
+def run_title(path: str) -> str:
+    """Return the name of a recording as a heading: a folder called ``bag`` says nothing without the one above it."""
+    parts = Path(path).parts
+    return "/".join(parts[-2:]) if parts[-1:] == ("bag",) else "/".join(parts[-1:])
 
 
 def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, result: Mapping[str, Any]) -> None:
@@ -89,19 +97,21 @@ def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, r
     ])  # fmt: skip
 
 
-def _quality(page: Page, run: OfflineRun, quality: Mapping[str, ChannelQuality]) -> None:
+def _quality(page: Page, vehicle: Vehicle, run: OfflineRun, quality: Mapping[str, ChannelQuality]) -> None:
     page.heading("Data quality")
     rows = []
     for name, q in quality.items():
         health = run.health.sensors.get(name)
+        unit = SENSOR_KINDS[vehicle.sensors[name].kind][1].partition(",")[0].replace("^2", "²")
         rows.append([
             name, q.samples, health.accepted if health else 0, sum(health.rejected.values()) if health else 0,
-            q.backwards, q.rate_hz, 1e3 * q.jitter_s, q.gaps, 1e3 * q.longest_gap_s, q.clipped, q.spikes,
-            "  ".join(f"{v:.2f}" for v in q.mean[:3]), "  ".join(f"{v:.2f}" for v in q.std[:3]), "; ".join(q.findings) or "fine",
+            q.backwards, q.rate_hz, Digits(plain(1e3 * q.jitter_s, 2)), q.gaps, Digits(plain(1e3 * q.longest_gap_s, 3)),
+            q.clipped, q.spikes, "  ".join(plain(v, 3) for v in q.mean[:3]), "  ".join(plain(v, 3) for v in q.std[:3]), unit,
+            "; ".join(q.findings) or "fine",
         ])  # fmt: skip
     page.table([
         "sensor", "samples", "used", "rejected", "overtaken", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped",
-        "spikes", "mean [unit]", "std [unit]", "findings",
+        "spikes", "mean", "std", "of both [unit]", "findings",
     ], rows)  # fmt: skip
     page.text("Mean of an accelerometer in sensor axes; a specific force of +9.81 m/s² points up at rest.")
 
@@ -109,15 +119,15 @@ def _quality(page: Page, run: OfflineRun, quality: Mapping[str, ChannelQuality])
 def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.heading("Measured against model, channel by channel")
     page.text(
-        "The model is one rigid body that moves so that all accelerometers agree best. NRMSE is the error over the standard "
-        "deviation of the measurement. A sensor that stands out is mounted, turned or placed otherwise than the vehicle file "
-        "says, or the body is not rigid there."
+        "The model is one rigid body that moves so that all accelerometers agree best. NRMSE is the error in percent of the "
+        "standard deviation of the measurement. A sensor that stands out is mounted, turned or placed otherwise than the "
+        "vehicle file says, or the body is not rigid there."
     )
     rows = []
     for sensor in run.measured:
         values = [result["fit"].get(f"{sensor}.{axis}") for axis in AXES]
-        rows.append([sensor, *("constant" if v is None else float(v) for v in values)])
-    page.table(["sensor", "x", "y", "z"], rows)
+        rows.append([sensor, *("constant" if v is None else Digits(plain(100.0 * float(v), 2)) for v in values)])
+    page.table(["sensor", *(f"NRMSE {axis} [%]" for axis in AXES)], rows)
     for sensor in run.measured:
         caption = f"{sensor}, sensor axes: busiest 5 s; spectra of the whole run"
         page.figure(plots.measured_against_model(run, sensor), caption, tight=False)
@@ -133,7 +143,7 @@ def _signal_table(page: Page, run: OfflineRun) -> None:
                 rms = float(np.sqrt(np.mean(column**2)))
                 rows.append([
                     f"{name} {axis} [{unit[i // 3]}]", float(column.mean()), rms, float(column.min()), float(column.max()),
-                    float(np.abs(column).max() / rms) if rms > 0.0 else 0.0, float(np.median(std[:, i])),
+                    float(np.abs(column).max() / rms) if rms > 0.0 else 0.0, Digits(plain(float(np.median(std[:, i])), 2)),
                 ])  # fmt: skip
     page.table(["signal", "mean", "rms", "min", "max", "crest factor", "std of the estimate"], rows)
 
@@ -153,13 +163,14 @@ def _forces(page: Page, run: OfflineRun) -> None:
             force = s["mount_force"][run.valid, m, i]
             if len(force):
                 parts = [
-                    float(np.median(s[name][run.valid, m, i]))
+                    Digits(plain(float(np.median(s[name][run.valid, m, i])), 2))
                     for name in ("mount_force_std", "mount_force_std_equilibrium", "mount_force_std_model")
                 ]
                 numbers = (force.mean(), force.std(), force.min(), force.max())
                 rows.append([mount, axis, *(float(v) for v in numbers), *parts])
     page.table([
-        "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", "std [N]", "of it equilibrium", "of it model",
+        "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", "std [N]", "std of equilibrium [N]",
+        "std of the mount model [N]",
     ], rows)  # fmt: skip
     for m, mount in enumerate(run.mount_names):
         page.figure(plots.mount_forces(run, m), f"Force on the body by mount {mount}", tight=False)
@@ -167,15 +178,21 @@ def _forces(page: Page, run: OfflineRun) -> None:
 
 def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.heading("Parameters")
-    rows = [
-        [p.name, p.value, 1.96 * p.std, p.unit, p.prior, f"{p.status.value}: {_STATUS_WORDS[p.status.value]}", p.reason]
-        for p in run.parameters
-    ]
+    rows = []
+    for p in run.parameters:
+        value, half = with_std(p.value, 1.96 * p.std)
+        words = f"{p.status.value}: {_STATUS_WORDS[p.status.value]}"
+        rows.append([p.name, Digits(value), Digits(half), p.unit, p.prior, words, p.reason])
     page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
     for kind in dict.fromkeys(p.name.rsplit(".", 1)[-1] for p in run.parameters):
         names = [p.name for p in run.parameters if p.name.rsplit(".", 1)[-1] == kind]
-        page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
+        if any(p.status.value != "valid" or p.value != p.prior for p in run.parameters if p.name in names):
+            page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
     page.heading("What these data can and cannot tell")
-    for key, value in result["identifiability"].items():
+    told = {key: value for key, value in result["identifiability"].items() if value}
+    for key, value in told.items():
         text = "; ".join(str(v) for v in value) if isinstance(value, (list, tuple)) else str(value)
-        page.text(f"{key.replace('_', ' ')}: {text or 'nothing'}")
+        page.text(f"{key.replace('_', ' ')}: {text}")
+    open_ones = [p.name for p in run.parameters if p.status.value in ("starting", "estimating")]
+    if open_ones:
+        page.text(f"not settled in this run: {'; '.join(open_ones)}")

@@ -15,7 +15,8 @@ from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import damage_plots, replay_mounts, replay_spectra
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.numbers import plain
+from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.side_signals import SideSignals
 
 
@@ -105,8 +106,9 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
     for d in assessment.damages:
         e = d.estimated
         row: list[object] = [
-            d.mount, d.axis, f"{e.equivalent_amplitude:.4g}", f"{e.equivalent_lower:.3g} to {e.equivalent_upper:.3g}",
-            e.largest_range, f"{e.value:.3g}", f"{e.lower:.3g} to {e.upper:.3g}" if e.known else "not known",
+            d.mount, d.axis, Digits(plain(e.equivalent_amplitude, 3)),
+            f"{plain(e.equivalent_lower, 3)} to {plain(e.equivalent_upper, 3)}", e.largest_range, Digits(plain(e.value, 3)),
+            f"{plain(e.lower, 2)} to {plain(e.upper, 2)}" if e.known else "not known",
         ]  # fmt: skip
         rows.append([*row, "" if d.ratio is None else float(d.ratio)] if measured else row)
     unit = f"N^{assessment.slope:g}"
@@ -147,20 +149,33 @@ def comfort(page: Page, assessment: RunAssessment) -> None:
         ],
         [
             [
-                e.location, *(a.weighted_rms for a in e.axes), e.vector_sum, e.axes[2].maximum_transient, e.axes[2].crest_factor,
-                e.axes[2].vibration_dose, e.a8, e.dose, _minutes(e.minutes_to_action), _minutes(e.minutes_to_limit),
+                e.location,
+                *(
+                    Digits(plain(v, 3))
+                    for v in (
+                        *(a.weighted_rms for a in e.axes), e.vector_sum, e.axes[2].maximum_transient, e.axes[2].crest_factor,
+                        e.axes[2].vibration_dose, e.a8, e.dose,
+                    )
+                ),
+                _minutes(e.minutes_to_action), _minutes(e.minutes_to_limit),
             ]
             for e in assessment.exposures
         ],
     )  # fmt: skip
-    for note in dict.fromkeys(note for e in assessment.exposures for note in e.notes()):
-        page.text(f"{note[0].upper()}{note[1:]}.")
+    places: dict[str, list[str]] = {}
+    for exposure in assessment.exposures:
+        for note in exposure.notes():
+            places.setdefault(note, []).append(exposure.location)
+    for note, where in places.items():
+        head = "" if len(where) == len(assessment.exposures) else f"{', '.join(where)}: "
+        text = f"{head}{note}."
+        page.text(f"{text[0].upper()}{text[1:]}")
 
 
 def _minutes(value: float) -> object:
     if not math.isfinite(value) or value > 1440.0:
         return "more than 24 h"
-    return float(value)
+    return Digits(plain(value, 2))
 
 
 def ladder(page: Page, diagnosis: Mapping[str, Any] | None, checksum: str) -> None:
@@ -191,4 +206,4 @@ def ladder(page: Page, diagnosis: Mapping[str, Any] | None, checksum: str) -> No
 
 
 def _number(value: object, factor: float) -> object:
-    return f"{factor * value:.4g}" if isinstance(value, (int, float)) and np.isfinite(value) else "-"
+    return Digits(plain(factor * value, 3)) if isinstance(value, (int, float)) and np.isfinite(value) else "-"

@@ -141,6 +141,8 @@ def transmissibility_plot(functions: Mapping[str, TransferFunction]) -> Figure:
         width = 1.8 if name == "heave" else 0.9
         panels[0].loglog(frequency, np.maximum(np.abs(found.h1[shown]), 1e-4), color=colour, lw=width, label=name)
         phase = np.where(found.coherence[shown] >= LEAST_COHERENCE, np.degrees(np.angle(found.h1[shown])), np.nan)
+        # a turn from 180 to -180 degrees is no change: the line breaks there
+        phase[1:][np.abs(np.diff(phase)) > 180.0] = np.nan
         panels[1].semilogx(frequency, phase, color=colour, lw=width)
         panels[2].semilogx(frequency, found.coherence[shown], color=colour, lw=width)
     panels[0].axhline(1.0, color="k", lw=0.6, ls=":")

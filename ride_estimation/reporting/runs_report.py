@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ride_estimation.frames import AXES
 from ride_estimation.io.result_files import FinishedReplay
 from ride_estimation.io.run_metrics import Metric, run_metrics
-from ride_estimation.reporting.outliers import OUTLIER, find_outliers
+from ride_estimation.reporting.outliers import LEAST_RUNS, OUTLIER, find_outliers
 from ride_estimation.reporting.page import Page
 from ride_estimation.reporting.replay_plots import spectrum
 
 Array = NDArray[np.float64]
+
 
 def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
     """Return the page that compares replays and the sentences about runs that stand out.
@@ -30,7 +31,8 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
     metrics = [(run.name, run_metrics(run.result)) for run in runs]
     outliers = find_outliers(metrics)
     findings = [outlier.sentence() for outlier in outliers]
-    page.verdict(f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else "No run stands out.")
+    none = "No run stands out." if len(runs) >= LEAST_RUNS else f"Which run stands out is told from {LEAST_RUNS} runs on."
+    page.verdict(f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else none)
     for text in findings:
         page.warning(text)
     page.heading("Runs")

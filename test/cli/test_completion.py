@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -45,9 +46,11 @@ def test_examples_of_help_are_commands_that_parse() -> None:
     parser = build_parser()
     texts = [EPILOG, *(getattr(__import__(f"ride_estimation.cli.{v.replace('-', '_')}", fromlist=["x"]), "EXAMPLES", "")
                        for v in verb_helps())]  # fmt: skip
-    lines = [line.strip() for text in texts for line in text.splitlines() if line.strip().startswith("ride-estimation ")]
+    joined = [re.sub(r"\\\n\s*", "", text) for text in texts]
+    lines = [line.strip() for text in joined for line in text.splitlines() if line.strip().startswith("ride-estimation ")]
     assert len(lines) > 12
     for line in lines:
+        # what stands behind two blanks is an explanation
         words = line.split("  ")[0].partition(">")[0].split()[1:]
         if words[0] != "VERB":
             parser.parse_args(words)

@@ -93,4 +93,4 @@ def test_numbers_that_are_not_finite_are_named(value, capsys):
 
 def test_bad_numbers_end_with_code_2(capsys):
     assert main(["plan", "--vehicle", VEHICLE, "--speed", "-3"]) == 2
-    assert "must be positive" in capsys.readouterr().err
+    assert "allowed: 0.5 to 60 m/s" in capsys.readouterr().err

@@ -264,7 +264,13 @@ def _score(
     for item, part, suffix in pairs:
         model, _ = simulate_oscillator(p, item.u, item.y[0], item.y[1], np.zeros(0, dtype=np.int64))
         keep = part.copy()
-        keep[: _settling(p, item.step_s)] = False
+        settled = _settling(p, item.step_s)
+        keep[:settled] = False
+        if not np.any(keep):
+            raise InputDataError(
+                f"{item.name}{suffix}: nothing is left to judge the model by: it has {item.u.size} samples, and the oscillator "
+                f"takes {settled} to forget its start"
+            )
         measured, modelled = item.y[keep], np.nan_to_num(model[keep], posinf=1e6)
         found[item.name + suffix] = (float(np.sqrt(np.mean((measured - modelled) ** 2))), nrmse(measured, modelled))
         errors.append((measured - modelled) / np.std(measured))

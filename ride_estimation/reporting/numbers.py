@@ -1,0 +1,42 @@
+# Copyright 2026 ride_estimation contributors
+"""Numbers as a person reads them: no more digits than are meant, no powers of ten where plain digits do."""
+
+from __future__ import annotations
+
+import math
+
+#: plain digits are readable between these; beyond, a power of ten is
+_SMALL, _LARGE = 1e-4, 1e7
+
+
+def plain(value: float, digits: int = 4) -> str:
+    """Return a number with some significant digits and without a power of ten as long as it stays readable.
+
+    Examples
+    --------
+    >>> plain(434630.0), plain(0.07188, 3), plain(2.0), plain(1.19e20, 3)
+    ('434600', '0.0719', '2', '1.19e+20')
+    """
+    if value == 0.0 or not math.isfinite(value) or not _SMALL <= abs(value) < _LARGE:
+        return f"{value:.{digits}g}"
+    rounded = float(f"{value:.{digits}g}")
+    decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
+    text = f"{rounded:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def with_std(value: float, std: float) -> tuple[str, str]:
+    """Return a value and its standard deviation, this one with two digits, the value to the same place.
+
+    Examples
+    --------
+    >>> with_std(434631.2, 56712.0), with_std(1271.53, 13.14), with_std(5.0, 0.0)
+    (('435000', '57000'), ('1272', '13'), ('5', '0'))
+    """
+    if not (math.isfinite(value) and math.isfinite(std)) or std <= 0.0:
+        return plain(value), plain(std)
+    place = math.floor(math.log10(float(f"{std:.2g}"))) - 1
+    if not -8 < place < 8 or not abs(value) < _LARGE:
+        return plain(value), plain(std, 2)
+    decimals = max(-place, 0)
+    return f"{round(value, -place):.{decimals}f}", f"{round(std, -place):.{decimals}f}"
