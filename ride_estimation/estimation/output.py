@@ -41,7 +41,9 @@ class OutputBlock:
     support_load
         ``m f`` and the same moment: what the mounts together carry, weight included, shape (K, 6).
     load_covariance
-        Of both loads: measured motion and the stated uncertainty of mass and inertia, shape (6, 6), at the last tick.
+        Of the support load: measured motion and the stated uncertainty of mass and inertia, shape (6, 6), at the last tick.
+    inertial_load_covariance
+        Of the inertial load: that of ``cg_accel``, tilt included, in place of the specific force; shape (6, 6), at the last tick.
     mount_force
         Force on the cab by each mount, static share included, shape (K, M, 3) [N].
     mount_force_std
@@ -69,6 +71,7 @@ class OutputBlock:
     inertial_load: Array
     support_load: Array
     load_covariance: Array
+    inertial_load_covariance: Array
     mount_force: Array
     mount_force_std: Array
     mount_force_std_equilibrium: Array
@@ -86,5 +89,5 @@ class OutputBlock:
 
     @property
     def inertial_load_std(self) -> Array:
-        """Return the standard deviation of the loads, shape (6,)."""
-        return np.asarray(np.sqrt(np.diag(self.load_covariance)))
+        """Return the standard deviation of the inertial load, shape (6,)."""
+        return np.asarray(np.sqrt(np.diag(self.inertial_load_covariance)))

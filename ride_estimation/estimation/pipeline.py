@@ -268,6 +268,7 @@ class Pipeline:
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
         inertial = self._loads.load(accel, motion.rate)
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        inertial_covariance = self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1])
         # an error of the mass scales all forces alike and is no reason to doubt equilibrium
         own_covariance = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         own_covariance = own_covariance + self._factor**2 * self._carried.covariance
@@ -299,9 +300,9 @@ class Pipeline:
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
             tilt=motion.tilt, inertial_load=inertial, support_load=support, load_covariance=load_covariance,
-            mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
-            mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
-            mount_deflection_std=forces.deflection_std,
+            inertial_load_covariance=inertial_covariance, mount_force=forces.force, mount_force_std=forces.std,
+            mount_force_std_equilibrium=forces.std_equilibrium, mount_force_std_model=forces.std_model,
+            mount_deflection=forces.deflection, mount_rate=forces.rate, mount_deflection_std=forces.deflection_std,
             measured={n: measured[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
             predicted={n: predicted[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
         )  # fmt: skip

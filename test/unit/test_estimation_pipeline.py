@@ -266,3 +266,15 @@ def test_reset_begins_from_the_vehicle_file():
     pipeline.reset("asked for")
     assert all(e.value == e.prior for e in pipeline.parameters()[1:])
     assert pipeline.health().restarts == {"asked for": 1}
+
+
+@pytest.mark.parametrize(("seed", "kind"), [(0, "air"), (3, "rubber")])
+def test_stated_uncertainty_of_the_inertial_load_holds_what_tilt_does_to_it(seed, kind):
+    """Truth ``m a`` lies within two standard deviations for at least 90 % of the ticks, and not by standing far too wide."""
+    cab, data, _ = world(seed, 14.0, kind)
+    _, blocks = learned(seed, kind)
+    std = np.concatenate([np.tile(b.inertial_load_std, (len(b.stamp_ns), 1)) for b in blocks])[:, :3]
+    error = joined(blocks, "inertial_load")[:, :3] - cab.mass * truth_of(blocks, data, "cg_accel")[:, :3]
+    late = slice(len(error) // 5, None)
+    assert np.all(np.mean(np.abs(error[late]) <= 2.0 * std[late], axis=0) >= 0.9)
+    assert np.all(std[late].mean(axis=0) < 6.0 * np.sqrt(np.mean(error[late] ** 2, axis=0)))
