@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """How much faster a fleet of runs is on several processes, or on a Dask cluster, than on one process.
 
-``python benchmarks/fleet_speed.py [RUNS] [WORKERS] [--seconds S] [--work FOLDER] [--parts one several cluster]``
+``python benchmarks/fleet_speed.py [RUNS] [WORKERS] [--seconds S] [--rate HZ] [--work FOLDER] [--parts one several cluster]``
 
 The runs are windows of S seconds of one simulated drive on rough ground, each beginning half a second after the one before, so
 that no two are the same. With ``--work`` the runs and what was measured stay in a folder, and parts can be measured one by one.
@@ -59,14 +59,16 @@ def window(recording: Recording, start_ns: int, end_ns: int) -> Recording:
     return dataclasses.replace(recording, channels=channels)
 
 
-def make_runs(folder: Path, runs: int, seconds: float) -> None:
+def make_runs(folder: Path, runs: int, seconds: float, rate_hz: float) -> None:
     """Write the runs as bags; those that are there already stay."""
     vehicle = load_vehicle(VEHICLE)
     missing = [number for number in range(runs) if not (folder / f"run{number:03d}" / "metadata.yaml").is_file()]
     if not missing:
         return
     scenario = load_scenario(shared_path("bags", "rough_with_bumps", "recipe.yaml"))
-    scenario = dataclasses.replace(scenario, duration=seconds + STEP_S * runs)
+    # the anti-alias filter of the recipe is at 0.4 of its rate
+    errors = dataclasses.replace(scenario.sensor_errors, rate=rate_hz, anti_alias=0.4 * rate_hz)
+    scenario = dataclasses.replace(scenario, duration=seconds + STEP_S * runs, sensor_errors=errors)
     drive = run_scenario(scenario, vehicle).recording
     first = min(int(channel.stamp_ns[0]) for channel in drive.channels.values())
     for number in missing:
@@ -107,7 +109,7 @@ def measure_part(part: str, recordings: dict[str, Path], out: Path, options: arg
 
 def report(found: dict[str, dict[str, object]], options: argparse.Namespace) -> None:
     """Print times, speed-ups and whether all parts gave the same."""
-    print(f"{options.runs} runs of {options.seconds:g} s, {os.cpu_count()} cores")
+    print(f"{options.runs} runs of {options.seconds:g} s at {options.rate:g} Hz, {os.cpu_count()} cores")
     for part, result in found.items():
         work = sum(result["processes"].values())
         label = PARTS[part].format(options.workers)
@@ -131,13 +133,14 @@ def main() -> None:
     parser.add_argument("runs", nargs="?", type=int, default=20)
     parser.add_argument("workers", nargs="?", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=30.0, help="length of a run [s] (default 30)")
+    parser.add_argument("--rate", type=float, default=200.0, help="samples per second of every sensor [Hz] (default 200)")
     parser.add_argument("--work", type=Path, help="folder that keeps runs and measurements")
     parser.add_argument("--parts", nargs="*", choices=list(PARTS), default=["one", "several"], help="none: only make the runs")
     parser.add_argument("--scheduler", default="", help="of an existing Dask cluster for the part 'cluster'")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         folder = options.work or Path(place)
-        make_runs(folder / "in", options.runs, options.seconds)
+        make_runs(folder / "in", options.runs, options.seconds, options.rate)
         recordings = dict(list(find_recordings(folder / "in").items())[: options.runs])
         # compiles the kernels, which is no work of a fleet
         measure(dict([next(iter(recordings.items()))]), folder / "warm", 1, "")
