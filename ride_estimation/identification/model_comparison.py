@@ -36,6 +36,8 @@ Shape = Mapping[str, float]
 CORNER_HZ = 0.5  # lower end of the compared band; base and body pass the same high-pass
 _SETTLING_S = 2.0  # left out at both ends: the filters start there
 PAPER_CENTRE, PAPER_QUALITY = 12.6, 0.5  # rad/s and 1, document 000 Table 5
+_REACH = 20.0  # a fitted stiffness or damping is within this factor of the best Voigt's
+_LEAST_DAMPING = 1e3  # but damping may vanish beside a law that has its own
 FRACTIONAL_REFERENCE = 12.6  # rad/s, frequency of the stiffness of the fractional element
 
 
@@ -131,7 +133,7 @@ class FittedModel:
     shape
         Shared shape parameters.
     on_bounds
-        Shape parameters that sit on a bound.
+        Parameters that sit on a bound; damping there means that the model needs none.
     elements
         (mount, axis) -> element, ready for :meth:`Vehicle.replace_elements`.
     """
@@ -246,8 +248,9 @@ def _fit(
     count = len(mounts)
     names = list(candidate.shape)
     shape_start = np.log([candidate.shape[n][0] for n in names]) if names else np.zeros(0)
-    lower = np.concatenate([start - np.log(20.0), np.log([candidate.shape[n][1] for n in names]) if names else np.zeros(0)])
-    upper = np.concatenate([start + np.log(20.0), np.log([candidate.shape[n][2] for n in names]) if names else np.zeros(0)])
+    reach = np.log(np.repeat([_REACH, _LEAST_DAMPING], count))
+    lower = np.concatenate([start - reach, np.log([candidate.shape[n][1] for n in names]) if names else np.zeros(0)])
+    upper = np.concatenate([start + np.log(_REACH), np.log([candidate.shape[n][2] for n in names]) if names else np.zeros(0)])
     free = np.ones(lower.size, dtype=bool)
     free[count : 2 * count] = candidate.damping_free
     z0 = np.concatenate([start, shape_start])
@@ -269,8 +272,9 @@ def _fit(
     z = z0.copy()
     z[free] = result.x
     shape = dict(zip(names, np.exp(z[2 * count :]).tolist()))
-    gap = np.minimum(z - lower, upper - z)[2 * count :]
-    bounds = tuple(n for n, g in zip(names, gap) if g < 1e-3)
+    every = [f"stiffness of {m}" for m in mounts] + [f"damping of {m}" for m in mounts] + names
+    gap = np.minimum(z - lower, upper - z)
+    bounds = tuple(n for n, g, used in zip(every, gap, free) if used and g < 1e-3)
     damping = np.exp(z[count : 2 * count]) if candidate.damping_free else np.zeros(count)
     fitted = FittedModel(
         candidate.name, dict(zip(mounts, np.exp(z[:count]).tolist())), dict(zip(mounts, damping.tolist())), shape, bounds,

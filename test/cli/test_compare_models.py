@@ -42,6 +42,15 @@ def test_compare_models_prints_and_writes_the_table(bags, tmp_path, capsys):
     assert document["models"][0]["scores"][1]["r_squared"] > 0.99
 
 
+@pytest.mark.slow
+def test_laws_of_the_literature_join_the_table(bags, capsys):
+    vehicle, (first, second) = bags
+    assert main(["compare-models", first, "--vehicle", vehicle, "--validate", second, "--literature"]) == 0
+    text = capsys.readouterr().out
+    for name in ("Zener", "Voigt + two Maxwell", "Voigt + fractional", "Voigt + Bouc-Wen"):
+        assert name in text
+
+
 def test_a_missing_bag_ends_with_code_2(bags, tmp_path, capsys):
     assert main(["compare-models", str(tmp_path / "none"), "--vehicle", bags[0]]) == 2
     assert "none" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy import signal
+from worlds import laws
 from worlds.quarter_car import QuarterCar, drive_quarter_car, law_of, measure_quarter_car, one_mass_yaml, road_height
 from worlds.roads import Road
 
@@ -42,11 +43,14 @@ def scores(car, vehicle_file, names):
     runs = [MeasuredRun(vehicle, record(car, seed, scale)[0]) for seed, scale in ((1, 1.0), (2, 1.0), (3, 0.5))]
     fitted = fit_candidates(vehicle, runs[0], [c for c in (*CANDIDATES, *LITERATURE) if c.name in names])
     document = compare(vehicle, runs, fitted)
-    return {m["name"]: m["scores"] for m in document["models"]}
+    found = {m["name"]: m["scores"] for m in document["models"]}
+    # the class "Voigt + something" contains Voigt: it cannot fit worse
+    assert all(s[0]["rmse_percent"] <= 1.001 * found["Voigt"][0]["rmse_percent"] for n, s in found.items() if "Voigt +" in n)
+    return found, {f.name: f for f in fitted}
 
 
 def test_plain_voigt_truth_the_papers_filter_alone_is_far_worse_and_its_score_does_not_see_it(vehicle_file):
-    found = scores(QuarterCar(), vehicle_file, ("Voigt", "filter alone, paper values"))
+    found, _ = scores(QuarterCar(), vehicle_file, ("Voigt", "filter alone, paper values"))
     voigt, paper = found["Voigt"][1], found["filter alone, paper values"][1]
     assert voigt["rmse_percent"] < 5.0  # noise of 0.02 m/s^2 on body and axle
     assert paper["rmse_percent"] > 5 * voigt["rmse_percent"]
@@ -59,13 +63,41 @@ def test_viscoelastic_truth_filter_beside_voigt_equals_a_maxwell_branch_and_both
     spread = data["deflection"][:, 0].std()
     code, parameters = law_of("six_cells", plain, spread, 10 * spread, 0.5)
     car = dataclasses.replace(plain, laws=((code, parameters),))
-    found = scores(car, vehicle_file, ("Voigt", "Voigt + filter", "Voigt + Maxwell", *LAWS))
+    found, _ = scores(car, vehicle_file, ("Voigt", "Voigt + filter", "Voigt + Maxwell", *LAWS))
     held_out = {name: s[1]["rmse_percent"] for name, s in found.items()}
     assert held_out["Voigt + Maxwell"] < 0.6 * held_out["Voigt"]
     assert held_out["Voigt + filter"] == pytest.approx(held_out["Voigt + Maxwell"], rel=0.15)
     # row 1-23: other laws of the literature; the truth is a spectrum of six cells
     assert held_out["Voigt + two Maxwell"] < 1.1 * held_out["Voigt + Maxwell"]
     assert held_out["Voigt + fractional"] < 0.6 * held_out["Voigt"]
+
+
+def test_zener_comes_back_and_is_the_maxwell_model_whose_damper_is_not_needed(vehicle_file):
+    """Row 1-23: truth of a spring and one relaxing cell (its exact step in the independent plant), no damper; 0.5 %."""
+    car = dataclasses.replace(QuarterCar(), damping=0.0, laws=((laws.MANY_CELLS, (3e5, 0.04, 0.04, 1.0, 0.0)),))
+    found, fitted = scores(car, vehicle_file, ("Voigt", "Zener", "Voigt + Maxwell"))
+    zener = fitted["Zener"]
+    assert zener.stiffness["suspension"] == pytest.approx(3e5, rel=5e-3)
+    assert zener.shape == pytest.approx({"branch_ratio": 1.0, "branch_time": 0.04}, rel=5e-3)
+    assert zener.damping["suspension"] == 0.0
+    held_out = {name: s[1]["rmse_percent"] for name, s in found.items()}
+    assert held_out["Zener"] < 0.1 * held_out["Voigt"]
+    assert held_out["Voigt + Maxwell"] == pytest.approx(held_out["Zener"], rel=0.02)
+    assert fitted["Voigt + Maxwell"].damping["suspension"] < 100.0  # N s/m, of 5900 that the best Voigt takes
+
+
+@pytest.mark.parametrize("size", [0.15, 0.5])
+def test_hysteresis_of_another_sharpness_is_found_by_bouc_wen_at_every_amplitude(vehicle_file, size):
+    """Row 1-23: truth with exponent 1.5 and beta 0.6 (candidate: 2 and 0.5); friction level within 10 %; half the amplitude."""
+    plain = QuarterCar()
+    spread = record(plain, 1)[1]["deflection"][:, 0].std()
+    code, parameters = law_of("bouc_wen", plain, spread, 10 * spread, size)
+    car = dataclasses.replace(plain, laws=((code, parameters),))
+    found, fitted = scores(car, vehicle_file, ("Voigt", "Voigt + Bouc-Wen"))
+    ours = fitted["Voigt + Bouc-Wen"]
+    assert ours.shape["friction_stroke"] * ours.stiffness["suspension"] == pytest.approx(parameters[0], rel=0.1)
+    for run in (1, 2):
+        assert found["Voigt + Bouc-Wen"][run]["rmse_percent"] < 0.35 * found["Voigt"][run]["rmse_percent"]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
