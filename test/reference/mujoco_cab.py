@@ -15,13 +15,24 @@ HEAVY = 1.0e12  # kg, per base body
 AXES = np.eye(3)
 
 
-def cab_model(vehicle, static_force, step):
-    """Return the compiled MuJoCo model of the single body ``cab`` with Kelvin-Voigt mounts."""
+def cab_model(vehicle, static_force, step, sensors=()):
+    """Return the compiled MuJoCo model of the single body ``cab`` with Kelvin-Voigt mounts.
+
+    ``sensors`` of the vehicle file become MuJoCo accelerometers, on the cab or on the base of their mount, turned as stated.
+    """
     body = vehicle.bodies["cab"]
     i = body.inertia
     inertia = " ".join(repr(float(v)) for v in (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]))
     bases, sites, tendons = [], [], []
-    for number, mount in enumerate(vehicle.mounts.values()):
+    mounted = {name: [] for name in ("cab", *vehicle.mounts)}
+    for s in sensors:
+        origin = body.cg if s.body == "cab" else vehicle.mounts[s.mount].position
+        place, turned = (
+            " ".join(map(repr, v.tolist())) for v in (s.position - origin, s.rotation[:, :2].T.ravel())
+        )
+        mounted[s.mount or "cab"].append(f'<site name="{s.name}" pos="{place}" xyaxes="{turned}"/>')
+    read = "".join(f'<accelerometer site="{s.name}"/>' for s in sensors)
+    for number, (name_of_mount, mount) in enumerate(vehicle.mounts.items()):
         p = mount.position - body.cg
         joints = "".join(f'<joint type="slide" axis="{" ".join(map(str, a))}"/>' for a in AXES)
         far = "".join(
@@ -29,7 +40,8 @@ def cab_model(vehicle, static_force, step):
         )
         place = " ".join(repr(float(v)) for v in p)
         bases.append(
-            f'<body pos="{place}" gravcomp="1">{joints}<inertial pos="0 0 0" mass="{HEAVY}" diaginertia="1 1 1"/>{far}</body>'
+            f'<body pos="{place}" gravcomp="1">{joints}<inertial pos="0 0 0" mass="{HEAVY}" diaginertia="1 1 1"/>{far}'
+            f'{"".join(mounted[name_of_mount])}</body>'
         )
         sites.append(f'<site name="mount{number}" pos="{place}"/>')
         for axis, name in enumerate("xyz"):
@@ -42,8 +54,9 @@ def cab_model(vehicle, static_force, step):
     xml = f"""<mujoco><option timestep="{step}" integrator="RK4" gravity="0 0 {-vehicle.gravity}"/>
     <compiler balanceinertia="false" boundmass="0" boundinertia="0"/>
     <worldbody><body name="cab"><freejoint/>
-    <inertial pos="0 0 0" mass="{body.mass.value}" fullinertia="{inertia}"/>{"".join(sites)}</body>{"".join(bases)}</worldbody>
-    <tendon>{"".join(tendons)}</tendon></mujoco>"""
+    <inertial pos="0 0 0" mass="{body.mass.value}" fullinertia="{inertia}"/>{"".join(sites + mounted["cab"])}</body>
+    {"".join(bases)}</worldbody>
+    <tendon>{"".join(tendons)}</tendon><sensor>{read}</sensor></mujoco>"""
     return mujoco.MjModel.from_xml_string(xml)
 
 
@@ -71,7 +84,7 @@ def eigenfrequencies(model):
     return np.sort(np.sqrt(np.real(values)) / (2.0 * np.pi))
 
 
-def drive(model, base_acceleration, cubic=None, start_rate=None):
+def drive(model, base_acceleration, cubic=None, start_rate=None, readings=None):
     """Run the cab on driven bases.
 
     Parameters
@@ -82,6 +95,8 @@ def drive(model, base_acceleration, cubic=None, start_rate=None):
         Cubic stiffness per mount and axis, shape (M, 3) [N/m^3].
     start_rate
         Initial (velocity, angular velocity in body axes), shape (6,).
+    readings
+        List that is given (readings of all sensors, angular velocity in body axes) of every step.
 
     Returns
     -------
@@ -110,6 +125,8 @@ def drive(model, base_acceleration, cubic=None, start_rate=None):
             mujoco.mj_forward(model, data)
             base[n], base_rate[n] = data.qpos[7:].reshape(mounts, 3), data.qvel[6:].reshape(mounts, 3)
             cab[n], rotation[n], acceleration[n] = data.qpos[:3], data.xmat[1].reshape(3, 3), data.qacc[:6]
+            if readings is not None:
+                readings.append((data.sensordata.copy(), data.qvel[3:6].copy()))
             mujoco.mj_step(model, data)
     finally:
         mujoco.set_mjcb_passive(None)
