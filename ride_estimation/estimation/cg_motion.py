@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.arrangement import channel_geometry
 from ride_estimation.estimation.motion_kernel import cg_block, follow_slow, predict_block, remove_gravity
-from ride_estimation.estimation.residuals import ResidualSums, ResidualTest, residual_test
+from ride_estimation.estimation.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.sensors.layout import motion_rows
@@ -47,6 +47,12 @@ _RATE_KNOWN = 0.03
 _LONGEST = 100
 #: memory of the residual test [s]
 _TEST_MEMORY = 60.0
+#: ticks of them that say something
+_LEAST_SUMS = 50.0
+#: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
+_CENTRIPETAL = 0.08
+#: directions of an error of a sensor that show less than this share of the largest are left out
+_RANK = 0.1
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 
@@ -163,6 +169,8 @@ class CgMotionEstimator:
         self._p_tilt = np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2]) if not self.gyros else np.diag([0.1**2, 0.0, _GYRO_BIAS**2])
         self._p_yaw = self._p_tilt.copy()
         self._last_gyro: Array | None = None
+        #: residuals while the angular rate is not known yet
+        self._early = ResidualSums.empty(3 * len(self.sensors))
         self._last_good = np.zeros(6)
         s = self._settings
         self._slow = np.zeros(2)
@@ -281,6 +289,8 @@ class CgMotionEstimator:
             out.valid[where] = False
         predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
         rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
+        if weights.rank == needed and mask.all() and not rate_known:
+            self._early.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
         if weights.rank == needed and mask.all() and rate_known:
             self._sums.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
             self._faults.observe(y, motion, rate, dt)
@@ -328,6 +338,47 @@ class CgMotionEstimator:
             return ""
         test = self._sized()
         return test.sensor if test.ratio > ratio else ""
+
+    def disagreement(self, dt: float) -> tuple[float, Array]:
+        """Return what the residuals of the last minute ask of the covariance of the motion: a factor on the std, and an addition.
+
+        Where the sensors disagree more than noise and tolerances explain, the covariance is scaled by the mean squared residual
+        over the stated variance (Birge, Phys. Rev. 40, 207, 1932), and what an error of the sensor that explains the residuals
+        best does to the motion is added: residuals ``r = M y``, an error d of sensor s leaves ``M_s d``, so ``d d^T`` is
+        ``M_s^+ <r r^T> M_s^+T`` and the motion is off by ``W_s d``. From there to twice that disagreement it comes in gradually.
+
+        Parameters
+        ----------
+        dt
+            Tick [s].
+
+        Returns
+        -------
+        tuple
+            At least 1, and shape (6, 6).
+        """
+        nothing = 1.0, np.zeros((6, 6))
+        spare = max(len(self._free_rows) - self._needed, 0)
+        early = self._sums.count < _LEAST_SUMS
+        sums = self._early if early else self._sums
+        if spare == 0 or sums.count < _LEAST_SUMS:
+            return nothing
+        birge = sums.noise_ratio(self.variance) / spare
+        if birge <= MEANINGFUL:
+            return nothing
+        stated = self.variance + _CENTRIPETAL**2 if early else self.variance
+        test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])
+        share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
+        if share == 0.0 or not test.sensor:
+            return nothing
+        n = 3 * len(self.sensors)
+        weights = self.weights(np.ones(len(self.sensors), dtype=bool), dt).matrix[:, :n]
+        s = next(i for i, sensor in enumerate(self.sensors) if sensor.name == test.sensor)
+        part = slice(3 * s, 3 * s + 3)
+        of_error = (np.eye(n) - self._accelerometer_rows @ weights)[:, part]
+        to_motion = weights[:, part] @ np.linalg.pinv(of_error, rcond=_RANK)
+        added = to_motion @ (sums.products / sums.count) @ to_motion.T
+        return 1.0 + share * (math.sqrt(birge) - 1.0), np.asarray(share**2 * added)
 
     def _sized(self) -> ResidualTest:
         return residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])

@@ -39,6 +39,7 @@ from ride_estimation.estimation.rigid_check import RigidCheck
 from ride_estimation.estimation.saved_state import STATE_SCHEMA, check_state
 from ride_estimation.estimation.sensor_gate import GateVerdict, SensorGate
 from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.swapped_topics import SwappedTopics
 from ride_estimation.frames import AXES
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
 from ride_estimation.signals.batch_feed import BatchFeed
@@ -53,6 +54,8 @@ _TAKE_BACK = 1.0
 _DOUBT_FADES = 1.0
 #: disagreement of the body sensors, in units of their tolerance, from which on nothing learned is called valid
 _CONTRADICTION = 4.0
+#: time between two looks at how much they disagree [s]
+_LOOK = 0.5
 
 
 class Pipeline:
@@ -76,7 +79,7 @@ class Pipeline:
         self.settings = settings or PipelineSettings()
         self.arrangement = arrange(vehicle.with_noise_scaled(self.settings.noise_scale))
         a = self.arrangement
-        self._motion = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity, self.settings)
+        self._motion = self._new_motion()
         self._loads = InertialLoads.of(a.body)
         self._carried = CarriedBodies(a, self.settings)
         self._tilting = BracketTilt(a)
@@ -94,7 +97,9 @@ class Pipeline:
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
         self._layout()
         self._gate = self._new_gate()
+        self._swaps = self._new_swaps()
         self._excess, self._rate = 1.0, np.zeros(3)
+        self._disagreement, self._next_look = (1.0, np.zeros((6, 6))), 0.0
         self._kept: list[dict[str, Any]] = []
         self._calm: list[dict[str, Any]] = []
         self._next_copy = 0.0
@@ -113,6 +118,18 @@ class Pipeline:
         self._due: Callable[[], None] | None = None
         self._apply()
         self._hints = self._new_hints()
+        self._begin = self._learned()
+
+    def _new_motion(self) -> CgMotionEstimator:
+        a = self.arrangement
+        return CgMotionEstimator(a.body_sensors, a.body.cg, a.free, self.vehicle.gravity, self.settings)
+
+    def _new_swaps(self) -> SwappedTopics:
+        a = self.arrangement
+        base = [s for s in a.base_sensors if s is not None]
+        streams = [self._index[s.name] for s in (*a.body_sensors, *base)]
+        columns = [self._aligner.columns[i].start for i in streams]
+        return SwappedTopics(a.body_sensors, base, streams, columns, self._motion.rows[: 3 * len(a.body_sensors)])
 
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
@@ -241,6 +258,7 @@ class Pipeline:
         self._gate.reset()
         self._fill.reset()
         self._hints.reset()
+        self._swaps.reset()
         self._excess = 1.0
 
     # -- one block --------------------------------------------------------------------------------------------------------
@@ -252,6 +270,7 @@ class Pipeline:
         dt = block.step_ns * 1e-9
         self._dt = dt
         ticks = len(block.values)
+        block = self._put_right(block, dt)
         self._watch_input(block, dt)
         verdict = self._gate.judge(block, self._rate, dt)
         if verdict.valid is not block.valid:
@@ -309,17 +328,45 @@ class Pipeline:
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
-        self._excess = max(verdict.excess, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
+        if self._run_time >= self._next_look:
+            self._next_look = self._run_time + _LOOK
+            self._disagreement = self._motion.disagreement(self._dt)
+        lasting, added = self._disagreement
+        self._excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
         if self._excess < 1.01:
             self._excess = 1.0
             return motion
-        return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2)
+        return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added)
+
+    def _learned(self) -> dict[str, Any]:
+        return {"parameters": self._parameters.save(), "anchor": self._anchor.save(), "tilt": self._tilting.save()}
+
+    def _go_back_to(self, learned: dict[str, Any]) -> None:
+        """Return to what was learned at another time; filters of the signals begin anew."""
+        self._parameters.load(learned["parameters"])
+        self._anchor.load(learned["anchor"])
+        self._tilting.load(learned["tilt"])
+        self._tilting.restart()
+        self._forces.take_tilt()
+        self._apply()
+
+    def _put_right(self, block: Block, dt: float) -> Block:
+        """Exchange the readings of sensors whose topics are exchanged; what was learned from them until now is forgotten."""
+        values, valid = self._swaps.exchange(block.values, block.valid)
+        found = self._swaps.observe(values, valid, dt)
+        if found:
+            values, valid = self._swaps.exchange(block.values, block.valid)
+            self._motion, self._since_variance, self._next_look = self._new_motion(), math.inf, 0.0
+            self._restart(found)
+            self._kept, self._calm = [], []
+            self._go_back_to(self._begin)
+        return block if values is block.values else dataclasses.replace(block, values=values, valid=valid)
 
     def _keep_copy(self) -> None:
         """Keep what was learned, to have the state of one to two seconds ago."""
         if self._run_time >= self._next_copy:
             self._next_copy = self._run_time + _TAKE_BACK
-            self._kept = [*self._kept[-1:], self._parameters.save()]
+            self._kept = [*self._kept[-1:], self._learned()]
             self._calm = [*self._calm[-1:], self._deflection.save()]
 
     def _take_back(self, verdict: GateVerdict) -> None:
@@ -332,11 +379,10 @@ class Pipeline:
             self._calm = self._calm[:1]
         self._parameters.restart()
         if self._kept:
-            self._parameters.load(self._kept[0])
+            self._go_back_to(self._kept[0])
             self._kept = self._kept[:1]
             self._next_copy = self._run_time + _TAKE_BACK
             self._taken_back += 1
-            self._apply()
 
     def _watch_input(self, block: Block, dt: float) -> None:
         count_unfit(block.values, block.valid, *self._full_scale, self._invalid, self._clipped)
@@ -476,7 +522,7 @@ class Pipeline:
                 s.name, h.accepted, h.rejected, h.rate_hz, h.gaps, h.longest_gap_s, h.silent, int(self._clipped[i]),
                 int(self._invalid[i]), ratio.get(s.name, 0.0), dict(self._gate.refused.get(i, {})),
             )  # fmt: skip
-        messages = self._gate.messages() + [m for m in (residual_message(test),) if m]
+        messages = self._swaps.messages() + self._gate.messages() + [m for m in (residual_message(test),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
         if self._taken_back:
@@ -497,7 +543,8 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
-            "gate": self._gate.save(), "tilt": self._tilting.save(), "carried": self._carried.save(),
+            "gate": self._gate.save(), "swapped": self._swaps.save(),
+            "tilt": self._tilting.save(), "carried": self._carried.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -519,6 +566,8 @@ class Pipeline:
         self._parameters.load(state["parameters"])
         self._anchor.load(state["anchor"])
         self._gate.load(state["gate"])
+        self._swaps.load(state["swapped"])
         self._run_time = float(state["run_time"])
         self._apply()
         self._forces.load(state["forces"])
+        self._begin = self._learned()

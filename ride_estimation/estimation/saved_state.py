@@ -10,8 +10,8 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.sensors.sensor import Sensor
 
 _NAME = "ride_estimation/estimator_state/"
-#: raised whenever a key is added or changes its meaning; 2: verdicts on the sensors are kept
-STATE_SCHEMA = f"{_NAME}3"
+#: raised whenever a key is added or changes its meaning; 2: verdicts on the sensors are kept, 4: exchanged topics
+STATE_SCHEMA = f"{_NAME}4"
 
 
 def check_state(state: Mapping[str, Any], sensors: Sequence[Sensor], mount_names: Sequence[str]) -> None:
