@@ -55,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Fit every model to the run, score all of them on all runs, print the table."""
     vehicle = load_vehicle(options.vehicle)
+    if any(path.exists() and options.run.exists() and path.samefile(options.run) for path in options.validate):
+        raise InputDataError(f"--validate {options.run}: is the run that is fitted; only another one is unseen")
     if options.out is not None:
         require_folder(options.out)
     runs = [MeasuredRun(vehicle, align(read_recording(path, vehicle))) for path in (options.run, *options.validate)]

@@ -92,7 +92,11 @@ def run(options: argparse.Namespace) -> int:
     folder = output_folder(options.out)
     rate = options.rate if options.rate > 0.0 else None
     measured, checksum = _load(options.recording, vehicle, rate)
-    others = [_load(path, vehicle, rate)[0] for path in options.validate]
+    loaded = [_load(path, vehicle, rate) for path in options.validate]
+    for path, (_, sum_of_other) in zip(options.validate, loaded):
+        if sum_of_other == checksum:
+            raise ConfigurationError(f"--validate {path}: is the run that is fitted; only another one can judge the gain")
+    others = [run for run, _ in loaded]
     answer = _shown(lambda report: diagnose(vehicle, measured, others, settings, report))
     run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
     return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
