@@ -43,6 +43,8 @@ FOLLOW_STD = 0.3
 _INERTIA_RATIO = 2.0
 #: sections of the high-pass times its time constant after which the start is forgotten
 _SETTLE = 9.0
+#: time in which a simulated body that begins where the measured one is forgets that beginning [s]
+_FADE = 1.0
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the stretch that is looked at as a whole [s]
@@ -130,7 +132,7 @@ class ParameterEstimator:
         self._response.reset()
         self._blocks: list[BalanceInput] = []
         self._pending_ticks = 0
-        self._settled = 0.0
+        self._settled = self._followed = 0.0
         self._interval = Interval(len(self.theta))
         self._refinement.clear()
 
@@ -283,7 +285,8 @@ class ParameterEstimator:
         if self._response.step != chunk.step:
             self._prepare(self.theta, chunk.step)
         innovation, gradient = self._response.observe(chunk)
-        if not self.excited:
+        self._followed += len(chunk.measured) * chunk.step
+        if not self.excited or self._followed < _FADE:
             return False
         self.excited_time += len(chunk.measured) * chunk.step
         self._interval.add(innovation, gradient, weights, len(chunk.measured) * chunk.step)
@@ -333,6 +336,7 @@ class ParameterEstimator:
         self._memory.foresee(intervals)
         for interval in intervals:
             self._learn(interval, centre)
+        self._followed = _FADE
         self._set(self.theta, step)
 
     def _review(self, weights: Array, step: float) -> None:
@@ -387,7 +391,6 @@ class ParameterEstimator:
         ekf.predict(forgetting_noise(ekf.p, interval.information / scale, kept))
         established = self._memory.length >= 8
         ratio = self._normalised(ekf, residual, jacobian, scale)
-        self.innovation_ratio += 0.1 * (ratio - self.innovation_ratio)
         if established and ratio > _SUSPECT_RATIO:
             self._refused += 1
             if self._refused <= _REFUSED:
@@ -395,6 +398,7 @@ class ParameterEstimator:
                 return
             self._open()
         self._refused = 0
+        self.innovation_ratio += 0.1 * (min(ratio, _SUSPECT_RATIO) - self.innovation_ratio)
         result = ekf.update(residual, jacobian, scale * np.eye(len(root)), gate=False)
         if not result.accepted:
             self._count(result.reason)
