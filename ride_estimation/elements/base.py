@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Self
@@ -89,6 +90,16 @@ def choice(*allowed: str, key: str, meaning: str, default: Any = dataclasses.MIS
     return dataclasses.field(default=default, metadata={"choices": allowed, "key": key, "meaning": meaning})
 
 
+@functools.cache
+def _declared(element: type[ForceElement]) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name=f.name, **f.metadata) for f in dataclasses.fields(element) if "unit" in f.metadata)
+
+
+@functools.cache
+def _declared_series(element: type[ForceElement]) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name=f.name, **f.metadata["series"]) for f in dataclasses.fields(element) if "series" in f.metadata)
+
+
 @dataclasses.dataclass(frozen=True)
 class ForceElement(abc.ABC):
     """A one-axis force element, frozen; concrete classes are final and live in one file each."""
@@ -121,16 +132,12 @@ class ForceElement(abc.ABC):
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """Return the declared single-number parameters in order."""
-        return tuple(
-            Parameter(name=f.name, **f.metadata) for f in dataclasses.fields(cls) if "unit" in f.metadata
-        )
+        return _declared(cls)
 
     @classmethod
     def series_parameters(cls) -> tuple[Parameter, ...]:
         """Return the declared list-valued parameters in order; unit, bounds and role hold for every entry."""
-        return tuple(
-            Parameter(name=f.name, **f.metadata["series"]) for f in dataclasses.fields(cls) if "series" in f.metadata
-        )
+        return _declared_series(cls)
 
     def addressed(self) -> dict[str, tuple[Parameter, float]]:
         """Return every number of the element by its address: ``stiffness``, ``stiffnesses[1]``, ``elements[0].stiffness``."""

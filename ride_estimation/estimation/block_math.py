@@ -39,17 +39,6 @@ def _cross(a: Array, b: Array, out: Array) -> None:
 
 
 @compile_kernel
-def low_pass(signals: Array, share: float, state: Array) -> Array:
-    """Return the columns of ``signals`` (K, N) through one pole, ``y += share (x - y)``; ``state`` (N,) in place."""
-    out = np.empty_like(signals)
-    for k in range(signals.shape[0]):
-        for n in range(signals.shape[1]):
-            state[n] += share * (signals[k, n] - state[n])
-            out[k, n] = state[n]
-    return out
-
-
-@compile_kernel
 def follow_squares(signals: Array, gain: Array, square: Array) -> None:
     """Let ``square`` (M, 3) follow the mean square of ``signals`` (K, M, 3) with a gain per row (M,), in place."""
     ticks = signals.shape[0]

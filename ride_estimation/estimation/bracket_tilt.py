@@ -61,7 +61,7 @@ def accumulate(
     horizontal
         Readings in x and y of all brackets, shape (K, N).
     ok
-        Ticks at which all spoke, shape (K,); the others are left out.
+        Who spoke, shape (K, M); ticks at which not all did are left out.
     corner, top
         Angular corner frequencies of the band [rad/s].
     dt
@@ -83,7 +83,7 @@ def accumulate(
     row = np.zeros(size)
     added = 0
     for n in range(len(ok)):
-        if not ok[n]:
+        if not ok[n].all():
             continue
         for i in range(size):
             if i < angles:
@@ -106,6 +106,35 @@ def accumulate(
                 moments[i, j] += row[i] * row[j]
         added += 1
     return added
+
+
+@compile_kernel
+def take_readings(base: Array, body: Array, fit: Array, slopes: Array, horizontal: Array) -> None:
+    """Write the regressors and the readings of :func:`accumulate`.
+
+    Parameters
+    ----------
+    base, body
+        Specific force of the brackets and of the body at the same places, shape (K, M, 3).
+    fit
+        Plane and twist from vertical readings: height, slope in x, slope in y, twist; shape (4, M).
+    slopes
+        Output: twist of the body against the frame, roll and pitch of the frame, then of the body against it, shape (K, 5).
+    horizontal
+        Output: readings in x and y of the brackets less those of the body, shape (K, 2 M).
+    """
+    for k in range(base.shape[0]):
+        for s in range(5):
+            slopes[k, s] = 0.0
+        for i in range(base.shape[1]):
+            frame, against = base[k, i, 2], base[k, i, 2] - body[k, i, 2]
+            slopes[k, 0] += fit[3, i] * against
+            slopes[k, 1] += fit[2, i] * frame
+            slopes[k, 2] -= fit[1, i] * frame
+            slopes[k, 3] += fit[2, i] * against
+            slopes[k, 4] -= fit[1, i] * against
+            horizontal[k, 2 * i] = base[k, i, 0] - body[k, i, 0]
+            horizontal[k, 2 * i + 1] = base[k, i, 1] - body[k, i, 1]
 
 
 @compile_kernel
@@ -195,16 +224,14 @@ class BracketTilt:
         dt
             Tick [s].
         """
-        relative = base - body
-        horizontal = np.ascontiguousarray(relative[:, :, :2]).reshape(len(base), -1)
-        frame, against = base[:, :, 2] @ self._fit.T, relative[:, :, 2] @ self._fit.T
-        slopes = np.column_stack([against[:, 3], frame[:, 2], -frame[:, 1], against[:, 2], -against[:, 1]])
+        slopes, horizontal = np.empty((len(base), _SLOPES)), np.empty((len(base), len(self._pattern)))
+        take_readings(base, body, self._fit, slopes, horizontal)
         # constant parts are outside the band; the first reading is taken out at once, the filters would take long over gravity
         if self._offset is None:
             self._offset = np.concatenate([slopes[0], horizontal[0]])
         moments = np.zeros_like(self._moments)
         added = accumulate(
-            slopes - self._offset[:_SLOPES], horizontal - self._offset[_SLOPES:], np.asarray(ok.all(axis=1)),
+            slopes - self._offset[:_SLOPES], horizontal - self._offset[_SLOPES:], ok,
             2.0 * np.pi * _BAND[0], 2.0 * np.pi * _BAND[1], dt, self._state, moments,
         )  # fmt: skip
         self._started += added * dt

@@ -14,12 +14,12 @@ in second order is no deformation and comes from the rotation itself.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.block_math import cross
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.deformation_filter import filter_bank
 from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
@@ -76,6 +76,56 @@ def deformation_block(
             # the linear course between samples loses (omega dt)^2 / 12 of the value; put it back
             value[k, n] = new[2] - dt * dt / 12.0 * u
             rate[k, n] = new[3] - dt / 12.0 * (u - old)
+
+
+@compile_kernel
+def straighten(
+    relative: Array, turn: Array, turn_rate: Array, turn_map: Array, arms: Array, flat: Array, bent: Array, bent_rate: Array
+) -> None:
+    """Take what a finite rotation strains out of the relative acceleration.
+
+    It strains the mounts in second order like a deformation: ``-theta x (theta x r) / 2`` in body axes.
+
+    Parameters
+    ----------
+    relative
+        Relative acceleration, shape (K, M, 3).
+    turn, turn_rate
+        theta and its rate, shape (K, 3).
+    turn_map
+        Angular acceleration from the relative acceleration, shape (3, 3 M).
+    arms
+        r, shape (M, 3).
+    flat
+        Output, relative acceleration without that strain, shape (K, 3 M).
+    bent, bent_rate
+        Outputs, the strain and its rate, shape (K, 3 M).
+    """
+    spin, across, across_rate, round_arm = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(relative.shape[0]):
+        for a in range(3):
+            spin[a] = 0.0
+            for n in range(turn_map.shape[1]):
+                spin[a] += turn_map[a, n] * relative[k, n // 3, n % 3]
+        for i in range(arms.shape[0]):
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                across[a] = turn[k, b] * arms[i, c] - turn[k, c] * arms[i, b]
+                across_rate[a] = turn_rate[k, b] * arms[i, c] - turn_rate[k, c] * arms[i, b]
+                round_arm[a] = spin[b] * arms[i, c] - spin[c] * arms[i, b]
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                n = 3 * i + a
+                bent[k, n] = -0.5 * (turn[k, b] * across[c] - turn[k, c] * across[b])
+                bent_rate[k, n] = -0.5 * (
+                    turn_rate[k, b] * across[c] - turn_rate[k, c] * across[b]
+                    + turn[k, b] * across_rate[c] - turn[k, c] * across_rate[b]
+                )  # fmt: skip
+                flat[k, n] = relative[k, i, a] + 0.5 * (
+                    spin[b] * across[c] - spin[c] * across[b]
+                    + 2.0 * (turn_rate[k, b] * across_rate[c] - turn_rate[k, c] * across_rate[b])
+                    + turn[k, b] * round_arm[c] - turn[k, c] * round_arm[b]
+                )  # fmt: skip
 
 
 @compile_kernel
@@ -181,12 +231,12 @@ class FrameDeformation:
         self._time += ticks * dt
         flat, bent, bent_rate = self._straightened(relative, turn, turn_rate)
         value, rate = np.zeros_like(flat), np.zeros_like(flat)
-        forget = 1.0 - np.exp(-dt / min(_BIAS_MEMORY, self._time))
+        forget = 1.0 - math.exp(-dt / min(_BIAS_MEMORY, self._time))
         for axis in (2, 0, 1):
             if axis == 0 and self._trust > 0.0:
                 flat += self._trust * value[:, 2::3] @ self._tilt.T
             deformation_block(flat, axis, 3, dt, forget, *self._filters[axis], self._state, value, rate)
-        self._trust = float(np.clip(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0, 1.0))
+        self._trust = min(max(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0), 1.0)
         if self._spectrum.add(flat):
             self._choose(stiffness, damping)
         # bias and rounding leave the range of the projector only through the axes having filters of their own
@@ -195,16 +245,9 @@ class FrameDeformation:
 
     def _straightened(self, relative: Array, turn: Array, turn_rate: Array) -> tuple[Array, Array, Array]:
         """Return the projected acceleration without what a finite rotation strains, and that strain with its rate, (K, 3 M)."""
-        flat = relative.reshape(len(relative), -1)
-        # a finite rotation strains the mounts in second order like a deformation: -theta x (theta x r) / 2 in body axes
-        spin = (flat @ self._turn_map.T)[:, None]
-        arms, theta, omega = self._arms, turn[:, None], turn_rate[:, None]
-        across, across_rate = cross(theta, arms), cross(omega, arms)
-        bent = -0.5 * cross(theta, across)
-        bent_rate = -0.5 * (cross(omega, across) + cross(theta, across_rate))
-        bent_accel = -0.5 * (cross(spin, across) + 2.0 * cross(omega, across_rate) + cross(theta, cross(spin, arms)))
-        flat = (flat - bent_accel.reshape(flat.shape)) @ self.projector.T
-        return flat, bent.reshape(flat.shape), bent_rate.reshape(flat.shape)
+        flat, bent, bent_rate = (np.empty((len(relative), len(self.projector))) for _ in range(3))
+        straighten(relative, turn, turn_rate, self._turn_map, self._arms, flat, bent, bent_rate)
+        return flat @ self.projector.T, bent, bent_rate
 
     def covariance(self) -> tuple[Array, Array]:
         """Return the error covariances of value and rate, shape (3 M, 3 M) each."""

@@ -9,6 +9,7 @@ checked, R floored, P symmetrised and kept positive definite, an own chi-square 
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,7 +127,7 @@ class GuardedEkf:
         r = r + np.diag(np.maximum(self._floor - np.diag(r), 0.0))
         p = self.p
         s = _symmetric(h @ p @ h.T + r)
-        limit = float(stats.chi2.ppf(self._gate, len(y)))
+        limit = _limit(self._gate, len(y))
         if not _positive_definite(s):
             return UpdateResult(False, "singular", 0.0, limit)
         nis = float(y @ np.linalg.solve(s, y))
@@ -140,6 +141,11 @@ class GuardedEkf:
             return UpdateResult(False, "covariance", nis, limit)
         self._filter.P = _symmetric(self._filter.P)
         return UpdateResult(True, "", nis, limit)
+
+
+@functools.cache
+def _limit(probability: float, freedom: int) -> float:
+    return float(stats.chi2.ppf(probability, freedom))
 
 
 def _symmetric(matrix: Array) -> Array:

@@ -184,15 +184,15 @@ class IntervalMemory:
         excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
         return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
 
-    def save(self) -> dict[str, Any]:
-        """Return the state as plain lists."""
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state; its arrays are shared and never change."""
         return {
-            "information": [i.tolist() for i in self._information], "gradient": [g.tolist() for g in self._gradient],
-            "centre": [c.tolist() for c in self._centre], "inflation": self.inflation,
+            "information": list(self._information), "gradient": list(self._gradient), "centre": list(self._centre),
+            "inflation": self.inflation,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
-        """Continue from :meth:`save`."""
+        """Continue from :meth:`snapshot`."""
         self._information = [np.array(i, dtype=float) for i in saved["information"]]
         self._gradient = [np.array(g, dtype=float) for g in saved["gradient"]]
         self._centre = [np.array(c, dtype=float) for c in saved["centre"]]

@@ -209,6 +209,31 @@ def predict_block(motion: Array, rate: Array, rows: Array, directions: Array, po
 
 
 @compile_kernel
+def motion_at(motion: Array, rate: Array, arms: Array, out: Array) -> None:
+    """Write the specific force of a body at points fixed to it, ``f + alpha x r + omega x (omega x r)``.
+
+    Parameters
+    ----------
+    motion, rate
+        CG specific force and angular acceleration (K, 6), angular rate (K, 3).
+    arms
+        Points relative to the CG, shape (M, 3).
+    out
+        Shape (K, M, 3).
+    """
+    for k in range(motion.shape[0]):
+        w0, w1, w2 = rate[k, 0], rate[k, 1], rate[k, 2]
+        ww = w0 * w0 + w1 * w1 + w2 * w2
+        a3, a4, a5 = motion[k, 3], motion[k, 4], motion[k, 5]
+        for i in range(arms.shape[0]):
+            r0, r1, r2 = arms[i, 0], arms[i, 1], arms[i, 2]
+            wr = w0 * r0 + w1 * r1 + w2 * r2
+            out[k, i, 0] = motion[k, 0] + (a4 * r2 - a5 * r1) + (w0 * wr - ww * r0)
+            out[k, i, 1] = motion[k, 1] + (a5 * r0 - a3 * r2) + (w1 * wr - ww * r1)
+            out[k, i, 2] = motion[k, 2] + (a3 * r1 - a4 * r0) + (w2 * wr - ww * r2)
+
+
+@compile_kernel
 def remove_gravity(motion: Array, tilt: Array, gravity: float, free: NDArray[np.bool_], accel: Array) -> None:
     """Write acceleration (K, 6) from specific force and tilt; coordinates the body does not have are zero."""
     for k in range(motion.shape[0]):

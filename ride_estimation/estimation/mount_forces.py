@@ -10,15 +10,16 @@ space of G). What the integrators cannot see (slow motion) is shared by stiffnes
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
-from ride_estimation.estimation.block_math import cross, low_pass
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.deflection import DeflectionBlock
+from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.frame_deformation import FrameDeformation
 from ride_estimation.estimation.mount_law import MountLaw
 from ride_estimation.frames import AXES
@@ -115,7 +116,7 @@ class MountForceEstimator:
         #: share of the rotation of the brackets that the mount axes follow
         self.follow = 1.0
         count = len(arrangement.mounts)
-        self._count = count
+        self._count, self._ones, self._all_known = count, np.ones((count, 3)), bool(known.all())
         # log standard deviations of stiffness and damping, set by the parameter estimator
         self.parameter_std = np.zeros((2, count, 3))
         free = arrangement.free
@@ -186,31 +187,25 @@ class MountForceEstimator:
             Tick [s].
         """
         ticks, count = len(support), self._count
-        turn = deflection.turn
         value, rate = self._with_frame(deflection, turn_rate, dt)
-        turn, turn_rate = self.follow * turn, self.follow * turn_rate
-        x = value + cross(turn, value)
-        v = rate + cross(turn, rate) + cross(turn_rate, value)
-        x, v = x * self.known, v * self.known
+        x, v = np.empty_like(value), np.empty_like(value)
+        turned_motion(value, rate, deflection.turn, turn_rate, self.follow, self.known, x, v)
         tension = self.law.tension(x, v, dt)
-        in_mount_axes = self.static_force - tension
-        force = in_mount_axes - cross(turn, in_mount_axes)
+        static_force = self.static_force
         self._watch(x, v, support, dt)
         if self._time >= self._until:
             self._update_gains(deflection, load_covariance)
-        flat = force.reshape(ticks, 3 * count)
-        error = support - flat @ self.arrangement.wrench.T
-        self.missing = error
-        slow = low_pass(error, 1.0 - np.exp(-_SLOW_CORNER * dt), self._slow)
-        fast = error - slow
-        self._square += np.sum(error**2, axis=0)
+        force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
+        balanced_forces(
+            tension, deflection.turn, self.follow, static_force, support, self.arrangement.wrench, self._gain, self._gain_slow,
+            1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
+        )  # fmt: skip
         self._count_square += ticks
-        flat = flat + fast @ self._gain.T + slow @ self._gain_slow.T
-        force = flat.reshape(ticks, count, 3)
-        x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
-        std = np.broadcast_to(self._std[:, None], (3, ticks, count, 3))
-        spread = np.sqrt(self._elastic_square) if not self.known.all() else np.zeros((count, 3))
-        return ForceBlock(force, std[0], std[1], std[2], x, v, np.where(self.known, deflection.std, spread))
+        std, spread = np.broadcast_to(self._std[:, None], (3, ticks, count, 3)), deflection.std
+        if not self._all_known:
+            x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
+            spread = np.where(self.known, spread, np.sqrt(self._elastic_square))
+        return ForceBlock(force, std[0], std[1], std[2], x, v, spread)
 
     def _with_frame(self, deflection: DeflectionBlock, turn_rate: Array, dt: float) -> tuple[Array, Array]:
         """Return deflection and rate with the deformation of the frame as its own filter knows it, cab axes (K, M, 3)."""
@@ -220,20 +215,18 @@ class MountForceEstimator:
             deflection.relative, deflection.turn.mean(axis=1) - deflection.swing, turn_rate.mean(axis=1) - deflection.swing_rate,
             self.law.stiffness, self.law.damping, dt,
         )  # fmt: skip
-        merged = []
-        for total, deformation in zip((deflection.deflection, deflection.rate), own, strict=True):
-            flat = total.reshape(len(total), -1)
-            new = flat - flat @ self._frame.projector.T + deformation.reshape(flat.shape)
-            merged.append(np.where(self._transducer, flat, new).reshape(total.shape))
-        return merged[0], merged[1]
+        value, rate = np.empty_like(own[0]), np.empty_like(own[1])
+        with_deformation(deflection.deflection, self._frame.projector, own[0], self._transducer, value)
+        with_deformation(deflection.rate, self._frame.projector, own[1], self._transducer, rate)
+        return value, rate
 
     def _watch(self, x: Array, v: Array, support: Array, dt: float) -> None:
         ticks = len(support)
         self._time += ticks * dt
-        forget = 1.0 - np.exp(-ticks * dt / min(_MEMORY, max(self._time, 1e-9)))
-        self._elastic_square += forget * (np.mean((self.law.stiffness * x) ** 2, axis=0) - self._elastic_square)
-        self._viscous_square += forget * (np.mean((self.law.damping * v) ** 2, axis=0) - self._viscous_square)
-        self._dynamic_square += forget * (np.mean(self.shared(support) ** 2, axis=0) - self._dynamic_square)
+        forget = 1.0 - math.exp(-ticks * dt / min(_MEMORY, max(self._time, 1e-9)))
+        follow_scaled(x, self.law.stiffness, forget, self._elastic_square)
+        follow_scaled(v, self.law.damping, forget, self._viscous_square)
+        follow_scaled(self.shared(support), self._ones, forget, self._dynamic_square)
 
     def _weight(self) -> Array:
         """Return the wrench that carries the body at rest and what it carries, shape (6,); all masses scale together."""

@@ -10,6 +10,7 @@ intervals really scatter, not from white-noise theory.
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from typing import Any
 
 import numpy as np
@@ -19,20 +20,19 @@ from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.cg_motion import MotionBlock
 from ride_estimation.estimation.estimate import Estimate, Status
-from ride_estimation.estimation.force_balance import BalanceChunk, BalanceInput, ForceBalance
-from ride_estimation.estimation.guarded_ekf import GuardedEkf
+from ride_estimation.estimation.force_balance import BalanceChunk, BalanceInput
 from ride_estimation.estimation.identifiable import null_directions
 from ride_estimation.estimation.interval import Interval, IntervalMemory
-from ride_estimation.estimation.mount_forces import static_share
-from ride_estimation.estimation.mount_law import ROLES, MountLaw
+from ride_estimation.estimation.mount_law import ROLES
 from ride_estimation.estimation.mounting_doubt import MountingDoubt
+from ride_estimation.estimation.parameter_filter import ParameterFilter
+from ride_estimation.estimation.parameter_model import ParameterModel
 from ride_estimation.estimation.parameter_status import StatusTracker
-from ride_estimation.estimation.refinement import Refinement
-from ride_estimation.estimation.response import ModelResponse
-from ride_estimation.estimation.rls import forgetting_noise
+from ride_estimation.estimation.refinement import Kept, Refinement
+from ride_estimation.estimation.saved_state import plain
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slots import find_slots
-from ride_estimation.estimation.transducer_balance import MeasuredResponse, TransducerBalance, transducers_suffice
+from ride_estimation.estimation.transducer_balance import transducers_suffice
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -52,16 +52,10 @@ _LONGEST = 7.0
 #: excited time after a start or a change at which it is [s]
 _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
-#: improvement of the squared error that moves the parameters then, in units of its scatter
-_CLEARLY = 6.0
-#: standard deviation a change of the vehicle opens in every logarithm
-_CHANGE_STD = 0.15
-#: refused intervals in a row that make a change
-_REFUSED = 2
 #: mean over ten intervals of the normalised innovation squared that has the last seconds looked at again: one is expected
 _RESTLESS = 2.5
-#: factor on the innovation covariance from here on a change is suspected
-_SUSPECT_RATIO = 16.0
+#: passes over a chunk that a look at the last seconds may take per second of data: about a tenth of a core
+_PACE = 250.0
 
 
 class ParameterEstimator:
@@ -85,17 +79,9 @@ class ParameterEstimator:
         self.count = len(self.slots)
         seen = arrangement.has_base_motion or by_transducers
         self.possible = seen and self.count > 0 and settings.estimate_parameters
-        self._law = MountLaw(arrangement)
         self._turns = () if by_transducers else self._inertia_axes()
-        self._balance: ForceBalance | TransducerBalance
-        balance: ForceBalance | None = None
-        self._response: ModelResponse | MeasuredResponse
-        if by_transducers:
-            self._balance = TransducerBalance(arrangement, self.slots, self._law, settings.parameter_corner_hz)
-            self._response = MeasuredResponse()
-        else:
-            balance = ForceBalance(arrangement, tilting, self.slots, self._law, settings.parameter_corner_hz, self._turns)
-            self._balance, self._response = balance, ModelResponse(balance, arrangement.vehicle.gravity)
+        model = (arrangement, tilting, self.slots, self._turns, settings.parameter_corner_hz, by_transducers)
+        self._model = ParameterModel(*model)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
         turns, bound = len(self._turns), math.log(_INERTIA_RATIO)
@@ -108,17 +94,17 @@ class ParameterEstimator:
         self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
         self.rejected: dict[str, int] = {}
         self.changes = 0
-        self.innovation_ratio = 0.0
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
         self._doubt: MountingDoubt | None = None if by_transducers else MountingDoubt(arrangement)
-        self._filter: GuardedEkf | None = None
-        self._memory = IntervalMemory(len(self.theta))
-        self._refinement = Refinement(self._response, self._prepare, self._prior_std, self._lower, self._upper, balance)
-        self._refused = 0
+        self._filter: ParameterFilter | None = None
+        self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
         self._reviews: tuple[float, ...] = _REVIEWS
-        self._pending_ticks_taken = 0
+        #: first estimate or review under way, the chunks it sees, whether the excitation lasts since it began, steps it may take
+        self._look: Generator[int, None, ParameterFilter | None] | None = None
+        self._looked_at: list[Kept] = []
+        self._look_open, self._credit = False, 0.0
         self.restart()
 
     def _no_input_reason(self) -> str:
@@ -128,23 +114,33 @@ class ParameterEstimator:
 
     def restart(self) -> None:
         """Begin with empty filters after a gap or a new time base; what was learned stays."""
-        self._balance.reset()
-        self._response.reset()
+        self._model.balance.reset()
+        self._model.response.reset()
         self._blocks: list[BalanceInput] = []
         self._pending_ticks = 0
         self._settled = self._followed = 0.0
         self._interval = Interval(len(self.theta))
-        self._refinement.clear()
+        self._kept: list[Kept] = []
+        self._drop_look()
+
+    def _fresh(self, theta: Array) -> ParameterFilter:
+        kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
+        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept)
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
     def multipliers(self) -> Array:
         """Return the multipliers, shape (2, M, 3)."""
-        return self._spread(np.exp(self.theta[: self.count]), 1.0)
+        return self._model.spread(np.exp(self.theta[: self.count]), 1.0)
 
     def stds(self) -> Array:
         """Return the standard deviations of the logarithms, shape (2, M, 3)."""
-        return self._spread(self.std[: self.count], 0.0)
+        return self._model.spread(self.std[: self.count], 0.0)
+
+    @property
+    def innovation_ratio(self) -> float:
+        """Return the mean normalised innovation squared of the last intervals, 0 before the first; one is expected."""
+        return 0.0 if self._filter is None else self._filter.innovation_ratio
 
     @property
     def follow(self) -> float:
@@ -167,12 +163,6 @@ class ParameterEstimator:
         root[list(self._turns)] = np.exp(-0.5 * self.theta[self.count + 1 :])
         own = self.std[self.count + 1 :]
         return root[:, None] * np.asarray(body.inertia) * root, float(own.max()) if own.size else body.inertia_relative_std or 0.0
-
-    def _spread(self, values: Array, empty: float) -> Array:
-        result = np.full((2, len(self.arrangement.mounts), 3), empty)
-        for slot, value in zip(self.slots, values):
-            result[slot.role, slot.mount, slot.axis] = value
-        return result
 
     def estimates(self) -> tuple[Estimate, ...]:
         """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
@@ -197,7 +187,7 @@ class ParameterEstimator:
         if self._filter is None:
             return []
         names = [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
-        return null_directions(self._filter.p[: self.count, : self.count], self._prior_std[: self.count], names)
+        return null_directions(self._filter.covariance[: self.count, : self.count], self._prior_std[: self.count], names)
 
     def notes(self) -> list[str]:
         """Return what the person in the field should know about the parameters."""
@@ -243,63 +233,74 @@ class ParameterEstimator:
         if not self.possible:
             return False
         if not complete:
-            self._count("gap in a sensor")
+            self.rejected["gap in a sensor"] = self.rejected.get("gap in a sensor", 0) + 1
             self.restart()
             return False
+        ticks = len(data.support)
+        moved = self._look_again(ticks * dt, stamp_ns)
         self._blocks.append(data)
-        self._pending_ticks += len(data.support)
+        self._pending_ticks += ticks
         if self._pending_ticks * dt < self.settings.parameter_interval / 2.0:
-            return False
-        chunk = self._filtered(dt)
-        self._settled += self._pending_ticks_taken * dt
-        if self._settled < _SETTLE / self._balance.corner:
-            return False
-        return self._take(chunk, motion.covariance, stamp_ns)
+            return moved
+        taken, chunk = self._pending_ticks, self._filtered(dt)
+        self._settled += taken * dt
+        if self._settled < _SETTLE / self._model.balance.corner:
+            return moved
+        return self._take(chunk, motion.covariance, stamp_ns) or moved
 
     def _filtered(self, dt: float) -> BalanceChunk:
         joined = BalanceInput.join(self._blocks)
-        self._pending_ticks_taken = self._pending_ticks
         self._blocks, self._pending_ticks = [], 0
         if self._doubt is not None:
             self._doubt.observe(joined.deflection, joined.rate)
-        return self._balance.observe(joined, self._static(), self.follow, dt)
-
-    def _static(self) -> Array:
-        a = self.arrangement
-        stiffness = np.maximum(self._law.stiffness, 0.0).ravel()
-        stiffness = stiffness + 1e-9 * max(float(stiffness.max()), 1.0)
-        return static_share(a.wrench[a.free], stiffness, a.weight[a.free]).reshape(len(a.mounts), 3)
+        return self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
         size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
         self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
         weights = self._weights(covariance)
-        self._response.set_noise(covariance, self._base_variance)
-        if self.excited:
-            self._refinement.add(chunk, self.theta, _LONGEST)
-        else:
-            self._refinement.clear()
+        duration = len(chunk.measured) * chunk.step
+        self._keep(chunk)
+        response = self._model.response
+        response.set_noise(covariance, self._base_variance)
         if self._filter is None:
-            return self._start(weights, chunk.step, stamp_ns) if self.excited else False
-        if self._response.step != chunk.step:
-            self._prepare(self.theta, chunk.step)
-        innovation, gradient = self._response.observe(chunk)
-        self._followed += len(chunk.measured) * chunk.step
+            if self.excited and self._look is None and self._duration(self._kept) >= _FIRST:
+                self._begin_look(weights, covariance)
+            return False
+        if response.step != chunk.step:
+            self._model.prepare(self.theta, chunk.step)
+        innovation, gradient = response.observe(chunk)
+        self._followed += duration
         if not self.excited or self._followed < _FADE:
             return False
-        self.excited_time += len(chunk.measured) * chunk.step
-        self._interval.add(innovation, gradient, weights, len(chunk.measured) * chunk.step)
+        self.excited_time += duration
+        self._interval.add(innovation, gradient, weights, duration)
         if self._interval.duration < self.settings.parameter_interval:
             return False
-        self._update(self._interval, chunk.step)
+        self._update(self._filter, self._interval, chunk.step)
         self._interval = Interval(len(self.theta))
-        if self.innovation_ratio > _RESTLESS and not self._reviews:
-            # too small a change for the gate would widen the scatter and never be learned
-            self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
-        self._review(weights, chunk.step)
+        due = bool(self._reviews) and self.excited_time >= self._reviews[0]
+        if due and self._look is None and self._duration(self._kept) >= _FIRST:
+            self._begin_look(weights, covariance)
         self.stamp_ns = stamp_ns
         return True
+
+    def _keep(self, chunk: BalanceChunk) -> None:
+        """Remember the last seconds of excitation; a look that is under way sees what comes meanwhile."""
+        if not self.excited:
+            self._kept, self._look_open = [], False
+            return
+        kept = (chunk, self.theta.copy())
+        self._kept.append(kept)
+        while len(self._kept) > 2 and self._duration(self._kept) > _LONGEST:
+            self._kept.pop(0)
+        if self._look_open:
+            self._looked_at.append(kept)
+
+    @staticmethod
+    def _duration(kept: list[Kept]) -> float:
+        return sum(len(c.measured) * c.step for c, _ in kept)
 
     def _weights(self, covariance: Array) -> Array:
         """Return the whitening of the innovations, shape (6, 6), zero for coordinates the body does not have."""
@@ -308,110 +309,95 @@ class ParameterEstimator:
         result[np.ix_(free, free)] = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)]))
         return result
 
-    # -- start and review -------------------------------------------------------------------------------------------------
+    # -- looks at the last seconds as a whole: the start, and reviews -----------------------------------------------------
 
-    def _start(self, weights: Array, step: float, stamp_ns: int) -> bool:
-        """After a few seconds of excitation estimate by least squares, refine by output error and begin to track."""
-        if self._refinement.duration < _FIRST:
-            return False
-        starts = [self._refinement.least_squares(), self.theta]
-        # with sensors far better than the model the first answer overrides the prior in all it cannot tell
-        for _ in range(2):
-            refined = [self._refinement.refine(start, weights, self._memory.inflation) for start in starts]
-            best = min(refined, key=lambda r: r[1])[0]
-            before = self._memory.inflation
-            self._memory.foresee(self._refinement.passed(best, weights))
-            if self._memory.inflation <= before:
-                break
-        self._filter = GuardedEkf(best, np.diag(self._prior_std**2))
-        self._learn_all(best, weights, step)
-        self.excited_time += self._refinement.duration
-        self.stamp_ns = stamp_ns
-        return True
-
-    def _learn_all(self, centre: Array, weights: Array, step: float) -> None:
-        """Feed the last seconds to the filter, linearised at one point."""
-        intervals = self._refinement.passed(centre, weights)
-        self._memory.clear()
-        self._memory.foresee(intervals)
-        for interval in intervals:
-            self._learn(interval, centre)
-        self._followed = _FADE
-        self._set(self.theta, step)
-
-    def _review(self, weights: Array, step: float) -> None:
-        """Look again at the last seconds as a whole; move where that fits clearly better than what the filter holds."""
-        if not self._reviews or self.excited_time < self._reviews[0] or self._filter is None:
-            return
-        if self._refinement.duration < _FIRST:  # what was kept of a pause in the motion is too short to look at
-            return
-        self._reviews = self._reviews[1:]
-        state, last = self._response.state, self._response.last
-        inflation = max(self._memory.inflation, 1.0)
-        theta, cost = self._refinement.refine(self.theta, weights, inflation)
-        prior = inflation * np.sum((self.theta / self._prior_std) ** 2)
-        present = sum(i.square for i in self._refinement.passed(self.theta, weights)) + float(prior)
-        if present - cost > _CLEARLY * inflation:
-            self._filter.replace(x=theta, p=np.diag(self._prior_std**2))
-            self._learn_all(theta, weights, step)
+    def _begin_look(self, weights: Array, covariance: Array) -> None:
+        """Begin the first estimate or a review; the work is spread over the blocks to come while the filter goes on."""
+        self._looked_at, self._look_open, self._credit = list(self._kept), True, 0.0
+        self._refinement.model.response.set_noise(covariance, self._base_variance)
+        if self._filter is None:
+            self._look = self._refinement.first_estimate(self._looked_at, self.theta, weights)
         else:
-            self._response.state, self._response.last = state, last
-            self._set(self.theta, step)
+            inflation = max(self._filter.memory.inflation, 1.0)
+            self._look = self._refinement.review(self._looked_at, self.theta.copy(), weights, inflation)
 
-    def _prepare(self, theta: Array, step: float) -> None:
-        """Make the response ready for a parameter vector."""
-        self._law.scale(self._spread(np.exp(theta[: self.count]), 1.0))
-        if isinstance(self._balance, ForceBalance):
-            self._balance.scale_inertia(theta[self.count + 1 :])
-        self._response.prepare(self._static(), 1.0 + float(theta[self.count]), step)
+    def _drop_look(self) -> None:
+        self._look, self._looked_at, self._look_open, self._credit = None, [], False, 0.0
+
+    def _look_again(self, duration: float, stamp_ns: int) -> bool:
+        """Take so many steps of the look as the data that came since allow; return whether the parameters moved."""
+        if self._look is None:
+            return False
+        self._credit += _PACE * duration
+        try:
+            while self._credit > 0.0:
+                self._credit -= next(self._look)
+        except StopIteration as end:
+            moved = self._adopt(end.value)
+            self.stamp_ns = stamp_ns if moved else self.stamp_ns
+            self._drop_look()
+            return moved
+        return False
+
+    def _adopt(self, found: ParameterFilter | None) -> bool:
+        """Go on with what a look found, if anything; return whether it did."""
+        if self._filter is None:
+            self.excited_time += self._duration(self._looked_at)
+        else:
+            self._reviews = self._reviews[1:]
+        if found is None:
+            return False
+        self._filter = found
+        self._heed(found)
+        self._note_changes(found.changes)
+        response = self._refinement.model.response
+        self._model.prepare(self.theta, response.step)
+        if self._look_open:
+            # the simulated body of the look saw every chunk, with parameters hardly different
+            self._model.response.take_state(response)
+            self._followed = _FADE
+        self._interval = Interval(len(self.theta))
+        return True
 
     # -- tracking ---------------------------------------------------------------------------------------------------------
 
-    def _update(self, interval: Interval, step: float) -> None:
-        before = self.theta.copy()
-        self._learn(interval, before)
-        largest = self.settings.largest_step
-        self._set(np.clip(self.theta, before - largest, before + largest), step)
+    def _update(self, own: ParameterFilter, interval: Interval, step: float) -> None:
+        before, changes = self.theta.copy(), own.changes
+        if own.learn(interval, before):
+            largest = self.settings.largest_step
+            own.hold(np.clip(own.theta, before - largest, before + largest))
+            self._heed(own)
+            self._model.prepare(self.theta, step)
+        self._count_rejected(own)
+        if self._note_changes(own.changes - changes):
+            self._drop_look()
+        elif own.innovation_ratio > _RESTLESS and not self._reviews:
+            # too small a change for the gate would widen the scatter and never be learned
+            self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
 
-    def _learn(self, interval: Interval, centre: Array) -> None:
-        """Give one interval, linearised at ``centre``, to the filter; memory, standard deviations and status follow."""
-        ekf = self._filter
-        if ekf is None:
-            return
-        scale = self._memory.inflation
-        values, basis = np.linalg.eigh(interval.information)
-        keep = values > 1e-9 * max(float(values[-1]), 1e-30)
-        if not np.any(keep):
-            self._count("no information")
-            return
-        root = np.sqrt(values[keep])
-        jacobian = root[:, None] * basis[:, keep].T
-        residual = (basis[:, keep].T @ interval.gradient) / root - jacobian @ (ekf.x - centre)
-        kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
-        ekf.predict(forgetting_noise(ekf.p, interval.information / scale, kept))
-        established = self._memory.length >= 8
-        ratio = self._normalised(ekf, residual, jacobian, scale)
-        if established and ratio > _SUSPECT_RATIO:
-            self._refused += 1
-            if self._refused <= _REFUSED:
-                self._count("innovation beyond the gate")
-                return
-            self._open()
-        self._refused = 0
-        self.innovation_ratio += 0.1 * (min(ratio, _SUSPECT_RATIO) - self.innovation_ratio)
-        result = ekf.update(residual, jacobian, scale * np.eye(len(root)), gate=False)
-        if not result.accepted:
-            self._count(result.reason)
-            return
-        self._keep_within_bounds(ekf)
-        self.theta = ekf.x
-        self._memory.add(interval, centre)
-        self.std = self._memory.standard_deviation(ekf.p, self.theta)
-        own = slice(0, self.count)
-        self.std[own] = self._with_doubt(self.std[own])
+    def _note_changes(self, count: int) -> bool:
+        """After a change of the vehicle the seconds that follow are to be looked at as a whole; return whether there was one."""
+        if not count:
+            return False
+        self.changes += count
+        self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
+        return True
+
+    def _heed(self, own: ParameterFilter) -> None:
+        """Take over parameters, standard deviations and status from a filter."""
+        self.theta, self.std = own.theta.copy(), own.std.copy()
+        mine = slice(0, self.count)
+        self.std[mine] = self._with_doubt(self.std[mine])
         self.status.follow(
-            self.std[own], self._prior_std[own], self.theta[own], self._memory, self._lower[own], self._upper[own]
+            self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
         )  # fmt: skip
+        own.learned = 0
+        self._count_rejected(own)
+
+    def _count_rejected(self, own: ParameterFilter) -> None:
+        for reason, count in own.rejected.items():
+            self.rejected[reason] = self.rejected.get(reason, 0) + count
+        own.rejected = {}
 
     def _with_doubt(self, std: Array) -> Array:
         """Return standard deviations with what the mounting of the sensors leaves uncertain, at most those of the file."""
@@ -421,58 +407,36 @@ class ParameterEstimator:
         added = np.array([doubt[s.role, s.mount, s.axis] for s in self.slots])
         return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
 
-    def _normalised(self, ekf: GuardedEkf, residual: Array, jacobian: Array, scale: float) -> float:
-        """Return the normalised innovation squared per degree of freedom."""
-        s = jacobian @ ekf.p @ jacobian.T + scale * np.eye(len(residual))
-        return float(residual @ np.linalg.solve(s, residual)) / len(residual)
-
-    def _open(self) -> None:
-        """The vehicle has changed: open the covariance and forget the scatter of before."""
-        self.changes += 1
-        self._memory.clear()
-        self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
-        if self._filter is not None:
-            self._filter.replace(p=self._filter.p + _CHANGE_STD**2 * np.eye(len(self.theta)))
-
-    def _keep_within_bounds(self, ekf: GuardedEkf) -> None:
-        x = np.clip(ekf.x, self._lower, self._upper)
-        if not np.array_equal(x, ekf.x):
-            ekf.replace(x=x)
-
-    def _set(self, theta: Array, step: float) -> None:
-        """Use parameters from now on."""
-        self.theta = np.array(theta, dtype=float)
-        if self._filter is not None and not np.array_equal(self._filter.x, self.theta):
-            self._filter.replace(x=self.theta)
-        self._prepare(self.theta, step)
-
-    def _count(self, reason: str) -> None:
-        self.rejected[reason] = self.rejected.get(reason, 0) + 1
-
     # -- persistence ------------------------------------------------------------------------------------------------------
 
-    def save(self) -> dict[str, Any]:
-        """Return what was learned as plain lists; the filters of the signals start again."""
+    def snapshot(self) -> dict[str, Any]:
+        """Return what was learned; the filters of the signals start again. Costs little, arrays are shared."""
+        memory = IntervalMemory(len(self.theta)).snapshot() if self._filter is None else self._filter.memory.snapshot()
         return {
-            "theta": self.theta.tolist(), "std": self.std.tolist(),
-            "doubt": None if self._doubt is None else self._doubt.save(),
+            "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
-            "p": None if self._filter is None else self._filter.p.tolist(), "memory": self._memory.save(),
+            "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
         }  # fmt: skip
 
-    def load(self, saved: dict[str, Any], step: float | None = None) -> None:
-        """Continue from :meth:`save`."""
+    def save(self) -> dict[str, Any]:
+        """Return the same as plain lists."""
+        return dict(plain(self.snapshot()))
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save` or :meth:`snapshot`."""
         self.theta = np.array(saved["theta"], dtype=float)
         self.std = np.array(saved["std"], dtype=float)
         if self._doubt is not None:
             self._doubt.load(saved["doubt"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
-        self.innovation_ratio, self.changes = float(saved["innovation_ratio"]), int(saved["changes"])
-        self._memory.load(saved["memory"])
+        self.changes = int(saved["changes"])
         self.status.load(saved["status"])
-        self._filter = None if saved["p"] is None else GuardedEkf(self.theta, np.array(saved["p"], dtype=float))
-        self._law.scale(self.multipliers())
-        if isinstance(self._balance, ForceBalance):
-            self._balance.scale_inertia(self.theta[self.count + 1 :])
+        self._filter = None
+        if saved["p"] is None:
+            self._reviews = _REVIEWS
+        else:
+            self._filter = self._fresh(self.theta)
+            self._filter.load(saved, self.std)
+        self._model.scale(self.theta)
         self.restart()

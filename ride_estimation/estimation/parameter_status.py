@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.estimate import Status
-from ride_estimation.estimation.interval import IntervalMemory
 from ride_estimation.estimation.slots import Slot
 
 Array = NDArray[np.float64]
@@ -66,9 +65,9 @@ class StatusTracker:
             return status, f"still uncertain; needs more {axis} excitation"
         return status, f"needs {axis} excitation"
 
-    def follow(self, std: Array, prior: Array, theta: Array, memory: IntervalMemory, lower: Array, upper: Array) -> None:
-        """Update after an accepted interval."""
-        self._intervals += 1
+    def follow(self, std: Array, prior: Array, theta: Array, intervals: int, lower: Array, upper: Array) -> None:
+        """Update after so many more intervals."""
+        self._intervals += intervals
         for n in range(len(self._slots)):
             if theta[n] <= lower[n] + 1e-9 or theta[n] >= upper[n] - 1e-9:
                 self._status[n] = Status.SUSPECT

@@ -14,6 +14,7 @@ from scipy import linalg
 
 from ride_estimation.estimation.balance_kernel import response_block
 from ride_estimation.estimation.force_balance import BalanceChunk, ForceBalance
+from ride_estimation.estimation.transducer_balance import MeasuredResponse
 
 Array = NDArray[np.float64]
 
@@ -40,8 +41,12 @@ class ModelResponse:
 
     def reset(self) -> None:
         """Put the simulated body where the measured one is."""
-        self.state = np.zeros((12, 1 + self._count))
-        self.last = np.zeros((12, 1 + self._count))
+        self.state: Array = np.zeros((12, 1 + self._count))
+        self.last: Array = np.zeros((12, 1 + self._count))
+
+    def take_state(self, other: ModelResponse | MeasuredResponse) -> None:
+        """Go on where another response stands."""
+        self.state, self.last = other.state.copy(), other.last.copy()
 
     def prepare(self, static_force: Array, follow: float, step: float) -> None:
         """Discretise the response for the present parameters.

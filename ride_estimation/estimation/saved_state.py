@@ -6,8 +6,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from ride_estimation.errors import InputDataError
 from ride_estimation.sensors.sensor import Sensor
+
+
+def plain(state: Any) -> Any:
+    """Return a state as JSON can hold it: arrays as lists, in mappings and lists too."""
+    if isinstance(state, np.ndarray):
+        return state.tolist()
+    if isinstance(state, Mapping):
+        return {key: plain(value) for key, value in state.items()}
+    return [plain(value) for value in state] if isinstance(state, (list, tuple)) else state
+
 
 _NAME = "ride_estimation/estimator_state/"
 #: raised whenever a key is added or changes its meaning; 2: verdicts on the sensors are kept, 4: exchanged topics

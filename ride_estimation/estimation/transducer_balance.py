@@ -86,10 +86,13 @@ class MeasuredResponse:
 
     def __init__(self) -> None:
         self.step = 0.0
-        self.state = np.zeros(0)
-        self.last = np.zeros(0)
+        self.state: Array = np.zeros(0)
+        self.last: Array = np.zeros(0)
 
     def reset(self) -> None:
+        """Do nothing: there is no state."""
+
+    def take_state(self, other: object) -> None:
         """Do nothing: there is no state."""
 
     def set_noise(self, covariance: Array, base_variance: float) -> None:
