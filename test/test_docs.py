@@ -126,6 +126,25 @@ def test_long_command_runs(document: str, command: str, tmp_path: Path) -> None:
     assert done.returncode == 0, f"{document}: {command}\n{done.stderr}"
 
 
+def examples_of_help() -> list[str]:
+    """Return the examples of --help that are quick and name only files that come with the package."""
+    lines = [line.strip() for verb in ("plan", "procedure", "calibrate") for line in verbs()[verb].EXAMPLES.splitlines()]
+    commands = [line.split("  ")[0] for line in lines if line.startswith("ride-estimation ")]
+    inputs = {command: re.findall(r"[\w/]+\.csv|bags/[\w/]+", command) for command in commands}
+    return [command for command in commands if all((ROOT / path).exists() for path in inputs[command])]
+
+
+@pytest.mark.parametrize("command", examples_of_help(), ids=lambda text: text.replace("/", "_"))
+def test_example_of_help_runs(command: str, tmp_path: Path) -> None:
+    done = run_in_copy(command, tmp_path)
+    assert done.returncode == 0, f"{command}\n{done.stderr}"
+
+
+def test_there_are_examples_of_help() -> None:
+    assert len(examples_of_help()) >= 6
+    assert all(getattr(module, "EXAMPLES", "") for verb, module in verbs().items() if verb not in {"demo"})
+
+
 def test_readme_starts_with_the_two_commands() -> None:
     readme = [command for document, command in COMMANDS if document == "README.md"]
     assert "make demo" in readme
@@ -151,6 +170,20 @@ def test_links_between_documents_lead_somewhere() -> None:
     for path in DOCUMENTS:
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)\)", path.read_text(encoding="utf-8")):
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_features_are_all_listed_and_what_shows_them_exists() -> None:
+    text = (ROOT / "docs" / "features.md").read_text(encoding="utf-8")
+    listed = [line.split("|")[1].strip() for line in text.splitlines() if re.match(r"\| F\d", line)]
+    assert listed == [f"F{number}" for number in range(1, 25)]
+    for path in re.findall(r"`((?:ride_estimation|config|benchmarks)/[\w/.]+)`", text):
+        assert (ROOT / path).is_file(), path
+    named = re.findall(r"(test_\w+\.py)::(test_\w+)", text)
+    assert len(named) > 40
+    for file, test in named:
+        found = list((ROOT / "test").rglob(file))
+        assert len(found) == 1, file
+        assert f"def {test}(" in found[0].read_text(encoding="utf-8"), f"{file} has no {test}"
 
 
 def test_make_is_here_to_check_its_targets() -> None:

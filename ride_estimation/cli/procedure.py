@@ -271,7 +271,8 @@ def _modes(options: argparse.Namespace) -> None:
             raise InputDataError(f"--measured {item!r}: give MODE=HZ, for example bounce=2.6") from error
     fit = modal_stiffness.fit_stiffness(load_vehicle(options.vehicle), measured)
     for axis, factor in fit.factors.items():
-        print(f"stiffness along {axis}: {factor:.4g} times the vehicle file")
+        untold = "as in the vehicle file: these modes do not tell it"
+        print(f"stiffness along {axis}: {untold if axis in fit.untold else f'{factor:.3g} times the vehicle file'}")
     print(f"{'mode':<10}{'measured Hz':>14}{'model Hz':>12}{'error %':>10}")
     for row in fit.modes:
         print(f"{row.name:<10}{row.measured_hz:>14.4g}{row.model_hz:>12.4g}{row.error_percent:>+10.1f}")

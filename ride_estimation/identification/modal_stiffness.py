@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: a mode that misses its measured frequency by more than this after the fit is "not reachable"
 REACHED = 0.01
+#: change of log frequency per log stiffness below which an axis is not told: 10 % of stiffness would be 1 % of frequency
+LEAST_SLOPE = 0.1
 
 
 def equivalent_stiffness(frequency_hz: float, mass: float, mounts: int) -> float:
@@ -127,7 +129,9 @@ class StiffnessFit:
     Attributes
     ----------
     factors
-        Axis -> factor on the stiffness of all mounts along it.
+        Axis -> factor on the stiffness of all mounts along it; 1 where the measured modes do not tell it.
+    untold
+        Axes whose factor the measured modes do not tell.
     modes
         Comparison after the fit.
     reachable
@@ -137,6 +141,7 @@ class StiffnessFit:
     """
 
     factors: dict[str, float]
+    untold: tuple[str, ...]
     modes: tuple[ModeRow, ...]
     reachable: bool
     statement: str
@@ -145,7 +150,8 @@ class StiffnessFit:
 def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> StiffnessFit:
     """Scale the stiffness of all mounts per axis so that the modes of a one-body vehicle meet measured ones.
 
-    Least squares on log frequency with labels by energy share; document 000 tunes by hand.
+    Least squares on log frequency with labels by energy share; document 000 tunes by hand. An axis that no measured mode depends
+    on, or that fewer modes than axes leave open, keeps the stiffness of the vehicle file.
 
     Parameters
     ----------
@@ -162,15 +168,30 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
     compare_modes(measured_hz, labelled_frequencies(vehicle))
     axes = [a for a in AXES if any(a in m.elements for m in vehicle.mounts.values())]
 
-    def residual(log_factors: Array) -> Array:
+    def misfit(log_factors: Array) -> Array:
         found = labelled_frequencies(_scaled(vehicle, dict(zip(axes, np.exp(log_factors)))))
         return np.array([math.log(max(found[name], 1e-3) / value) for name, value in measured_hz.items()])
 
-    starts = (np.zeros(len(axes)), np.full(len(axes), 0.7), np.full(len(axes), -0.7))
-    best = min(
-        (optimize.least_squares(residual, s, bounds=(-7.0, 7.0), diff_step=1e-5) for s in starts), key=lambda r: float(r.cost)
+    def slopes(log_factors: Array) -> Array:
+        steps = 1e-3 * np.eye(len(axes))
+        return np.stack([(misfit(log_factors + s) - misfit(log_factors - s)) / 2e-3 for s in steps], axis=1)
+
+    free = _told(slopes(np.zeros(len(axes))))
+    if not np.any(free):
+        raise InputDataError(f"the modes {', '.join(measured_hz)} depend on the stiffness of no axis")
+
+    def spread(inner: Array) -> Array:
+        full = np.zeros(len(axes))
+        full[free] = inner
+        return full
+
+    count = int(np.sum(free))
+    fits = (
+        optimize.least_squares(lambda inner: misfit(spread(inner)), np.full(count, start), bounds=(-7.0, 7.0), diff_step=1e-5)
+        for start in (0.0, 0.7, -0.7)
     )
-    factors = dict(zip(axes, np.exp(best.x).tolist()))
+    best = min(fits, key=lambda r: float(r.cost))
+    factors = dict(zip(axes, np.exp(spread(best.x)).tolist()))
     rows = compare_modes(measured_hz, labelled_frequencies(_scaled(vehicle, factors)))
     missed = [row for row in rows if abs(row.error_percent) > 100.0 * REACHED]
     if missed:
@@ -181,8 +202,27 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
             f"{worst.measured_hz:.3g} Hz ({worst.error_percent:+.1f} %). Check mount positions, CG height and inertia"
         )
     else:
-        statement = f"all {len(rows)} measured modes are met within {100 * REACHED:.0f} %"
-    return StiffnessFit(factors, rows, not missed, statement)
+        statement = f"all measured modes ({len(rows)}) are met within {100 * REACHED:.0f} %"
+    untold = tuple(axis for axis, told in zip(axes, free) if not told)
+    return StiffnessFit(factors, untold, rows, not missed, statement)
+
+
+def _told(slopes: Array) -> NDArray[np.bool_]:
+    """Return which axes the modes tell: taken one after the other, those that move a mode in a way the others do not.
+
+    ``slopes`` (modes, axes) are changes of log frequency per log stiffness; half where one axis alone carries a mode.
+    """
+    told = np.zeros(slopes.shape[1], dtype=bool)
+    rest = slopes.copy()
+    for _ in range(min(slopes.shape)):
+        size = np.linalg.norm(rest, axis=0)
+        place = int(np.argmax(size))
+        if size[place] < LEAST_SLOPE:
+            break
+        told[place] = True
+        direction = rest[:, place] / size[place]
+        rest = rest - np.outer(direction, direction @ rest)
+    return told
 
 
 def _scaled(vehicle: Vehicle, factors: Mapping[str, float]) -> Vehicle:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 #: plain digits are readable between these; beyond, a power of ten is
 _SMALL, _LARGE = 1e-4, 1e7
@@ -23,6 +24,20 @@ def plain(value: float, digits: int = 4) -> str:
     decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
     text = f"{rounded:.{decimals}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def alike(values: Iterable[float], digits: int = 3) -> str:
+    """Return numbers with as many decimals as the largest of them deserves.
+
+    Examples
+    --------
+    >>> alike((-0.0142, 0.7831, 9.7912)), alike((0.0041,))
+    ('-0.01  0.78  9.79', '0.00410')
+    """
+    given = [float(v) for v in values]
+    largest = max((abs(v) for v in given if math.isfinite(v)), default=0.0)
+    decimals = min(max(digits - 1 - math.floor(math.log10(largest)), 0), 9) if largest > 0.0 else 0
+    return "  ".join(f"{v:.{decimals}f}" for v in given)
 
 
 def with_std(value: float, std: float) -> tuple[str, str]:

@@ -178,9 +178,10 @@ def _html(block: Block) -> str:
         caption = html.escape(block.caption)
         return f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
     if isinstance(block, Table):
-        head = "".join(f"<th>{html.escape(h)}</th>" for h in block.headers)
+        heads = "".join(f"<th>{html.escape(h)}</th>" for h in block.headers)
+        head = f"<thead><tr>{heads}</tr></thead>" if any(block.headers) else ""
         body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in block.rows)
-        return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        return f'<div class="wide"><table>{head}<tbody>{body}</tbody></table></div>'
     text = html.escape(block.text)
     return f"<p>{text}</p>" if block.kind == "p" else f'<p class="{block.kind}">{text}</p>'
 

@@ -17,7 +17,7 @@ from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
 from ride_estimation.reporting import replay_sections as sections
-from ride_estimation.reporting.numbers import plain, with_std
+from ride_estimation.reporting.numbers import alike, plain, with_std
 from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.side_signals import SideSignals
 from ride_estimation.sensors.sensor import SENSOR_KINDS
@@ -100,18 +100,19 @@ def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, r
 def _quality(page: Page, vehicle: Vehicle, run: OfflineRun, quality: Mapping[str, ChannelQuality]) -> None:
     page.heading("Data quality")
     rows = []
+    units = {name: SENSOR_KINDS[vehicle.sensors[name].kind][1].partition(",")[0].replace("^2", "²") for name in quality}
+    shared = next(iter(units.values())) if len(set(units.values())) == 1 else ""
     for name, q in quality.items():
         health = run.health.sensors.get(name)
-        unit = SENSOR_KINDS[vehicle.sensors[name].kind][1].partition(",")[0].replace("^2", "²")
+        own = "" if shared else f" {units[name]}"
         rows.append([
             name, q.samples, health.accepted if health else 0, sum(health.rejected.values()) if health else 0,
             q.backwards, q.rate_hz, Digits(plain(1e3 * q.jitter_s, 2)), q.gaps, Digits(plain(1e3 * q.longest_gap_s, 3)),
-            q.clipped, q.spikes, "  ".join(plain(v, 3) for v in q.mean[:3]), "  ".join(plain(v, 3) for v in q.std[:3]), unit,
-            "; ".join(q.findings) or "fine",
+            q.clipped, q.spikes, f"{alike(q.mean[:3])}{own}", f"{alike(q.std[:3])}{own}", "; ".join(q.findings) or "fine",
         ])  # fmt: skip
     page.table([
         "sensor", "samples", "used", "rejected", "overtaken", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped",
-        "spikes", "mean", "std", "of both [unit]", "findings",
+        "spikes", f"mean [{shared}]" if shared else "mean", f"std [{shared}]" if shared else "std", "findings",
     ], rows)  # fmt: skip
     page.text("Mean of an accelerometer in sensor axes; a specific force of +9.81 m/s² points up at rest.")
 

@@ -27,6 +27,7 @@ from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import Channel, Recording
 
+ROOT = Path(__file__).parents[2]
 SECONDS = 6.0
 
 
@@ -300,3 +301,32 @@ def test_exchanged_topics_are_named(case: Case, tmp_path: Path) -> None:
     warnings = json.loads((tmp_path / "o" / "result.json").read_text())["warnings"]
     a, b = [n for n, s in load_vehicle(vehicle).sensors.items() if s.body == "cab"][:2]
     assert any(f"exchanged topics of {a} and {b}" in w for w in warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "words", "size", "unit"), [
+    ({"position_m": [0.75, 0.55, -0.35]}, "by its place", 50.0, "mm"),
+    ({"rotation_deg": [0.0, 2.0, 0.0]}, "by its mounting angle", 2.0, "deg"),
+])  # fmt: skip
+def test_a_sensor_beside_its_place_or_turned_is_named_with_the_size_of_the_error(
+    change: dict[str, Any], words: str, size: float, unit: str, tmp_path: Path
+) -> None:
+    """Bundled run, vehicle file 50 mm or 2 degrees wrong at one sensor; the size within three stated standard deviations."""
+    document = yaml.safe_load((ROOT / "config" / "vehicles" / "truck_cab.yaml").read_text(encoding="utf-8"))
+    document["sensors"]["cab_front_left"].update(change)
+    (tmp_path / "v.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
+    arguments = ["replay", str(ROOT / "bags" / "rough_with_bumps"), "--vehicle", str(tmp_path / "v.yaml"), "--no-report"]
+    assert main([*arguments, "--out", str(tmp_path / "o")]) == 0
+    (warning,) = [w for w in json.loads((tmp_path / "o" / "result.json").read_text())["warnings"] if "rigid body" in w]
+    assert "cab_front_left" in warning and words in warning
+    found = re.search(rf"([\d.]+) \+- ([\d.]+) {unit}", warning)
+    assert found is not None, warning
+    assert abs(float(found[1]) - size) <= 3.0 * float(found[2]) < 0.5 * size
+
+
+def test_no_report_of_an_earlier_call_stands_beside_new_results(case: Case, tmp_path: Path) -> None:
+    (tmp_path / "pictures").mkdir()
+    for name in ("report.html", "report.pdf", "pictures/01_old.png", "mine.html"):
+        (tmp_path / name).write_text("old")
+    assert replayed(case, tmp_path) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.html", "result.json", "signals.npz"]

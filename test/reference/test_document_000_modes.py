@@ -86,6 +86,15 @@ def test_stiffness_comes_back_from_its_own_six_modes():
     assert fit.factors["z"] == pytest.approx(1 / 1.2, rel=1e-4)
 
 
+def test_an_axis_that_no_measured_mode_depends_on_keeps_its_stiffness():
+    k = np.array([[4e5, 3e5, 5e4]] * 4)
+    fit = ms.fit_stiffness(cab(0.0, k), {"bounce": 2.5})
+    # m (2 pi f)^2 = sum of k_z: fore-aft and lateral stiffness are in no vertical equation
+    factor = 900.0 * (2.0 * np.pi * 2.5) ** 2 / k[:, 2].sum()
+    assert fit.factors["z"] == pytest.approx(factor * cab(0.0, k).bodies["cab"].mass.value / 900.0, rel=1e-4)
+    assert fit.untold == ("x", "y") and fit.factors["x"] == fit.factors["y"] == 1.0
+
+
 def test_table_3_is_reported_as_not_reachable():
     fit = ms.fit_stiffness(cab(-0.7, TABLE_4, gravity=9.80665), {n: s for n, (s, _) in TABLE_3.items()})
     assert not fit.reachable

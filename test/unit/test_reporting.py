@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import doctest
 import re
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from scipy import signal
 from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.reporting import numbers
 from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.page import Page, png
 from ride_estimation.reporting.pdf import _wrapped, write_pdf
@@ -188,3 +190,14 @@ def test_a_long_cell_of_a_document_is_continued_and_not_cut(tmp_path: Path) -> N
     assert (tmp_path / "report.pdf").stat().st_size > 1000
     assert sum(len(line[1].split()) for line in _wrapped(["a", words])) == 40
     assert all(len(line[1]) <= 48 for line in _wrapped(["a", words]))
+
+
+def test_numbers_have_the_digits_that_are_meant():
+    failed, tried = doctest.testmod(numbers)
+    assert failed == 0 and tried == 3
+    for value in (0.99999, 9999.6, -123456.7, 2.5e-4, 0.0, 1e300):
+        assert float(numbers.plain(value)) == pytest.approx(value, rel=5e-4)
+    assert "e" not in numbers.plain(9.9e6) + numbers.plain(1.1e-4)
+    for value, std in ((61291.0, 615.0), (-12.3456, 0.00098), (99.96, 0.0996), (5.0, 1e3), (1e9, 3e5)):
+        shown, spread = map(float, numbers.with_std(value, std))
+        assert abs(shown - value) <= 0.06 * std and spread == pytest.approx(std, rel=0.06)
