@@ -1,0 +1,181 @@
+# Copyright 2026 ride_estimation contributors
+"""Faults of base sensors that come while driving: horizontal motion of the bases against the usual one of a nearly rigid frame.
+
+In the plane a rigid frame has three accelerations, so N bases leave 2 N - 3 spare equations: longitudinal motion is linear in y,
+lateral in x. How far a frame bends and its brackets tilt is its own affair; what counts is the residual, relative to the motion,
+now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have nothing to spare.
+A sensor whose error explains the rise is treated as missing; where none does, nothing is learned meanwhile.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from ride_estimation.estimation.sensor_gate import GateVerdict
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.alignment import Block
+
+Array = NDArray[np.float64]
+
+DISAGREES = "disagrees with the other sensors at the mount bases"
+#: corner of the high-pass [Hz]: below, tilting brackets turn gravity into horizontal readings
+_CORNER_HZ = 2.0
+#: memory of the residual now and over the run [s], time before anything is judged [s]
+_NOW, _RUN, _LEAST = 0.5, 30.0, 5.0
+#: root mean square relative residual now over that of the run: doubt begins and ends
+_BEGINS, _ENDS = 3.0, 1.5
+#: share of the motion that frames bend anyway, least relative residual that matters, motion it needs [m/s^2]
+_SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
+#: largest residual of one block that the run takes in, as a multiple of its own
+_OUTLIER = 4.0
+#: share of the residual one sensor must explain, and how much less every other must
+_EXPLAINED, _RIVAL = 0.7, 0.9
+#: longest doubt: what stays as it is belongs to this vehicle [s]
+_LONGEST = 60.0
+
+
+class BaseCheck:
+    """Judge the accelerometers at the mount bases, block by block.
+
+    Parameters
+    ----------
+    sensors
+        At the bases.
+    streams, columns
+        Stream and first column of each in an aligned block.
+    """
+
+    def __init__(self, sensors: Sequence[Sensor], streams: Sequence[int], columns: Sequence[int]) -> None:
+        self._sensors = tuple(sensors)
+        self._streams = np.array(streams, dtype=np.int64)
+        self._columns = np.array([[c, c + 1, c + 2] for c in columns], dtype=np.int64).reshape(-1, 3)
+        self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
+        count = len(self._sensors)
+        place = np.array([s.position for s in sensors]).reshape(-1, 3)
+        place = place - place.mean(axis=0) if count else place
+        rigid = np.zeros((2 * count, 3))
+        rigid[0::2, 0], rigid[1::2, 1] = 1.0, 1.0
+        rigid[0::2, 2], rigid[1::2, 2] = -place[:, 1], place[:, 0]
+        self._project = np.eye(2 * count) - rigid @ np.linalg.pinv(rigid, rcond=1e-6)
+        self._spare = float(np.trace(self._project)) if count else 0.0
+        blocks = [self._project[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(count)]
+        self._inverse = [np.linalg.pinv(b, rcond=1e-3, hermitian=True) for b in blocks]
+        #: slopes of the heights about x and y, and what they do at other heights
+        plane = np.linalg.pinv(np.column_stack([np.ones(count), place[:, :2]]), rcond=1e-3) if count else np.zeros((3, 0))
+        self._lift = np.zeros((count, 2 * count))
+        self._lift[:, 0::2], self._lift[:, 1::2] = -np.outer(plane[1], place[:, 2]), -np.outer(plane[2], place[:, 2])
+        self._noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
+        self.possible = count >= 3 and all(s.coupling == sensors[0].coupling for s in sensors)
+        self.ticks: dict[int, int] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new time base; counts stay."""
+        self._filter: tuple[float, Array, Array] | None = None
+        self._state = np.zeros((0, 0))
+        self._size, self._moments = 0.0, np.zeros_like(self._project)
+        self._run, self._age, self._doubted = 0.0, 0.0, 0.0
+        self.refused: int | None = None
+        self.unusual = False
+
+    def judged(self, block: Block, verdict: GateVerdict, dt: float) -> GateVerdict:
+        """Return the verdict on a block with what the bases add to it.
+
+        Parameters
+        ----------
+        block
+            Aligned samples.
+        verdict
+            Of the gate.
+        dt
+            Tick [s].
+        """
+        if not self.possible:
+            return verdict
+        if not verdict.valid[:, self._streams].all():
+            self._state = np.zeros((0, 0))  # the filter begins anew
+            if self.refused is None:
+                return verdict
+        else:
+            before = self.unusual
+            self._follow(block, dt)
+            if self.unusual and not before:
+                stream = () if self.refused is None else (int(self._streams[self.refused]),)
+                verdict = dataclasses.replace(verdict, began=True, newly_refused=(*verdict.newly_refused, *stream))
+        if not self.unusual:
+            return verdict
+        if self.refused is None:
+            return dataclasses.replace(verdict, unusual=True)
+        valid = verdict.valid.copy()
+        valid[:, self._streams[self.refused]] = False
+        self.ticks[self.refused] = self.ticks.get(self.refused, 0) + len(valid)
+        return dataclasses.replace(verdict, valid=valid)
+
+    def _follow(self, block: Block, dt: float) -> None:
+        samples = np.einsum("aij,kaj->kai", self._rotation, np.take(block.values, self._columns, axis=1))
+        plane = samples[:, :, :2].reshape(len(samples), -1) - samples[:, :, 2] @ self._lift
+        moving = self._passed(plane, dt)
+        if moving is None:
+            return
+        duration = len(samples) * dt
+        gain = 1.0 - math.exp(-duration / _NOW)
+        residual = moving @ self._project
+        self._size += gain * (float(np.mean(moving**2)) - self._size)
+        self._moments += gain * (residual.T @ residual / len(residual) - self._moments)
+        usual = self._noise + _SHARE**2 * self._size
+        ratio = float(np.trace(self._moments)) / (self._spare * usual)
+        if self._size < _MOVING**2:
+            return
+        self._age += duration
+        limit = _OUTLIER * self._run if self._age > _LEAST else math.inf
+        if not self.unusual:
+            self._run += duration / min(self._age, _RUN) * (min(ratio, limit) - self._run)
+        if self._age < _LEAST:
+            return
+        over = math.sqrt(ratio / max(self._run, 1e-12))
+        self._doubted = self._doubted + duration if self.unusual else 0.0
+        was = self.unusual
+        self.unusual = bool(over > (_ENDS if was else _BEGINS) and ratio > _MATTERS**2 * (_ENDS / _BEGINS if was else 1.0))
+        if self._doubted > _LONGEST:
+            self._run, self.unusual = ratio, False
+        if not self.unusual:
+            self.refused = None
+        elif not was or self.refused is None:
+            self.refused = self._blamed()
+
+    def _passed(self, plane: Array, dt: float) -> Array | None:
+        """Return the readings above the corner; None while the filter begins."""
+        if self._filter is None or self._filter[0] != dt:
+            b, a = signal.butter(2, min(2.0 * _CORNER_HZ * dt, 0.9), "highpass")
+            self._filter = (dt, b, a)
+            self._state = np.zeros((0, 0))
+        _, b, a = self._filter
+        if not self._state.size:
+            self._state = signal.lfilter_zi(b, a)[:, None] * plane[0]
+        found, self._state = signal.lfilter(b, a, plane, axis=0, zi=self._state)
+        return np.asarray(found)
+
+    def _blamed(self) -> int | None:
+        """Return the sensor whose error explains the residual, None where several could."""
+        total = float(np.trace(self._moments))
+        part = [self._moments[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(self._sensors))]
+        explained = np.array([float(np.sum(inverse * p)) for inverse, p in zip(self._inverse, part)]) / max(total, 1e-30)
+        best = int(np.argmax(explained))
+        rival = float(np.delete(explained, best).max())
+        return best if explained[best] > _EXPLAINED and rival < _RIVAL * explained[best] else None
+
+    def messages(self) -> list[str]:
+        """Return one sentence per sensor that was left out, and one where it is open which is wrong."""
+        found = []
+        for n, ticks in sorted(self.ticks.items()):
+            now = " (now)" if n == self.refused else ""
+            found.append(f"{self._sensors[n].name} was not used{now}: {ticks} ticks {DISAGREES}")
+        if self.unusual and self.refused is None:
+            found.append("the sensors at the mount bases disagree clearly more than before: nothing is learned meanwhile")
+        return found
