@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.base_check import BaseCheck
 from ride_estimation.estimation.base_fill import BaseFill
 from ride_estimation.estimation.block_math import count_unfit, cross, turn_channels
 from ride_estimation.estimation.bracket_tilt import BracketTilt
@@ -98,6 +99,8 @@ class Pipeline:
         self._layout()
         self._gate = self._new_gate()
         self._swaps = self._new_swaps()
+        base = [s for s in a.base_sensors if s is not None]
+        self._bases = BaseCheck(base, [stream for _, stream, _, _ in self._base], [start for _, _, start, _ in self._base])
         self._excess, self._rate = 1.0, np.zeros(3)
         self._disagreement, self._next_look = (1.0, np.zeros((6, 6))), 0.0
         self._kept: list[dict[str, Any]] = []
@@ -259,6 +262,7 @@ class Pipeline:
         self._fill.reset()
         self._hints.reset()
         self._swaps.reset()
+        self._bases.reset()
         self._excess = 1.0
 
     # -- one block --------------------------------------------------------------------------------------------------------
@@ -272,7 +276,7 @@ class Pipeline:
         ticks = len(block.values)
         block = self._put_right(block, dt)
         self._watch_input(block, dt)
-        verdict = self._gate.judge(block, self._rate, dt)
+        verdict = self._bases.judged(block, self._gate.judge(block, self._rate, dt), dt)
         if verdict.valid is not block.valid:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
@@ -403,8 +407,9 @@ class Pipeline:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
         turn_channels(block.values, block.valid, *self._base_layout, base, base_ok)
+        measured = base_ok
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
-        if self._tilting.learns and self._tilting.observe(base, self._motion_at_mounts(motion), base_ok, dt):
+        if self._tilting.learns and self._tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
             self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._transducers:
@@ -522,7 +527,8 @@ class Pipeline:
                 s.name, h.accepted, h.rejected, h.rate_hz, h.gaps, h.longest_gap_s, h.silent, int(self._clipped[i]),
                 int(self._invalid[i]), ratio.get(s.name, 0.0), dict(self._gate.refused.get(i, {})),
             )  # fmt: skip
-        messages = self._swaps.messages() + self._gate.messages() + [m for m in (residual_message(test),) if m]
+        messages = self._swaps.messages() + self._gate.messages() + self._bases.messages()
+        messages += [m for m in (residual_message(test),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
         if self._taken_back:
