@@ -10,7 +10,21 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from replay.fault_run import BEGIN, END, LENGTH, MOVING, Behaviour, Message, Outcome, Plant, World, behaviour, judged, world
+from replay.fault_run import (
+    BEGIN,
+    END,
+    LENGTH,
+    MOVING,
+    Behaviour,
+    Message,
+    Outcome,
+    Plant,
+    World,
+    beginning,
+    behaviour,
+    judged,
+    world,
+)
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
@@ -63,7 +77,7 @@ def run_fault(fault: Fault, seed: int) -> tuple[Outcome, Behaviour]:
     w = world(seed)
     messages = fault.plant(w, list(w.messages), np.random.default_rng([seed, 99]))
     begin = MOVING if fault.constant else fault.begin
-    found = behaviour(w.vehicle, messages, fault.expected, begin, fault.true_time)
+    found = behaviour(w.vehicle, messages, fault.expected, begin, fault.true_time, beginning(seed))
     return judged(seed, found, begin, LENGTH if fault.constant else fault.end), found
 
 
@@ -150,9 +164,9 @@ def _misplaced(w: World, messages: list[Message], rng: np.random.Generator) -> l
 
 
 def _looped(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
-    """Play the first half, then the run from its beginning once more."""
+    """Play the run until faults begin, then from its beginning once more for a while."""
     first = [m for m in messages if m.arrival_s < BEGIN]
-    return first + [dataclasses.replace(m, arrival_s=m.arrival_s + BEGIN) for m in messages]
+    return first + [dataclasses.replace(m, arrival_s=m.arrival_s + BEGIN) for m in messages if m.arrival_s < 18.0]
 
 
 def _slower(w: World, messages: list[Message], sensor: str, every: int) -> list[Message]:
@@ -164,6 +178,12 @@ def _slower(w: World, messages: list[Message], sensor: str, every: int) -> list[
     smooth = filtfilt(b, a, np.array([m.values for m in own]), axis=0)
     slow = [dataclasses.replace(m, values=tuple(v)) for m, v in zip(own, smooth.tolist())][::every]
     return sorted([m for m in messages if m.sensor != sensor] + slow, key=lambda m: m.arrival_s)
+
+
+def _late_for_a_while(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Delay the values of a base sensor by 20 ms for three seconds."""
+    late = {m.stamp_ns: m for m in w.measured_with(BASE, delay_s=0.02) if m.sensor == BASE}
+    return _of(BASE, lambda m, r, n: [late[m.stamp_ns]], BEGIN, BEGIN + 3.0)(w, messages, rng)
 
 
 def _half_rate(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
@@ -223,14 +243,15 @@ TABLE: tuple[Fault, ...] = (
     Fault("5 ms late", _mounted(CAB, delay_s=0.005), _LATE, True),
     Fault("20 ms late", _mounted(CAB, delay_s=0.02), _LATE, True),
     Fault("40 ms late", _mounted(CAB, delay_s=0.04), _LATE, True),
+    Fault("base: 20 ms late for 3 s", _late_for_a_while, f"{BASE}|sensors at the mount bases", end=BEGIN + 3.0),
     Fault("200 ms late bursts, stamps right", _bursts, ""),
     Fault("duplicates", _passing(CAB, lambda m, r, n: [m, m]), f"{CAB}: samples rejected: .*duplicate"),
     Fault("out of order by one", _passing(CAB, _swap_order), ""),
     Fault("10 % dropped", _passing(CAB, _dropped), ""),
     Fault("clock skew 3 s", _passing(CAB, _stamp(lambda s, n: s + 3 * _SECOND)), f"{CAB}: samples rejected: .*clock_ahead"),
     Fault("clock 3 s behind", _passing(CAB, _stamp(lambda s, n: s - 3 * _SECOND)), f"{CAB}: samples rejected: .*clock_behind"),
-    Fault("all clocks step back 60 s", _of("", _stamp(lambda s, n: s - 60 * _SECOND), BEGIN, LENGTH), _BACK,
-          end=BEGIN + 0.5, true_time=lambda t: np.where(t < -30.0, t + 60.0, t)),
+    Fault("all clocks step back 1 h", _of("", _stamp(lambda s, n: s - 3600 * _SECOND), BEGIN, LENGTH), _BACK,
+          end=BEGIN + 0.5, true_time=lambda t: np.where(t < -1800.0, t + 3600.0, t)),
     Fault("looped replay", _looped, _BACK, end=BEGIN + 0.5),
     Fault("stamp 0", _passing(CAB, _stamp(lambda s, n: 0)), f"{CAB}: samples rejected: .*stamp_not_positive"),
     Fault("stamp repeats", _passing(CAB, _stamp(lambda s, n: s - n * _PERIOD_NS)), f"{CAB}: samples rejected: .*duplicate"),

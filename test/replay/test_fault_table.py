@@ -17,6 +17,10 @@ FAST = ("stuck value",)
 def check(fault: Fault, seed: int) -> None:
     outcome, found = run_fault(fault, seed)
     assert outcome.not_finite == 0
+    assert outcome.parameter <= 0.01, outcome.parameter_words
+    assert outcome.parameter_stds <= 3.0
+    assert outcome.wrong_stds <= 5.0
+    assert outcome.inside >= 0.9
     if fault.expected:
         assert outcome.to_flag_s <= fault.limit_s, f"said: {found.texts}"
     if not fault.constant:
