@@ -21,6 +21,7 @@ from ride_estimation.cli import main as command
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.io.results import output_folder
 from ride_estimation.reporting.demo_report import force_figure, write_demo_report
+from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.resources import shared_path
 from ride_estimation.units import split_suffix
 
@@ -51,7 +52,8 @@ def run(options: argparse.Namespace) -> int:
     print("   The mounts of the truck differ from the vehicle file by up to 20 %; the estimator is not told.\n", flush=True)
     quietly(["replay", str(run_folder / "bag"), "--vehicle", str(vehicle), "--out", str(out / "replay")])
     found = Comparison.of(out / "replay", run_folder)
-    parameters, forces = found.parameter_rows(), found.force_rows()
+    parameters = found.parameter_rows()
+    forces: list[Row] = [(*row[:2], *(round(float(str(v)), 1) for v in row[2:])) for row in found.force_rows()]
     print(text_table(PARAMETER_HEAD, parameters), "\n")
     print(text_table(FORCE_HEAD, forces), "\n")
     print(found.verdict(), "\n", flush=True)
@@ -157,7 +159,8 @@ class Comparison:
             if p["name"] in true and p["value"] is not None:
                 known = true[p["name"]]
                 error = 100.0 * (p["value"] / known - 1.0)
-                rows.append((p["name"], p["prior"], known, p["value"], p["std"], error, p["unit"], p["status"]))
+                value, std = (float(text) for text in with_std(p["value"], p["std"]))
+                rows.append((p["name"], p["prior"], known, value, std, round(error, 1), p["unit"], p["status"]))
         return rows
 
     def scores(self) -> dict[tuple[str, str], SignalScore]:
@@ -206,8 +209,8 @@ def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
 
 
 def text_table(head: Sequence[str], rows: Sequence[Row]) -> str:
-    """Return a table for a terminal: numbers with five digits, columns aligned."""
-    cells = [list(head)] + [[f"{v:.5g}" if isinstance(v, float) else str(v) for v in row] for row in rows]
+    """Return a table for a terminal: numbers without powers of ten, columns aligned."""
+    cells = [list(head)] + [[plain(v, 5) if isinstance(v, float) else str(v) for v in row] for row in rows]
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
     numeric = [bool(rows) and isinstance(rows[0][i], float) for i in range(len(head))]
     lines = []

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.page import Page, run_title
 
 
 def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path) -> None:
@@ -27,7 +27,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path) -> None:
     path
         File to write.
     """
-    page = Page(f"Diagnosis of {run}")
+    page = Page(f"Diagnosis of {run_title(run)}")
     page.verdict(diagnosis.sentence)
     for warning in diagnosis.warnings:
         if warning not in diagnosis.isolability and warning not in diagnosis.sentence:
@@ -140,7 +140,10 @@ def _ladder(page: Page, diagnosis: Diagnosis) -> None:
         header, values = "error [%]", [f"{100 * s.nrmse:.2f}" for s in diagnosis.ladder]
     page.table(
         ["model", header, "gain in evidence [nat]"],
-        [[s.model, v, f"{s.log_likelihood + 0.0:.1f}"] for s, v in zip(diagnosis.ladder, values)],
+        [
+            [s.model, v, f"{s.log_likelihood + 0.0:.{1 if abs(s.log_likelihood) < 100.0 else 0}f}"]
+            for s, v in zip(diagnosis.ladder, values)
+        ],
     )
 
 
@@ -227,7 +230,7 @@ def cumulated_periodogram(evidence: Evidence) -> Figure:
         axes.plot(evidence.frequency_hz, np.cumsum(values / noise) / len(noise), style, label=label)
     axes.plot(evidence.frequency_hz, np.arange(len(noise)) / len(noise), "k--", label="noise alone")
     axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("cumulated share")
+    axes.set_ylabel("cumulated share [-]")
     axes.legend()
     axes.grid(alpha=0.3)
     return figure
@@ -241,7 +244,7 @@ def residual_over_time(evidence: Evidence) -> Figure:
     axes.plot(evidence.block_time_s, evidence.block_misfit[:, 1], "C0.-", label="extended model")
     axes.axhline(1.0, color="k", ls="--", lw=0.8)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("misfit")
+    axes.set_ylabel("misfit [-]")
     axes.legend()
     axes.grid(alpha=0.3)
     return figure

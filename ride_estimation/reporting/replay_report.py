@@ -7,7 +7,6 @@ Pages that other programs call fatigue, ride comfort and spectra follow; :mod:`r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
 from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.numbers import alike, plain, with_std
-from ride_estimation.reporting.page import Digits, Page
+from ride_estimation.reporting.page import Digits, Page, run_title
 from ride_estimation.reporting.side_signals import SideSignals
 from ride_estimation.sensors.sensor import SENSOR_KINDS
 from ride_estimation.signals.quality import ChannelQuality
@@ -70,12 +69,6 @@ def replay_page(
     _parameters(page, run, result)
     sections.ladder(page, diagnosis, recording.checksum)
     return page
-
-
-def run_title(path: str) -> str:
-    """Return the name of a recording as a heading: a folder called ``bag`` says nothing without the one above it."""
-    parts = Path(path).parts
-    return "/".join(parts[-2:]) if parts[-1:] == ("bag",) else "/".join(parts[-1:])
 
 
 def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, result: Mapping[str, Any]) -> None:
