@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import optimize, signal, stats
 from worlds.quarter_car import QuarterCar, drive_quarter_car, measure_quarter_car, road_height
 from worlds.roads import Road
 
@@ -19,7 +20,7 @@ from ride_estimation.estimation.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.rls import RecursiveLeastSquares
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.signals.integration import acceleration_to_displacement, acceleration_to_velocity, high_pass
+from ride_estimation.signals.integration import acceleration_to_displacement, acceleration_to_velocity, high_pass, integrate
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.simulation.simulate import simulate
 from ride_estimation.vehicles.assembly import assemble
@@ -248,9 +249,10 @@ def regressed(noise, corner, seed):
 
 
 def test_noise_in_the_regressors_biases_least_squares_and_a_higher_corner_cures_it():
-    """4.8, class B at 5 m/s. k/m there: -0.9 % at 0.02 m/s^2, -22 % at 0.1 with 0.3 Hz, -1.7 % with 0.7 Hz.
+    """4.8, class B at 5 m/s, with the product's integration, which passes its high-pass twice and so is biased less.
 
-    On this quarter car, seeds 1 to 4: -0.3, -11.5 and -0.2 %; mass with known k -0.9 % at 0.02 m/s^2. Judged on other seeds.
+    On this quarter car, seeds 1 to 4: k/m -0.3, -11.5 and -0.2 %; mass with known k -0.9 % at 0.02 m/s^2. Judged on other seeds.
+    The figures of the table are those of one zero-phase Butterworth filter: the next tests.
     """
     means = {
         key: np.mean([regressed(*key, seed) for seed in range(11, 15)], axis=0) for key in ((0.02, 0.3), (0.1, 0.3), (0.1, 0.7))
@@ -261,27 +263,150 @@ def test_noise_in_the_regressors_biases_least_squares_and_a_higher_corner_cures_
     assert abs(means[0.02, 0.3][1]) < 0.02
 
 
-def test_one_sinusoid_tells_two_of_four_parameters_of_a_maxwell_mount_two_tell_all():
-    """4.10: k, c, k_M, tau of a mass of 2500 kg on its mount, base acceleration lines of 1 m/s^2 for 60 s, noise 0.02 m/s^2."""
-    mass, theta = 2500.0, np.log([3e5, 2e4, 1e5, 0.05])
+#: noise [m/s^2], corner [Hz], low-pass [Hz] or None; k/m and mass in percent as table 4.8 prints them, None where it prints none
+TABLE_4_8 = {
+    (0.02, 0.3, None): (-0.9, None),
+    (0.1, 0.3, None): (-22.0, None),
+    (0.1, 0.7, None): (-1.7, None),
+    (0.02, 0.3, 15.0): (None, -0.4),
+    (0.1, 0.3, 15.0): (None, -2.5),
+}
 
-    def response(log_parameters, frequencies):
+
+def expected_bias(noise, corner, low_pass, rate=200.0):
+    """Return the bias [%] of k/m and of the mass with known k: normal equations of transfer functions and white noise.
+
+    Zero-phase Butterworth of fourth order (magnitude squared) on all channels; displacement and rate of the noise are its exact
+    integrals.
+    """
+    car = QuarterCar()
+    f = np.arange(1, 1 << 15) * rate / (1 << 16)
+    s = 2j * np.pi * f
+    ground = 64e-6 * 0.1**2 * 5.0 / f**2 * ((f > 0.2) & (f < 60.0))  # m^2/Hz, class B at 5 m/s
+    strut, tyre = car.stiffness + s * car.damping, car.tyre_stiffness + s * car.tyre_damping
+    axle = tyre / (car.unsprung * s**2 + strut + tyre - strut**2 / (car.sprung * s**2 + strut))
+    body = strut / (car.sprung * s**2 + strut) * axle
+    weight = 1.0 / (1.0 + (corner / f) ** 8)
+    if low_pass is not None:
+        weight = weight / (1.0 + (f / low_pass) ** 4)
+    white = 2.0 * noise**2 / rate  # m^2/s^4/Hz of one sensor
+    true = {"z": body - axle, "v": s * (body - axle), "a": s**2 * body}
+    # columns: noise of the body, noise of the axle
+    noisy = {"z": (1 / s**2, -1 / s**2), "v": (1 / s, -1 / s), "a": (np.ones(f.size), np.zeros(f.size))}
+
+    def moment(p, q):
+        own = (true[p] * true[q].conj()).real * ground
+        own = own + white * sum((x * np.conj(y)).real for x, y in zip(noisy[p], noisy[q]))
+        return float(np.sum(own * weight**2))
+
+    def regression(target, first):
+        normal = [[moment(first, first), moment(first, "v")], [moment(first, "v"), moment("v", "v")]]
+        return -float(np.linalg.solve(normal, [moment(target, first), moment(target, "v")])[0])
+
+    ratio = car.stiffness / car.sprung
+    return 100.0 * (regression("a", "z") / ratio - 1.0), 100.0 * (regression("z", "a") * ratio - 1.0)
+
+
+@pytest.mark.parametrize("case", TABLE_4_8)
+def test_figures_of_the_noise_table_follow_from_its_filter(case):
+    """4.8: k/m -0.9, -22, -1.7 % full band; mass -0.4 and -2.5 % only if all channels are cut at 15 Hz (full band -0.6, -13 %).
+
+    0.3 % is what trapezoids at 200 Hz and one run of 60 s leave open, a tenth of the large figure its scatter over seeds.
+    """
+    for found, printed in zip(expected_bias(*case), TABLE_4_8[case]):
+        assert printed is None or found == pytest.approx(printed, abs=0.3 + 0.1 * abs(printed)), case
+    noise, corner, _ = case
+    full = expected_bias(noise, corner, None)[1]
+    assert full < (-0.5 if noise < 0.05 else -12.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", TABLE_4_8)
+def test_simulated_runs_have_the_bias_of_the_noise_table(case):
+    """The same by simulation, seeds 31 to 36; Student's t of six runs at one in 500, and what trapezoids cost (0.2 %)."""
+    noise, corner, low_pass = case
+    rate, step, car = 200.0, 1e-3, QuarterCar()
+    band = signal.butter(4, corner, "high", fs=rate, output="sos")
+    smooth = None if low_pass is None else signal.butter(2, low_pass, fs=rate, output="sos")
+
+    def passed(values):
+        values = signal.sosfiltfilt(band, values)
+        return values if smooth is None else signal.sosfiltfilt(smooth, values)
+
+    found = []
+    for seed in range(31, 37):
+        height, slope = road_height(dataclasses.replace(Road(), roughness=64e-6, speed=5.0), 60.0, step, seed)
+        data = measure_quarter_car(drive_quarter_car(car, height, slope, step), rate, seed, noise)
+        body, axle = (data[n][:, 2] - GRAVITY for n in ("body", "axle"))
+        rate_raw = signal.detrend(integrate(signal.detrend(body - axle, type="constant"), rate))
+        travel = integrate(rate_raw, rate)
+        t = np.arange(travel.size) / rate
+        travel = travel - np.polyval(np.polyfit(t, travel, 2), t)
+        z, v, a = (passed(x)[1000:-1000] for x in (travel, rate_raw, body))
+        ratio = np.linalg.lstsq(np.column_stack([-z, -v]), a, rcond=None)[0][0] * car.sprung / car.stiffness
+        mass = np.linalg.lstsq(np.column_stack([a, v]), -car.stiffness * z, rcond=None)[0][0] / car.sprung
+        found.append((100.0 * (ratio - 1.0), 100.0 * (mass - 1.0)))
+    error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
+    difference = np.mean(found, axis=0) - np.array(expected_bias(*case))
+    assert np.all(np.abs(difference) < stats.t.ppf(0.999, 5) * error + 0.2), difference
+
+
+class Lines:
+    """A mass of 2500 kg on a Maxwell mount (k, c, k_M, tau) on base acceleration lines for 60 s at 200 Hz, noise 0.02 m/s^2."""
+
+    MASS, NOISE, SAMPLES = 2500.0, 0.02, 60.0 * 200.0
+
+    def __init__(self, branch, lines):
+        self.theta = np.log([3e5, 2e4, branch * 3e5, 0.05])
+        self.lines = lines
+
+    def response(self, log_parameters):
+        """Return the complex amplitude of the body at each line [m/s^2]."""
         k, c, branch, tau = np.exp(log_parameters)
-        s = 2j * np.pi * np.asarray(frequencies)
         element = SumOfElements((KelvinVoigt(k, c), Maxwell(branch, branch * tau)))
+        s = 2j * np.pi * np.array(list(self.lines))
         stiff = np.array([element.dynamic_stiffness(abs(w), 1e-3) for w in s])
-        return stiff / (stiff + mass * s**2)
+        return np.array(list(self.lines.values())) * stiff / (stiff + self.MASS * s**2)
 
-    def information(frequencies):
+    def jacobian(self):
         columns = [
-            (response(theta + 1e-5 * e, frequencies) - response(theta - 1e-5 * e, frequencies)) / 2e-5 for e in np.eye(4)
+            (self.response(self.theta + 1e-5 * e) - self.response(self.theta - 1e-5 * e)) / 2e-5 for e in np.eye(len(self.theta))
         ]
         sensitivity = np.column_stack(columns)
-        both = np.vstack([sensitivity.real, sensitivity.imag])
-        return both.T @ both * (60.0 * 200.0 / 2.0) / 0.02**2
+        return np.vstack([sensitivity.real, sensitivity.imag])
 
-    one, two = information([1.5]), information([1.5, 6.0])
+    def information(self):
+        return self.jacobian().T @ self.jacobian() * self.SAMPLES / 2.0 / self.NOISE**2
+
+    def bounds(self):
+        return np.sqrt(np.diag(np.linalg.inv(self.information())))
+
+
+def test_one_sinusoid_tells_two_of_four_parameters_of_a_maxwell_mount_two_tell_all():
+    """4.10: rank 2 of 4 at 1.5 Hz, 4 of 4 with 6 Hz more; bounds of 0.06 to 0.24 % with a branch as stiff as the spring."""
+    one, two = Lines(1.0, {1.5: 1.0}).information(), Lines(1.0, {1.5: 1.0, 6.0: 2.4})
     assert np.linalg.matrix_rank(one, tol=1e-8 * np.abs(one).max()) == 2
-    assert np.linalg.matrix_rank(two, tol=1e-8 * np.abs(two).max()) == 4
-    bound = np.sqrt(np.diag(np.linalg.inv(two)))
-    assert np.all(bound < 0.02), bound  # the table: 0.06 to 0.24 % for lines of unstated size
+    assert np.linalg.matrix_rank(two.information(), tol=1e-8 * np.abs(two.information()).max()) == 4
+    bound = two.bounds()
+    assert bound.min() == pytest.approx(0.0006, rel=0.1)
+    assert bound.max() == pytest.approx(0.0024, rel=0.1)
+    # the size of the lines is not stated: with the branch of 0.3 k used elsewhere no size gives bounds so alike
+    spread = [np.ptp(np.log(Lines(0.3, {1.5: 1.0, 6.0: a}).bounds())) for a in np.geomspace(0.1, 100.0, 25)]
+    assert np.exp(min(spread)) > 3.0 * 0.24 / 0.06
+
+
+def test_bounds_of_two_sinusoids_are_the_scatter_of_the_estimates():
+    """4.10: two lines are four numbers for four unknowns: solved for 200 draws of noise, scatter 5 % sure."""
+    case = Lines(1.0, {1.5: 1.0, 6.0: 2.4})
+    truth, rng = case.response(case.theta), np.random.default_rng(17)
+    std = case.NOISE * np.sqrt(2.0 / case.SAMPLES)
+    found = []
+    for _ in range(200):
+        measured = truth + std * (rng.standard_normal(2) + 1j * rng.standard_normal(2))
+
+        def misfit(log_parameters, measured=measured):
+            error = case.response(log_parameters) - measured
+            return np.concatenate([error.real, error.imag]) / std
+
+        found.append(optimize.root(misfit, case.theta).x)
+    np.testing.assert_allclose(np.std(found, axis=0), case.bounds(), rtol=0.2)
