@@ -159,6 +159,8 @@ class ForceBalance:
         self._wrench = np.zeros((7, 12))
         self._nonlinear = np.zeros((7, 3 * n))
         self._offset: tuple[Array, Array] | None = None
+        #: high-passed deflections and rates of the last chunk, (K, 3 M) each
+        self.moved = np.zeros((0, n)), np.zeros((0, n))
         self._left: list[Array] = []
 
     def stiffness_matrices(self) -> tuple[Array, Array]:
@@ -210,6 +212,7 @@ class ForceBalance:
             np.hstack([second.reshape(ticks, n), second_rate.reshape(ticks, n)]), self.corner, dt, self._turned, turned
         )
         x, v = x + follow * turned[:, :n], v + follow * turned[:, n:]
+        self.moved = x, v
         elastic, viscous, rest = self._parts(x, v, x_full, v_full, dt)
         average = max(1, int(np.ceil(1.0 / (dt * HIGHEST_RATE))))
         # the follow share moves the measured side, hence the sign, and the deflections

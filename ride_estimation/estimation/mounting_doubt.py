@@ -1,10 +1,12 @@
 # Copyright 2026 ride_estimation contributors
-"""What the mounting of the sensors leaves uncertain of horizontal parameters, however long a run is.
+"""What mounting and noise of the base sensors leave uncertain of horizontal parameters, however long a run is.
 
-A base accelerometer that is turned by epsilon takes part of the large vertical motion for horizontal motion of its bracket: an
+A base accelerometer that is turned by epsilon takes part of the large vertical motion z for horizontal motion of its bracket: an
 error ``epsilon z`` of the deflection that no averaging removes. The sum over the mounts hardly feels it; how the sum is split
-among them is told by the deformation of the frame only, often a few hundredths of a millimetre, and is off by about
-``epsilon rms(z) / rms(deformation)``. Stiffness goes with deflections, damping with rates.
+among them is told by the deformation d of the frame only, often a few hundredths of a millimetre. The stiffness of a split is
+off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, where z happens to go along with d' over the
+N independent values of a run, by ``epsilon k z / (c d' sqrt(N))`` (rms values). Of what looks like deformation, noise is a share
+lambda, and of a split that noise alone tells nothing is known: ``lambda`` times the standard deviation of the vehicle file.
 """
 
 from __future__ import annotations
@@ -20,52 +22,85 @@ Array = NDArray[np.float64]
 
 #: standard deviation of the angle at which a sensor is mounted [rad]: a tenth of a degree, on a machined face
 _ANGLE = np.radians(0.1)
+#: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
+_PER_SECOND = 2.0
 #: smallest deformation and rigid motion that count as such, share of the vertical motion: less is certainly not told
 _LEAST = 1e-6
+#: variance of deflection and rate over s^2 dt / w^3 and s^2 dt / w, from white relative acceleration of variance s^2 through
+#: six sections s / (s + w): B(9/2, 3/2) / 2 pi and B(11/2, 1/2) / 2 pi
+_NOISE = (0.013672, 0.123046)
 
 
 class MountingDoubt:
-    """Follows how much the mounts move and states what the mounting of the sensors may hide.
+    """Follows how much the mounts move and states what the sensors at their bases may hide.
 
     Parameters
     ----------
     arrangement
         Body and mounts.
+    corner
+        w of the sections deflections and rates were passed through [rad/s].
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
+    def __init__(self, arrangement: Arrangement, corner: float) -> None:
         wrench = arrangement.wrench[arrangement.free]
         self._rigid = np.linalg.pinv(wrench) @ wrench
         self._count = len(arrangement.mounts)
+        variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
+        split = 1.0 - np.diag(self._rigid).reshape(self._count, 3)
+        #: variance per tick that noise makes of the deforming part of deflection and rate, (2, M, 3)
+        self._noise = np.array([share / corner**power for share, power in zip(_NOISE, (3, 1))])[:, None, None] * (
+            variance[:, None] * split
+        )
+        self._time = 0.0
         #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
         self._square = np.zeros((2, 3, self._count, 3))
+        #: sums of what noise makes of the deforming part, shape (2, M, 3)
+        self._noisy = np.zeros((2, self._count, 3))
 
-    def observe(self, deflection: Array, rate: Array) -> None:
-        """Add ticks, shape (K, M, 3) each."""
+    def observe(self, deflection: Array, rate: Array, dt: float) -> None:
+        """Add ticks of ``dt`` [s], shape (K, 3 M) each."""
         for role, signal in enumerate((deflection, rate)):
-            flat = signal.reshape(len(signal), -1)
-            rigid = flat @ self._rigid.T
-            for part, values in enumerate((flat, rigid, flat - rigid)):
+            rigid = signal @ self._rigid.T
+            for part, values in enumerate((signal, rigid, signal - rigid)):
                 self._square[role, part] += np.sum(values**2, axis=0).reshape(self._count, 3)
+        self._noisy += len(deflection) * dt * self._noise
+        self._time += len(deflection) * dt
 
-    def std(self) -> Array:
-        """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3); zero for z."""
+    def std(self, stiffness: Array, damping: Array, prior: Array) -> Array:
+        """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3); zero for z.
+
+        Parameters
+        ----------
+        stiffness, damping
+            Of the mounts, shape (M, 3) [N/m, N s/m].
+        prior
+            Standard deviations of the vehicle file, shape (2, M, 3).
+        """
         total = np.sqrt(self._square.mean(axis=2))
         out = np.zeros((2, self._count, 3))
+        chance = 1.0 / np.sqrt(max(_PER_SECOND * self._time, 1.0))
         for role in range(2):
-            error = _ANGLE * total[role, 0, 2]
-            if error <= 0.0:
+            error = np.full((self._count, 2), _ANGLE * total[role, 0, 2])
+            if total[role, 0, 2] <= 0.0:
                 continue
+            if role == 1:
+                along = _ANGLE * total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
+                error = np.hypot(error, chance * along)
             floor = _LEAST * total[role, 0, 2]
+            seen, noisy = (np.mean(a, axis=0)[:2] for a in (self._square[role, 2], self._noisy[role]))
+            noise = np.minimum(noisy / np.maximum(seen, 1e-300), 1.0)
             common = error / np.sqrt(self._count) / np.maximum(total[role, 1, :2], floor)
-            split = error / np.maximum(total[role, 2, :2], floor)
-            out[role, :, :2] = np.hypot(common, split)
+            split = error / np.maximum(total[role, 2, :2] * np.sqrt(1.0 - noise), floor)
+            out[role, :, :2] = np.sqrt(common**2 + split**2 + (noise * prior[role, :, :2]) ** 2)
         return out
 
-    def save(self) -> list[Any]:
+    def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
-        return list(self._square.tolist())
+        return {"square": self._square.tolist(), "noisy": self._noisy.tolist(), "time": self._time}
 
-    def load(self, saved: list[Any]) -> None:
+    def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._square = np.array(saved, dtype=float).reshape(self._square.shape)
+        self._square = np.array(saved["square"], dtype=float).reshape(self._square.shape)
+        self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
+        self._time = float(saved["time"])

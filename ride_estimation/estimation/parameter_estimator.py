@@ -97,7 +97,9 @@ class ParameterEstimator:
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
-        self._doubt: MountingDoubt | None = None if by_transducers else MountingDoubt(arrangement)
+        self._doubt: MountingDoubt | None = None
+        if self._model.inertial is not None:
+            self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
         self._filter: ParameterFilter | None = None
         self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
         self._reviews: tuple[float, ...] = _REVIEWS
@@ -251,9 +253,10 @@ class ParameterEstimator:
     def _filtered(self, dt: float) -> BalanceChunk:
         joined = BalanceInput.join(self._blocks)
         self._blocks, self._pending_ticks = [], 0
-        if self._doubt is not None:
-            self._doubt.observe(joined.deflection, joined.rate)
-        return self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
+        chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
+        if self._doubt is not None and self._model.inertial is not None:
+            self._doubt.observe(*self._model.inertial.moved, dt)
+        return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
@@ -403,7 +406,8 @@ class ParameterEstimator:
         """Return standard deviations with what the mounting of the sensors leaves uncertain, at most those of the file."""
         if self._doubt is None:
             return std
-        doubt = self._doubt.std()
+        law = self._model.law
+        doubt = self._doubt.std(law.stiffness, law.damping, self._model.spread(self._prior_std[: self.count], 0.0))
         added = np.array([doubt[s.role, s.mount, s.axis] for s in self.slots])
         return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
 
