@@ -228,8 +228,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
             f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; "
             "the measured noise is used"
         )
-    named = len(accepted.fitted) if accepted is not None else 0
-    alike = confusions(work.selection.rounds[:named])
+    alike = confusions(work.selection.contests)
     isolability = tuple(c.words for c in alike)
     warnings += isolability
     gain, gain_warnings = _gain(work, base, extended, validation)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable, port_columns
-from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, stepped
+from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, step_factor, stepped
 from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Sign
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import ModelState, Scene
@@ -21,6 +21,8 @@ from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+_MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +39,8 @@ class FullFit:
         Baseline columns at the extended model with the residual that no effect is taken from.
     rows
         Whitened rows of the effect columns, shape (B, R, q).
+    means
+        Mean rows of the effect columns, shape (K, q).
     block_misfit
         Sum of squares of every block at the solution, shape (B,).
     misfit
@@ -54,6 +58,7 @@ class FullFit:
     regression: Regression
     adjustables: tuple[Adjustable, ...]
     rows: Array
+    means: Array
     coefficients: Array
     covariance: Array
     block_misfit: Array
@@ -65,6 +70,31 @@ class FullFit:
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
         return -0.5 * (self.misfit / temper + self.penalty) - self.price
+
+    def part(self, place: int) -> slice:
+        """Return which effect columns are those of one hypothesis."""
+        counts = [len(f.coefficients) for f in self.fitted]
+        return slice(sum(counts[:place]), sum(counts[: place + 1]))
+
+    def misfit_without(self, place: int, blocks: IntArray) -> float:
+        """Return the sum of squares on some blocks without one hypothesis, everything else fitted again along the trajectory."""
+        part, count = self.part(place), self.regression.count
+        used = [
+            i for i in range(self.rows.shape[2]) if self.coefficients[count + i] != 0.0 and not part.start <= i < part.stop
+        ]
+        grams = self.regression.candidate_grams(self.rows[:, :, used])
+        fit = self.regression.fit(grams, blocks, None, self.means[:, used])
+        return self.regression.misfit(grams, blocks, fit.coefficients)
+
+    def port_energies(self, place: int) -> Array:
+        """Return the energy of the response to the law of every port of a hypothesis, shape (ports,)."""
+        part, ports = self.part(place), self.fitted[place].hypothesis.ports
+        per_port = (part.stop - part.start) // max(len(ports), 1)
+        weights = self.coefficients[self.regression.count :]
+        return np.array([
+            float(np.sum((self.rows[:, :, i : i + per_port] @ weights[i : i + per_port]) ** 2))
+            for i in range(part.start, part.stop, per_port)
+        ])
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -83,6 +113,76 @@ def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Ef
                 key = (effect.where, effect.index)
                 total[key] = total.get(key, 0.0) + value * effect.signal
     return tuple(Effect(where, index, signal) for (where, index), signal in total.items())
+
+
+def held_effects(scene: Scene) -> list[Effect]:
+    """Return what the linear response holds of law forces, along the deflection of a scene."""
+    if scene.state.held is None:
+        return []
+    return [
+        Effect(Where.PORT, p, k * scene.deflection[:, p] + c * scene.deflection_rate[:, p])
+        for p, (k, c) in enumerate(scene.state.held.T) if k != 0.0 or c != 0.0
+    ]
+
+
+def with_effects(scene: Scene, state: ModelState, effects: Sequence[Effect]) -> ModelState:
+    """Return a state with effects, the equivalent linear part of those at ports in its linear response.
+
+    Parameters
+    ----------
+    scene
+        Run whose deflections the equivalent stiffness and damping are taken along (least squares).
+    state
+        Stiffness and damping of the ports.
+    effects
+        One per entry point.
+    """
+    held = np.zeros((2, len(state.stiffness)))
+    out = []
+    for e in effects:
+        if e.where is Where.PORT:
+            pair = np.stack([scene.deflection[:, e.index], scene.deflection_rate[:, e.index]], axis=1)
+            k, c = np.linalg.lstsq(pair, e.signal, rcond=None)[0]
+            held[:, e.index] = max(k, -_MOST_HELD * state.stiffness[e.index]), max(c, -_MOST_HELD * state.damping[e.index])
+            out.append(dataclasses.replace(e, signal=e.signal - pair @ held[:, e.index]))
+        else:
+            out.append(e)
+    return dataclasses.replace(state, effects=tuple(out), held=held if np.any(held) else None)
+
+
+def _widened(hypothesis: Hypothesis, current: Shapes) -> list[dict[str, float]]:
+    """Return the current shape and the grid of a hypothesis, each entry also with its scales down to half and up to double."""
+    scales = {s.name: s for s in hypothesis.shapes if s.step == 0.0}
+    out = [dict(current)]
+    for entry in hypothesis.grid:
+        for factor in (1.0, 0.5, 0.7, 1.4, 2.0):
+            scaled = {n: min(max(factor * v, scales[n].lower), scales[n].upper) if n in scales else v for n, v in entry.items()}
+            if scaled not in out:
+                out.append(scaled)
+    return out
+
+
+def _advanced(scene: Scene, result: FullFit) -> ModelState:
+    """Return the state after one pass: a step of stiffness and damping, laws with their coefficients.
+
+    What the limit of a step leaves of it stays a force, so that the trajectory is still the one that was fitted.
+    """
+    count = result.regression.count
+    columns = [c for f in result.fitted for c in f.hypothesis.columns(scene, f.shape)]
+    weights = [*result.coefficients[count:]]
+    for a, value in zip(result.adjustables, result.coefficients):
+        left = 1.0 + value - step_factor(value)
+        if a.kind in ("stiffness", "damping") and left != 0.0:
+            p = scene.port_index(a.place, a.axis)
+            force = (
+                scene.state.stiffness[p] * scene.deflection[:, p] if a.kind == "stiffness"
+                else scene.state.damping[p] * scene.deflection_rate[:, p]
+            )
+            columns.append((Effect(Where.PORT, p, force),))
+            weights.append(left)
+    plain = ModelState(scene.state.stiffness, scene.state.damping)
+    state = stepped(plain, scene, result.adjustables, result.coefficients[:count])
+    return with_effects(scene, state, combined_effects(columns, np.array(weights)))
 
 
 def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
@@ -133,7 +233,7 @@ class FullFitter:
         offset = np.array([a.offset for a in everything])
         return tuple(everything), cal.regression.replaced(self._ports, rows, residual, (std, offset), temper)
 
-    def fit(self, start: Sequence[Score | Fitted], iterations: int = 4) -> FullFit:
+    def fit(self, start: Sequence[Score | Fitted], iterations: int = 4, after: FullFit | None = None) -> FullFit:
         """Fit hypotheses together, starting from screening scores or earlier fits.
 
         Parameters
@@ -142,44 +242,41 @@ class FullFitter:
             One per hypothesis.
         iterations
             Passes of simulation, shape search and regression.
+        after
+            A fit of similar hypotheses whose trajectory is the first estimate; that of the calibrated model where None.
         """
-        cal = self._cal
-        scene = cal.scene
+        scene = self._cal.scene if after is None else after.scene
         shapes = [dict(s.shape) for s in start]
         hypotheses = [s.hypothesis for s in start]
-        effects: tuple[Effect, ...] = ()
-        state = ModelState(scene.state.stiffness, scene.state.damping)
-        temper = cal.regression.temper
+        fresh = [isinstance(s, Score) for s in start]
+        temper = self._cal.regression.temper if after is None else temper_of(after.misfit / self._dof, scene.inefficiency)
         best: FullFit | None = None
         best_moves = np.inf
         for iteration in range(iterations + 1):
-            if iteration:
-                scene = Scene(
-                    cal.scene.plant, cal.scene.data, dataclasses.replace(state, effects=effects), cal.scene.settings,
-                    cal.scene,
-                )
             residual = scene.residual
-            if effects:
-                residual = residual + scene.push([effects])[:, :, 0]
+            given = [*scene.state.effects, *held_effects(scene)]
+            if given:
+                residual = residual + scene.push([tuple(given)])[:, :, 0]
             adjustables, regression = self._regression(scene, residual, temper)
             projector = Projector(regression, self._blocks)
-            if iteration in (1, 2):
-                self._search_shapes(scene, projector, hypotheses, shapes)
+            if iteration == 1:
+                self._choose_families(scene, projector, hypotheses, shapes, fresh)
+            if iteration in (1, 2, 3):
+                self._search_shapes(scene, projector, hypotheses, shapes, fresh if iteration == 1 else [True] * len(start))
             result = self._solve(scene, regression, adjustables, projector, hypotheses, shapes)
-            moves = np.max(np.abs(result.coefficients[self._ports]), initial=0.0)
+            moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
             settled = best is not None and iteration > 1 and moves < 0.03 and best.misfit - result.misfit < 2.0 * temper
             # a result whose stiffness and damping still move is a linearisation, not a model
             if best is None or result.misfit < best.misfit or (best_moves > 0.1 and moves < best_moves):
-                best, best_moves = result, float(moves)
+                best, best_moves = result, moves
             elif iteration > 2:
                 settled = True
-            if settled:
+            if settled or iteration == iterations:
                 break
             temper = temper_of(result.misfit / self._dof, scene.inefficiency)
-            p = regression.count
-            state = stepped(state, scene, adjustables, result.coefficients[:p])
-            columns = [c for h, s in zip(hypotheses, shapes) for c in h.columns(scene, s)]
-            effects = combined_effects(columns, result.coefficients[p:])
+            scene = Scene(
+                self._cal.scene.plant, self._cal.scene.data, _advanced(scene, result), self._cal.scene.settings, self._cal.scene
+            )
         if best is None:
             raise ValueError("at least one pass is needed")
         return best
@@ -218,15 +315,46 @@ class FullFitter:
         on_fit = float(misfit[self._blocks].sum())
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
-            scene, tuple(fitted), regression, adjustables, rows, full, covariance, misfit, on_fit, held_out, penalty, cost
+            scene, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out, penalty, cost
         )
 
+    def _choose_families(
+        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
+        fresh: Sequence[bool],
+    ) -> None:
+        """Choose again among what the grid of a hypothesis tells apart beyond shape parameters; changes ``shapes``.
+
+        The screening chose along stiffness and damping of a model without the law.
+        """
+        for index, h in enumerate(hypotheses):
+            refined = {s.name for s in h.shapes}
+            if not fresh[index] or not any(name not in refined for name in shapes[index]):
+                continue
+            others = [c for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index for c in o.columns(scene, s)]
+            signs = [
+                sign for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index
+                for sign in o.column_signs(len(o.columns(scene, s)))
+            ]
+            trials = _widened(h, shapes[index])
+            own = [h.columns(scene, t) for t in trials]
+            everything = [*others, *(c for columns in own for c in columns)]
+            normal, right = projector.reduce(scene.push(everything, single=True), mean_rows(self._cal.table, everything))
+            drops, first = [], len(others)
+            for columns in own:
+                part = np.array([*range(len(others)), *range(first, first + len(columns))])
+                drops.append(
+                    solve_signed(normal[np.ix_(part, part)], right[part], [*signs, *h.column_signs(len(columns))])[1]
+                )
+                first += len(columns)
+            shapes[index] = trials[int(np.argmax(drops))]
+
     def _search_shapes(
-        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]]
+        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
+        searched: Sequence[bool],
     ) -> None:
         """Improve shape parameters one at a time with the linear coefficients eliminated; changes ``shapes``."""
         for index, h in enumerate(hypotheses):
-            if not h.shapes:
+            if not h.shapes or not searched[index]:
                 continue
             others = [c for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index for c in o.columns(scene, s)]
             other_signs = [

@@ -81,9 +81,9 @@ def confusions(rounds: Sequence[Round], limit: float = 5.0) -> tuple[Confusion, 
         if not current.candidates:
             continue
         best = current.candidates[0]
-        first = best.fit.fitted[-1].hypothesis.cause
+        first = best.hypothesis.cause
         for other in current.candidates[1:]:
-            second = other.fit.fitted[-1].hypothesis.cause
+            second = other.hypothesis.cause
             deficit = best.log_likelihood - other.log_likelihood
             if second != first and deficit < limit:
                 out.append(Confusion(first, second, float(deficit), separation(first, second)))

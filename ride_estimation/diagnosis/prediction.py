@@ -14,7 +14,7 @@ from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mea
 from ride_estimation.diagnosis.calibration import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.fitting import combined_effects
+from ride_estimation.diagnosis.fitting import combined_effects, with_effects
 from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
 from ride_estimation.diagnosis.screening import Projector, screen
@@ -135,7 +135,7 @@ def _settled(
                 for e in target
             )
         before = target
-        scene = Scene(scene.plant, data, _split(scene, state, target), settings, scales=model.scales, smooth=False)
+        scene = Scene(scene.plant, data, with_effects(scene, state, target), settings, scales=model.scales, smooth=False)
     return best
 
 
@@ -148,24 +148,6 @@ def _relative_change(effects: tuple[Effect, ...], known: dict[tuple[Where, int],
         ),
         default=0.0,
     )
-
-
-def _split(scene: Scene, state: ModelState, effects: tuple[Effect, ...]) -> ModelState:
-    """Return the state with the equivalent linear part of port effects in stiffness and damping, the rest as effects."""
-    stiffness, damping = state.stiffness.copy(), state.damping.copy()
-    out = []
-    for e in effects:
-        if e.where is Where.PORT:
-            pair = np.stack([scene.deflection[:, e.index], scene.deflection_rate[:, e.index]], axis=1)
-            k, c = np.linalg.lstsq(pair, e.signal, rcond=None)[0]
-            k = max(float(k), -0.9 * stiffness[e.index])
-            c = max(float(c), -0.9 * damping[e.index])
-            stiffness[e.index] += k
-            damping[e.index] += c
-            out.append(dataclasses.replace(e, signal=e.signal - pair @ np.array([k, c])))
-        else:
-            out.append(e)
-    return ModelState(stiffness, damping, tuple(out))
 
 
 def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:

@@ -134,11 +134,31 @@ def inside_window(grid: FrequencyGrid, valid: BoolArray, settings: Settings) -> 
 
 @dataclasses.dataclass(frozen=True)
 class ModelState:
-    """What the model currently is: port parameters and accepted effects with their coefficients applied."""
+    """What the model currently is: port parameters and accepted effects with their coefficients applied.
+
+    Attributes
+    ----------
+    stiffness, damping
+        Of every port, shape (P,).
+    effects
+        Accepted effects, less what ``held`` holds of them.
+    held
+        Equivalent stiffness and damping of the law forces of every port, part of the linear response, shape (2, P). A law
+        may carry more of a port than its spring and dashpot; its force along an estimated deflection, fed back through the
+        spring and dashpot alone, would then run away.
+    """
 
     stiffness: Array
     damping: Array
     effects: tuple[Effect, ...] = ()
+    held: Array | None = None
+
+    @property
+    def linear(self) -> tuple[Array, Array]:
+        """Return stiffness and damping of the linear response, shape (P,) each."""
+        if self.held is None:
+            return self.stiffness, self.damping
+        return self.stiffness + self.held[0], self.damping + self.held[1]
 
 
 class Scene:
@@ -175,7 +195,7 @@ class Scene:
         self._taper = edge_taper(self.grid.samples, data.rate_hz)
         self._inside = inside_window(self.grid, data.valid, settings)
         self._prepare()
-        self.response: LinearResponse = respond(plant, state.stiffness, state.damping, self.grid.omega)
+        self.response: LinearResponse = respond(plant, *state.linear, self.grid.omega)
         self._simulate()
         self._disturb(like)
         self._whiten(like)
@@ -279,11 +299,12 @@ class Scene:
         size = 3 * len(plant.mounts)
         d, v = np.zeros((self.grid.samples, size)), np.zeros((self.grid.samples, size))
         modulus = (np.zeros(size), np.zeros(size))
+        stiffness, damping = self.state.linear
         for p, port in enumerate(plant.ports):
             if port.axis in AXES:
                 i = 3 * plant.mounts.index(port.mount) + AXES.index(port.axis)
                 d[:, i], v[:, i] = self.deflection[:, p], self.deflection_rate[:, p]
-                modulus[0][i], modulus[1][i] = self.state.stiffness[p], self.state.damping[p]
+                modulus[0][i], modulus[1][i] = stiffness[p], damping[p]
         return wrench_correction(plant, self.motion, (d, v), (self.slope, self.slope_rate), modulus, axes)
 
     def _disturb(self, like: Scene | None) -> None:
@@ -335,7 +356,8 @@ class Scene:
         whatever the cause is.
         """
         grid, r, n = self.grid, self.response, self.grid.samples
-        modulus = self.state.stiffness + 1j * grid.omega[:, None] * self.state.damping
+        stiffness, damping = self.state.linear
+        modulus = stiffness + 1j * grid.omega[:, None] * damping
         # below the band the apparent deflection is integration drift; the body follows slow base motion
         self._filter: DeflectionFilter = like._filter if like is not None else deflection_filter(
             self.deflection_spectrum, self._deflection_noise * self.disturbance[:, None, :], n, max(3, self._smoothing // 2)

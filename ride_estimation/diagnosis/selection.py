@@ -15,7 +15,7 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.screening import Projector, Score, screen
+from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, screen, solve_signed
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import Splits
 
@@ -26,42 +26,82 @@ _TOLERATED = {
     "sensor_gain": "gain", "sensor_misalignment": "misalignment", "wrong_sensor_position": "position",
     "sensor_delay": "delay", "cg_offset": "cg",
 }  # fmt: skip
+#: a group of mounts of which one brings that share is that mount
+_MOSTLY = 0.9
+#: other hypotheses at the places of known causes that stand for what their laws describe badly
+_SLACK = 6
+#: multiple of the significance above which a cause needs no fit without it to be called necessary
+_CLEARLY = 4.0
+#: squared deviations from priors, in units of the significance, above which tolerances hold what may be a further cause
+_STRAINED = 4.0
+#: share of its evidence that a further cause must not owe to badly described ones, and its least share of the residual
+_OWN, _MINOR = 0.5, 0.02
+
+#: cause, location, axis and variant of a hypothesis
+Identity = tuple[str, str, str, str]
 Build = Callable[[Scene], Sequence[Hypothesis]]
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """A fully fitted set of hypotheses with its likelihood."""
+    """A fully fitted set of hypotheses with its likelihood.
+
+    Attributes
+    ----------
+    contested
+        Position of the hypothesis that the candidates of a round differ in.
+    """
 
     fit: FullFit
     log_likelihood: float
+    contested: int = -1
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Return the hypothesis that the candidates of a round differ in."""
+        return self.fit.fitted[self.contested].hypothesis
 
 
 @dataclasses.dataclass(frozen=True)
 class Round:
-    """One round of forward selection.
+    """Rivals for one place in a model, everything else equal.
 
     Attributes
     ----------
     candidates
         Best first, log-likelihoods on one temper.
     reference
-        Log-likelihood of the model before the round on the same temper.
+        Log-likelihood of the model without any of them on the same temper.
     temper
         The common temper.
+    own
+        Share of the evidence for the best candidate that stays when everything else the library can say about the places of
+        the other causes is in the model as well.
     """
 
     candidates: tuple[Candidate, ...]
     reference: float
     temper: float
+    own: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Selection:
-    """Outcome: the accepted model (None: the calibrated one) and every round."""
+    """Outcome.
+
+    Attributes
+    ----------
+    accepted
+        The accepted model, None for the calibrated one.
+    rounds
+        Every comparison, in the order it was made.
+    contests
+        For every accepted cause its last comparison with its rivals, the other causes in the model.
+    """
 
     accepted: FullFit | None
     rounds: tuple[Round, ...]
+    contests: tuple[Round, ...] = ()
 
 
 class Selector:
@@ -102,55 +142,132 @@ class Selector:
         return self.base_misfit / self._dof
 
     def run(self) -> Selection:
-        """Run forward selection with backward checks."""
+        """Run forward selection; after every further cause the earlier ones are contested again."""
         accepted: FullFit | None = None
-        rounds: list[Round] = []
+        self._rounds: list[Round] = []
+        contests: dict[Identity, Round] = {}
         for number in range(self._settings.maximum_causes):
             current = self._round(accepted)
-            rounds.append(current)
+            self._rounds.append(current)
             self._progress((number + 1) / self._settings.maximum_causes)
             if not current.candidates or not self._worthwhile(current, accepted):
                 break
-            accepted = self._without_idle(current.candidates[0].fit)
+            accepted = self._narrowed(current.candidates[0].fit)
+            contests[_identity(accepted.fitted[-1].hypothesis)] = current
+            if number:
+                accepted = self._contested(self._without_idle(accepted), contests)
             if self._exhausted(accepted):
                 break
-        return Selection(accepted, tuple(rounds))
+        kept = accepted.fitted if accepted is not None else ()
+        found = (contests.get(_identity(f.hypothesis)) for f in kept)
+        return Selection(accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found))
+
+    def _contested(self, accepted: FullFit, contests: dict[Identity, Round]) -> FullFit:
+        """Return the model after every cause but the last was compared with its rivals, the others in the model.
+
+        A cause chosen before the others were known was chosen on a residual full of them.
+        """
+        pending = [_identity(f.hypothesis) for f in accepted.fitted[:-1]]
+        for _ in range(2 * len(accepted.fitted)):
+            if not pending:
+                break
+            wanted = pending.pop(0)
+            place = next((i for i, f in enumerate(accepted.fitted) if _identity(f.hypothesis) == wanted), None)
+            if place is None:
+                continue
+            current = self._round(accepted, place)
+            self._rounds.append(current)
+            best = current.candidates[0]
+            contests[_identity(best.hypothesis)] = current
+            if best.fit is not accepted:
+                accepted = self._narrowed(best.fit)
+                contests[_identity(accepted.fitted[-1].hypothesis)] = current
+                others = [_identity(f.hypothesis) for f in accepted.fitted[:-1]]
+                pending = [*pending, *(i for i in others if i not in pending)]
+        return accepted
 
     def _exhausted(self, accepted: FullFit) -> bool:
-        """Return whether too little is left, in the residual and in the mean readings, for any further cause to count."""
-        if accepted.misfit < self._dof * (1.0 + 3.0 * np.sqrt(2.0 / self._dof)):
-            return True
+        """Return whether too little is left, in residual, priors and mean readings, for any further cause to count.
+
+        Small faults of sensors hide in tolerances that leave their prior and not in the residual.
+        """
+        if accepted.penalty > _STRAINED * self._settings.significance:
+            return False
         left = (accepted.misfit - self._dof) / max(self.base_misfit - self._dof, 1e-9)
-        return left < self._settings.relevance and accepted.penalty < 2.0 * self._settings.significance
+        return left < _MINOR or accepted.misfit < self._dof * (1.0 + 3.0 * np.sqrt(2.0 / self._dof))
 
     # ------------------------------------------------------------------ one round
-    def _round(self, accepted: FullFit | None) -> Round:
-        scene, regression = self._residual_problem(accepted)
+    def _round(self, accepted: FullFit | None, place: int | None = None) -> Round:
+        """Compare candidates for a further cause, or with ``place`` for that of one accepted cause."""
+        scene, regression = self._residual_problem(accepted, place)
         projector = Projector(regression, self._blocks)
-        hypotheses = [h for h in self._build(scene) if accepted is None or not _taken(h, accepted)]
+        kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
+        hypotheses = [h for h in self._build(scene) if not _taken(h, kept)]
         scores = screen(scene, self._cal.table, projector, hypotheses, self._dof)
-        short = shortlist(scores, self._settings.candidates if accepted is None else max(self._settings.candidates // 2, 3))
-        start: list[Fitted] = list(accepted.fitted) if accepted is not None else []
-        fits = [self._fitter.fit([*start, s], iterations=3) for s in short]
-        fits = [f for f in fits if all(part.hypothesis.meaningful(part.coefficients) for part in f.fitted)]
-        if accepted is not None:
-            fits = [f for f in fits if beyond_tolerance(f)]
-        tempers = [temper_of(f.misfit / self._dof, f.scene.inefficiency) for f in fits]
-        temper = min(tempers, default=1.0)
-        candidates = sorted(
-            (Candidate(f, f.log_likelihood(temper)) for f in fits), key=lambda c: -c.log_likelihood
-        )
-        return Round(tuple(candidates), self._reference(accepted, temper), temper)
+        if accepted is None:
+            short = shortlist(scores, self._settings.candidates)
+        else:
+            short = shortlist(scores, max(self._settings.candidates // 2, 3), least=1)
+        found: list[tuple[FullFit, int]] = []
+        if accepted is not None and place is not None:
+            found.append((accepted, place))
+            short = [s for s in short if not _same_model(s, accepted.fitted[place])]
+        for s in short:
+            fit = self._fitter.fit([*kept, s], iterations=3 if accepted is None else 2, after=accepted)
+            meaningful = all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
+            if meaningful and (accepted is None or beyond_tolerance(fit)):
+                found.append((fit, len(kept)))
+        temper = min((temper_of(f.misfit / self._dof, f.scene.inefficiency) for f, _ in found), default=1.0)
+        candidates = sorted((Candidate(f, f.log_likelihood(temper), i) for f, i in found), key=lambda c: -c.log_likelihood)
+        own = 1.0
+        if candidates and kept:
+            own = self._own_share(scene, projector, scores, kept, candidates[0])
+        reference = self._reference(accepted, temper)
+        if accepted is not None and place is not None:
+            reference -= (accepted.misfit_without(place, self._blocks) - accepted.misfit) / (2.0 * temper)
+        return Round(tuple(candidates), reference, temper, own)
 
-    def _residual_problem(self, accepted: FullFit | None) -> tuple[Scene, Regression]:
+    def _own_share(
+        self, scene: Scene, projector: Projector, scores: Sequence[Score], kept: Sequence[Fitted], best: Candidate
+    ) -> float:
+        """Return the share of a candidate's gain that nothing else at the places of the other causes can bring.
+
+        A law that describes a cause badly leaves a residual that other causes fit to some extent. Whatever the library can say
+        about the places of the known causes stands for that; what it takes over is no evidence for one more cause.
+        """
+        mine = best.hypothesis
+        near = [
+            s for s in scores
+            if any(_same_place(s.hypothesis, k.hypothesis) for k in kept) and not _same_place(s.hypothesis, mine)
+        ][:_SLACK]
+        if not near:
+            return 1.0
+        parts = [s.hypothesis.columns(scene, s.shape) for s in near]
+        slack = [c for columns in parts for c in columns]
+        signs = [sign for s, columns in zip(near, parts) for sign in s.hypothesis.column_signs(len(columns))]
+        own = mine.columns(scene, best.fit.fitted[best.contested].shape)
+        everything, own_signs = [*slack, *own], mine.column_signs(len(own))
+        normal, right = projector.reduce(scene.push(everything, single=True), mean_rows(self._cal.table, everything))
+        n = len(slack)
+        without = solve_signed(normal[:n, :n], right[:n], signs)[1]
+        together = solve_signed(normal, right, [*signs, *own_signs])[1]
+        alone = solve_signed(normal[n:, n:], right[n:], own_signs)[1]
+        return float(np.clip((together - without) / max(alone, 1e-9), 0.0, 1.0))
+
+    def _residual_problem(self, accepted: FullFit | None, place: int | None = None) -> tuple[Scene, Regression]:
+        """Return scene and regression with the columns of the accepted causes, that at ``place`` excepted, in the baseline."""
         cal = self._cal
         if accepted is None:
             return cal.scene, cal.regression
         base = accepted.regression
-        used = [i for i in range(accepted.rows.shape[2]) if accepted.coefficients[base.count + i] != 0.0]
+        skipped = accepted.part(place) if place is not None else slice(0, 0)
+        used = [
+            i for i in range(accepted.rows.shape[2])
+            if accepted.coefficients[base.count + i] != 0.0 and not skipped.start <= i < skipped.stop
+        ]
         columns = np.concatenate([base.columns, accepted.rows[:, :, used]], axis=2)
         root = np.sqrt(base.temper)
-        means = np.hstack([base.mean_columns / root, np.zeros((len(base.mean_residual), len(used)))])
+        means = np.hstack([base.mean_columns / root, accepted.means[:, used]])
         return accepted.scene, Regression(
             base.residual, columns, base.mean_residual / root, means,
             np.concatenate([base.prior_std * root, np.full(len(used), 1e12)]),
@@ -168,7 +285,7 @@ class Selector:
         Predicts: with coefficients of the fit blocks alone it leaves less on the select blocks than the model before it.
         """
         best = current.candidates[0]
-        if best.log_likelihood - current.reference < self._settings.significance:
+        if current.own * (best.log_likelihood - current.reference) < self._settings.significance:
             return False
         held_out = self._base_held_out if accepted is None else accepted.held_out
         if np.any(best.fit.rows) and best.fit.held_out >= held_out:
@@ -176,27 +293,60 @@ class Selector:
         before = self.base_misfit if accepted is None else accepted.misfit
         floor = min(self._dof, best.fit.misfit)
         removed = (before - best.fit.misfit) / max(before - floor, 1e-9)
-        mean_only = best.fit.penalty + 2.0 * self._settings.significance < (
-            self._base_penalty if accepted is None else accepted.penalty
-        )
-        # a second cause of a few per cent would be the part of the first that its law describes badly
+        # what shows in mean readings and strained tolerances alone leaves no residual to be relevant in
+        relieved = 0.5 * ((self._base_penalty if accepted is None else accepted.penalty) - best.fit.penalty)
+        fitted = 0.5 * (before - best.fit.misfit) / current.temper
+        mean_only = relieved > max(self._settings.significance, fitted)
+        # a second cause of a few per cent may be the part of the first that its law describes badly
         share_of_all = (before - best.fit.misfit) / max(self.base_misfit - floor, 1e-9)
-        relevant = min(removed, share_of_all) > self._settings.relevance
-        return relevant or mean_only
+        elsewhere = accepted is None or not any(_same_place(best.hypothesis, f.hypothesis) for f in accepted.fitted)
+        least = _MINOR if elsewhere and current.own > _OWN else self._settings.relevance
+        return mean_only or (removed > self._settings.relevance and share_of_all > least)
 
     def _without_idle(self, fit: FullFit) -> FullFit:
         """Return the fit without hypotheses that the others make unnecessary (backward check)."""
         while len(fit.fitted) > 1:
             temper = temper_of(fit.misfit / self._dof, fit.scene.inefficiency)
+            enough = fit.log_likelihood(temper) - self._settings.significance
             trials = []
             for drop in range(len(fit.fitted)):
+                # a fit along the trajectory of the full model is a lower bound of what the others reach on their own
+                if fit.misfit_without(drop, self._blocks) > 2.0 * temper * (_CLEARLY * self._settings.significance) + fit.misfit:
+                    continue
                 rest = [f for i, f in enumerate(fit.fitted) if i != drop]
-                trials.append(self._fitter.fit(rest, iterations=2))
-            best = max(trials, key=lambda t: t.log_likelihood(temper))
-            if fit.log_likelihood(temper) - best.log_likelihood(temper) > self._settings.significance:
+                trials.append(self._fitter.fit(rest, iterations=2, after=fit))
+            best = max(trials, key=lambda t: t.log_likelihood(temper), default=None)
+            if best is None or enough > best.log_likelihood(temper):
                 return fit
             fit = best
         return fit
+
+    def _narrowed(self, fit: FullFit) -> FullFit:
+        """Return the fit with its last hypothesis at one mount where the other mounts of a group hardly matter.
+
+        Small laws at every mount soak up some of what the law of one mount describes badly. All mounts are named only where
+        the others together remove a relevant share of what the hypothesis removes.
+        """
+        last = fit.fitted[-1]
+        ports = last.hypothesis.ports
+        if len(ports) < 2:
+            return fit
+        energy = fit.port_energies(len(fit.fitted) - 1)
+        strongest = ports[int(np.argmax(energy))]
+        single = next(
+            (
+                h for h in self._build(fit.scene)
+                if h.ports == (strongest,) and (h.cause, h.axis, h.variant)
+                == (last.hypothesis.cause, last.hypothesis.axis, last.hypothesis.variant)
+            ),
+            None,
+        )
+        if single is None or energy.max() < _MOSTLY * energy.sum():
+            return fit
+        start = Score(single, last.shape, np.zeros(0), 0.0, 0.0)
+        alone = self._fitter.fit([*fit.fitted[:-1], start], iterations=2, after=fit)
+        removed = fit.misfit_without(len(fit.fitted) - 1, self._blocks) - fit.misfit
+        return alone if alone.misfit - fit.misfit < self._settings.relevance * removed else fit
 
 
 def beyond_tolerance(fit: FullFit) -> bool:
@@ -215,8 +365,20 @@ def beyond_tolerance(fit: FullFit) -> bool:
     return not limits or abs(float(last.coefficients[0])) > 3.0 * max(limits)
 
 
-def _taken(hypothesis: Hypothesis, accepted: FullFit) -> bool:
-    return any(hypothesis.cause == f.hypothesis.cause and _same_place(hypothesis, f.hypothesis) for f in accepted.fitted)
+def _identity(h: Hypothesis) -> Identity:
+    return h.cause, h.location, h.axis, h.variant
+
+
+def _same_model(score: Score, fitted: Fitted) -> bool:
+    """Return whether a score is what was fitted already, up to shape parameters that a fit refines."""
+    refined = {s.name for s in score.hypothesis.shapes}
+    return _identity(score.hypothesis) == _identity(fitted.hypothesis) and all(
+        fitted.shape.get(name) == value for name, value in score.shape.items() if name not in refined
+    )
+
+
+def _taken(hypothesis: Hypothesis, kept: Sequence[Fitted]) -> bool:
+    return any(hypothesis.cause == f.hypothesis.cause and _same_place(hypothesis, f.hypothesis) for f in kept)
 
 
 def _same_place(a: Hypothesis, b: Hypothesis) -> bool:
@@ -224,8 +386,16 @@ def _same_place(a: Hypothesis, b: Hypothesis) -> bool:
     return place and (a.axis == b.axis or not a.axis or not b.axis)
 
 
-def shortlist(scores: Sequence[Score], count: int) -> list[Score]:
-    """Return the best scores, at most two places of one cause, at least the best of three causes."""
+def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score]:
+    """Return the best scores, at most two places of one cause.
+
+    A group of mounts is left out where one of them brings nearly as much.
+
+    Parameters
+    ----------
+    least
+        So many are kept however far they fall behind the first.
+    """
     out: list[Score] = []
     per_cause: dict[str, int] = {}
     if not scores:
@@ -234,10 +404,23 @@ def shortlist(scores: Sequence[Score], count: int) -> list[Score]:
     for s in scores:
         if len(out) >= count or s.gain <= 0.0:
             break
-        if per_cause.get(s.hypothesis.cause, 0) >= 2:
+        if per_cause.get(s.hypothesis.cause, 0) >= 2 or _one_is_enough(s, scores):
             continue
-        if len(out) >= 3 and s.gain < 0.15 * leading:
+        if len(out) >= least and s.gain < 0.15 * leading:
             break
         per_cause[s.hypothesis.cause] = per_cause.get(s.hypothesis.cause, 0) + 1
         out.append(s)
     return out
+
+
+def _one_is_enough(score: Score, scores: Sequence[Score]) -> bool:
+    """Return whether one mount of a group brings nine tenths of what the group brings."""
+    h = score.hypothesis
+    if len(h.ports) < 2:
+        return False
+    singles = (
+        s.gain for s in scores
+        if len(s.hypothesis.ports) == 1 and s.hypothesis.ports[0] in h.ports
+        and (s.hypothesis.cause, s.hypothesis.axis, s.hypothesis.variant) == (h.cause, h.axis, h.variant)
+    )
+    return max(singles, default=0.0) > _MOSTLY * score.gain

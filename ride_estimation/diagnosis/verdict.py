@@ -27,6 +27,8 @@ _MOSTLY_NOISE = (
     " That much of the signal is noise because the vehicle hardly moves here: effects smaller than the noise would not show; "
     "drive over a rougher road."
 )
+#: share of the energy of an effect that a law of the right cause but of another form than the real one leaves, 7 % of its size
+_FORM = 0.005
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
@@ -48,9 +50,9 @@ def name_causes(
     """
     out: list[tuple[float, NamedCause]] = []
     accepted = selection.accepted
-    for fitted in accepted.fitted if accepted is not None else ():
+    for fitted, contest in zip(accepted.fitted if accepted is not None else (), selection.contests):
         cause = library()[fitted.hypothesis.cause]
-        confidence, rivals = _weigh(fitted, accepted, selection.rounds, settings, blocks)
+        confidence, rivals = _weigh(contest, settings, blocks)
         axis = fitted.hypothesis.axis or _axis_of(scene, fitted)
         named = NamedCause(
             fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(scene, fitted), confidence, rivals,
@@ -92,50 +94,50 @@ def _strength(accepted: FullFit | None, fitted: Fitted) -> float:
     return 0.0
 
 
-def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: IntArray) -> float:
+def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: IntArray, effect: float = 0.0) -> float:
     """Return the odds that other stretches of road would rank two fits the other way round.
 
     The difference of two log-likelihoods scatters from block to block; its sum over B blocks has the standard deviation
-    ``sqrt(B) s`` (Vuong 1989, Econometrica 57, for models neither of which need be right).
+    ``sqrt(B) s`` (Vuong 1989, Econometrica 57, for models neither of which need be right). On top of that no law of a library
+    is the real one: the share of the effect that the form of a law misses does not average out over the road.
+
+    Parameters
+    ----------
+    effect
+        What the leader gains over the model without it [nat].
     """
     gap = leader.log_likelihood - other.log_likelihood
     per_block = (other.fit.block_misfit - leader.fit.block_misfit)[blocks] / (2.0 * temper)
-    spread = float(np.sqrt(len(blocks)) * np.std(per_block, ddof=1)) if len(blocks) > 1 else 0.0
+    sampled = float(np.sqrt(len(blocks)) * np.std(per_block, ddof=1)) if len(blocks) > 1 else 0.0
+    spread = float(np.hypot(sampled, _FORM * max(effect, 0.0)))
     if spread <= 0.0 or gap <= 0.0:
         return 0.0
     below = float(ndtr(-gap / spread))
     return below / (1.0 - below)
 
 
-def _weigh(
-    fitted: Fitted, accepted: FullFit | None, rounds: Sequence[Round], settings: Settings, blocks: IntArray
-) -> tuple[float, tuple[Rival, ...]]:
-    """Return confidence and rivals of one accepted cause from the round that offered it."""
-    won = [r for r in rounds if r.candidates and r.candidates[0].fit.fitted[-1].hypothesis.key == fitted.hypothesis.key]
-    for current in won or rounds:
-        offered = [(c.fit.fitted[-1].hypothesis, c) for c in current.candidates]
-        mine = [c.log_likelihood for h, c in offered if h.key == fitted.hypothesis.key]
-        if not mine:
+def _weigh(contest: Round, settings: Settings, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
+    """Return confidence and rivals of the cause that won a comparison, everything else equal."""
+    leader = contest.candidates[0]
+    named = leader.hypothesis.cause
+    values = np.array([c.log_likelihood for c in contest.candidates] + [contest.reference])
+    weights = np.exp(np.clip(values - values.max(), -700.0, 0.0))
+    for i, c in enumerate(contest.candidates):
+        effect = leader.log_likelihood - contest.reference
+        weights[i] = max(weights[i], weights.max() * reversal_odds(leader, c, contest.temper, blocks, effect))
+    same = sum(w for w, c in zip(weights, contest.candidates) if c.hypothesis.cause == named)
+    rivals: dict[str, Rival] = {}
+    for c in contest.candidates:
+        h = c.hypothesis
+        if h.cause == named or h.cause in rivals:
             continue
-        best = max(mine)
-        values = np.array([c.log_likelihood for _, c in offered] + [current.reference])
-        weights = np.exp(np.clip(values - values.max(), -700.0, 0.0))
-        leader = next(c for _, c in offered if c.log_likelihood == best)
-        for i, (_, c) in enumerate(offered):
-            weights[i] = max(weights[i], weights.max() * reversal_odds(leader, c, current.temper, blocks))
-        same = sum(w for w, (h, _) in zip(weights, offered) if h.cause == fitted.hypothesis.cause)
-        confidence = (1.0 - settings.unknown_probability) * float(same / weights.sum())
-        rivals: dict[str, Rival] = {}
-        for h, c in offered:
-            deficit = best - c.log_likelihood
-            if h.cause == fitted.hypothesis.cause or h.cause in rivals:
-                continue
-            ratio = float(np.sqrt(c.fit.misfit / max(leader.fit.misfit, 1e-9)))
-            words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
-            hint = separation(fitted.hypothesis.cause, h.cause) if deficit < _STRONG else ""
-            rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
-        return confidence, tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
-    return 1.0 - settings.unknown_probability, ()
+        deficit = leader.log_likelihood - c.log_likelihood
+        ratio = float(np.sqrt(c.fit.misfit / max(leader.fit.misfit, 1e-9)))
+        words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
+        hint = separation(named, h.cause) if deficit < _STRONG else ""
+        rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
+    confidence = (1.0 - settings.unknown_probability) * float(same / weights.sum())
+    return confidence, tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
 
 
 def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float) -> str:

@@ -19,7 +19,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _FORMS = (
-    (Family.SQUARE, 1.0), (Family.SATURATING, 0.35), (Family.SATURATING, 0.8), (Family.SATURATING, 2.0), (Family.BULGE, 0.5),
+    (Family.SQUARE, 1.0), (Family.SATURATING, 0.4), (Family.SATURATING, 0.8), (Family.SATURATING, 2.0), (Family.BULGE, 0.5),
     (Family.BULGE, 1.0), (Family.POWER, 0.45), (Family.POWER, 0.7),
 )  # fmt: skip
 

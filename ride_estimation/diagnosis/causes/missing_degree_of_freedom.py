@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Repo
 from ride_estimation.diagnosis.operators import resonant
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
 
 
@@ -32,9 +32,10 @@ class MissingDegreeOfFreedom(Cause):
     MEASURE_NEXT = "an accelerometer on the suspected mass"
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per body and direction."""
+        """Return one hypothesis per body and direction; the mass may be part of the stated one or come on top of it."""
         grid = tuple(
-            {"frequency": float(f), "damping": z} for f in np.geomspace(0.9, 16.0, 9) for z in (0.07, 0.25)
+            {"frequency": float(f), "damping": z, "included": i}
+            for i in (1.0, 0.0) for f in np.geomspace(0.9, 16.0, 9) for z in (0.07, 0.25)
         )
         bounds = (Shape("frequency", 4.0, 0.5, 25.0), Shape("damping", 0.15, 0.02, 0.8))
         out: list[Hypothesis] = []
@@ -43,9 +44,9 @@ class MissingDegreeOfFreedom(Cause):
             for axis in (a for a in AXES if a in free):
 
                 def columns(scene: Scene, shape: Shapes, b: str = body, a: str = axis) -> list[Column]:
-                    return _columns(scene, b, AXES.index(a), float(shape["frequency"]), float(shape["damping"]))
+                    return _columns(scene, b, AXES.index(a), shape)
 
-                signs = (Sign.POSITIVE, Sign.ANY, Sign.ANY)
+                signs = (Sign.POSITIVE, Sign.ANY, Sign.ANY, Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
                 out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs, essential=(0,)))
         return out
 
@@ -63,38 +64,56 @@ class MissingDegreeOfFreedom(Cause):
         return add_sprung_mass(vehicle, fitted)
 
 
-def _columns(scene: Scene, body: str, axis: int, frequency_hz: float, ratio: float) -> list[Column]:
-    """Return the reaction of a unit sprung mass at the CG and its two lever arms across the axis."""
+def _columns(scene: Scene, body: str, axis: int, shape: Shapes) -> list[Column]:
+    """Return the reaction of a unit sprung mass at the CG, its two lever arms across the axis and their products."""
     _, a = body_spectra(scene, body)
-    response = scene.grid.signal(resonant(scene.grid.omega, a, frequency_hz, ratio))
+    own = resonant(scene.grid.omega, a, float(shape["frequency"]), float(shape["damping"]))
+    response = scene.grid.signal(own - float(shape["included"]) * a)
     along = np.eye(3)[axis]
     zero = np.zeros((scene.grid.samples, 3))
     linear = response[:, axis]
     out = [wrench_column(scene, body, -linear[:, None] * along, zero)]
-    for other in (i for i in range(3) if i != axis):
-        arm = np.eye(3)[other]
-        lift = np.cross(response[:, 3:], arm) @ along
-        moment = -linear[:, None] * np.cross(arm, along)
-        out.append(wrench_column(scene, body, -lift[:, None] * along, moment))
+    others = [i for i in range(3) if i != axis]
+    lifts = {i: np.cross(response[:, 3:], np.eye(3)[i]) @ along for i in others}
+    turns = {i: np.cross(np.eye(3)[i], along) for i in others}
+    for i in others:
+        out.append(wrench_column(scene, body, -lifts[i][:, None] * along, -linear[:, None] * turns[i]))
+    for i, j in ((others[0], others[0]), (others[1], others[1]), (others[0], others[1])):
+        moment = lifts[i][:, None] * turns[j]
+        if i != j:
+            moment = moment + lifts[j][:, None] * turns[i]
+        out.append(wrench_column(scene, body, zero, -moment))
     return [column for column in out if column]
 
 
 def add_sprung_mass(vehicle: Vehicle, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
     """Return the vehicle with a one-coordinate body on a spring at the place the fit found."""
     h = fitted.hypothesis
-    mass = max(float(fitted.coefficients[0]), 1e-3)
-    arms = np.zeros(3)
-    others = [i for i in range(3) if AXES[i] != h.axis]
-    values = fitted.coefficients[1:3]
-    arms[others[: len(values)]] = values / mass
     carrier = vehicle.bodies[h.location]
-    place = np.asarray(carrier.cg) + np.clip(arms, -3.0, 3.0)
+    included = fitted.shape["included"] > 0.0
+    mass = max(float(fitted.coefficients[0]), 1e-3)
+    if included:
+        mass = min(mass, 0.9 * carrier.mass.value)
+    arms = np.zeros(3)
+    axis = AXES.index(h.axis)
+    # a lever arm along one axis turns the body about the third
+    felt = [i for i in range(3) if i != axis and COORDINATES[6 - i - axis] in carrier.coordinates]
+    arms[felt] = np.clip(fitted.coefficients[1 : 1 + len(felt)] / mass, -3.0, 3.0)
+    place = np.asarray(carrier.cg) + arms
     w0 = 2.0 * np.pi * float(fitted.shape["frequency"])
     name = f"{h.location}_sprung_mass"
     body = Body(name, Prior(mass, std=fitted.std(0)), place, 1e-3 * mass * np.eye(3), coordinates=(h.axis,))
     spring = KelvinVoigt(stiffness=mass * w0**2, damping=2.0 * float(fitted.shape["damping"]) * w0 * mass)
     mount = Mount(f"{name}_spring", place, name, h.location, {h.axis: spring})
-    extended = dataclasses.replace(
-        vehicle, bodies={**vehicle.bodies, name: body}, mounts={**vehicle.mounts, mount.name: mount}
-    )
-    return extended, (f"the sprung mass of {mass:.3g} kg is in addition to the stated mass of {h.location}",)
+    bodies = {**vehicle.bodies, name: body}
+    remark = f"the sprung mass of {mass:.3g} kg is in addition to the stated mass of {h.location}"
+    if included:
+        rest = carrier.mass.value - mass
+        bodies[h.location] = dataclasses.replace(
+            carrier, mass=dataclasses.replace(carrier.mass, value=rest), cg=np.asarray(carrier.cg) - mass / rest * arms
+        )
+        remark = (
+            f"the sprung mass of {mass:.3g} kg is part of the stated mass of {h.location}, which keeps the rest; its inertia is "
+            "left as it was"
+        )
+    return dataclasses.replace(vehicle, bodies=bodies, mounts={**vehicle.mounts, mount.name: mount}), (remark,)
