@@ -29,7 +29,7 @@ _CORNER_HZ = 2.0
 #: memory of the residual now and over the run [s], time before anything is judged [s]
 _NOW, _RUN, _LEAST = 0.5, 30.0, 5.0
 #: root mean square relative residual now over that of the run: doubt begins and ends
-_BEGINS, _ENDS = 3.0, 1.5
+_BEGINS, _ENDS = 2.2, 1.5
 #: share of the motion that frames bend anyway, least relative residual that matters, motion it needs [m/s^2]
 _SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
 #: largest residual of one block that the run takes in, as a multiple of its own
