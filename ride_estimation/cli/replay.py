@@ -13,7 +13,7 @@ from typing import Any
 from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, assess_run
 from ride_estimation.cli.progress import Progress
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
@@ -41,6 +41,8 @@ EXAMPLES = """\
   ride-estimation replay run.mcap --vehicle my_truck.yaml --out out/run --slope 4 --daily-hours 6 --format html pdf
   ride-estimation replay run.mcap --vehicle my_truck.yaml --out out/run --without cab_rear_left   (a broken sensor)
 """
+#: fewer say nothing about any signal
+LEAST_TICKS = 8
 FORMATS = ("html", "pdf", "png", "none")
 
 
@@ -173,6 +175,8 @@ def replay_run(
     quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
     result = run_offline(recording, pipeline, lambda done: advance(done, samples))
+    if len(result.stamp_ns) < LEAST_TICKS:
+        raise InputDataError(f"{path}: the run holds {len(result.stamp_ns)} ticks of the time base; {LEAST_TICKS} are needed")
     warnings = all_warnings(recording, vehicle, quality, result)
     layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
     side = side_signals(recording, vehicle, result)

@@ -330,3 +330,15 @@ def test_no_report_of_an_earlier_call_stands_beside_new_results(case: Case, tmp_
         (tmp_path / name).write_text("old")
     assert replayed(case, tmp_path) == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.html", "result.json", "signals.npz"]
+
+
+@pytest.mark.parametrize(("samples", "code"), [(1, 2), (20, 0)])
+def test_a_run_of_a_moment_is_refused_or_reported(case: Case, tmp_path: Path, samples: int, code: int) -> None:
+    def first(channel: Channel) -> Channel:
+        return Channel(channel.name, channel.stamp_ns[:samples], channel.values[:samples], channel.arrival_ns[:samples])
+
+    short = dataclasses.replace(case.recording, channels={name: first(c) for name, c in case.recording.channels.items()})
+    write_bag(tmp_path / "run", short, load_vehicle(case.vehicle).sensors)
+    arguments = ["replay", str(tmp_path / "run"), "--vehicle", str(case.vehicle), "--out", str(tmp_path / "o")]
+    assert main(arguments) == code
+    assert (tmp_path / "o" / "report.html").is_file() == (code == 0)
