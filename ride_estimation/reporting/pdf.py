@@ -20,9 +20,9 @@ _POINTS = 72.0
 _LINE = 1.25  # line height over font size
 #: font size [points], text columns that fit the sheet, weight and colour by kind of text
 _STYLES = {
-    "h1": (15.0, 54, "bold", "#1b1f24"), "h2": (12.0, 78, "bold", "#1b1f24"), "p": (8.5, 125, "normal", "#1b1f24"),
-    "verdict": (10.0, 100, "bold", "#0969da"), "warning": (8.5, 125, "normal", "#9a6700"),
-    "caption": (7.5, 140, "normal", "#57606a"),
+    "h1": (15.0, 48, "bold", "#1b1f24"), "h2": (12.0, 60, "bold", "#1b1f24"), "p": (8.5, 112, "normal", "#1b1f24"),
+    "verdict": (10.0, 76, "bold", "#0969da"), "warning": (8.5, 112, "normal", "#9a6700"),
+    "caption": (7.5, 126, "normal", "#57606a"),
 }  # fmt: skip
 #: share of the font size a character of the fixed-width font is wide
 _FIXED_WIDTH = 0.602
@@ -98,11 +98,11 @@ class _Sheets:
     def table(self, table: Table) -> None:
         """Set a table in a fixed-width font as large as the sheet allows."""
         rows = [line for row in table.rows for line in _wrapped([cell_text(v) for v in row])]
-        heads = _wrapped(table.headers)
+        heads = _wrapped(table.headers) if any(table.headers) else []
         widths = [max(len(cell) for cell in column) for column in zip(*heads, *rows, strict=True)]
-        numeric = [bool(table.rows) and all(is_number(row[i]) for row in table.rows) for i in range(len(heads))]
+        numeric = [bool(table.rows) and all(is_number(row[i]) for row in table.rows) for i in range(len(table.headers))]
         lines = [
-            "  ".join(cell.rjust(w) if right else cell.ljust(w) for cell, w, right in zip(row, widths, numeric))
+            "  ".join(cell.rjust(w) if right else cell.ljust(w) for cell, w, right in zip(row, widths, numeric, strict=True))
             for row in (*heads, *rows)
         ]
         columns = max(len(line) for line in lines)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from scipy import signal
 
@@ -19,7 +20,7 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.reporting import numbers
 from ride_estimation.reporting import replay_sections as sections
-from ride_estimation.reporting.page import Page, png
+from ride_estimation.reporting.page import Digits, Page, png
 from ride_estimation.reporting.pdf import _wrapped, write_pdf
 from ride_estimation.reporting.replay_mounts import mount_curves, stiffness_by_amplitude
 from ride_estimation.reporting.replay_spectra import motion_at, tick_rate, transmissibilities
@@ -190,6 +191,29 @@ def test_a_long_cell_of_a_document_is_continued_and_not_cut(tmp_path: Path) -> N
     assert (tmp_path / "report.pdf").stat().st_size > 1000
     assert sum(len(line[1].split()) for line in _wrapped(["a", words])) == 40
     assert all(len(line[1]) <= 48 for line in _wrapped(["a", words]))
+
+
+def test_every_cell_of_a_table_is_in_the_document_and_nothing_leaves_the_sheet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sheets: list[Figure] = []
+    kept = PdfPages.savefig
+    monkeypatch.setattr(PdfPages, "savefig", lambda document, figure: (sheets.append(figure), kept(document, figure)))
+    page = Page("A heading of words that goes on and on over more than one line of the sheet")
+    sentence = "What moved more than it should was measured, whatever anybody might have wanted to say about the wheels. " * 3
+    page.verdict(sentence)
+    page.text(sentence)
+    page.warning(sentence)
+    page.table(["sensor", "rate [Hz]", "finding"], [["cab", 200.0, "fine"], ["base", Digits("99.8"), "two gaps"]])
+    page.table(["", ""], [["software", "one two"]])
+    write_pdf(page, tmp_path / "report.pdf")
+    labels = [label for sheet in sheets for label in sheet.texts]
+    text = " ".join(" ".join(label.get_text() for label in labels).split())
+    for words in ("sensor rate [Hz] finding", "cab 200 fine", "base 99.8 two gaps", "software one two"):
+        assert words in text
+    for label in labels:
+        box = label.get_window_extent()
+        assert box.x1 <= label.figure.bbox.width - 0.5 * label.figure.dpi, label.get_text()
 
 
 def test_numbers_have_the_digits_that_are_meant():
