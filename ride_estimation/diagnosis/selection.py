@@ -32,6 +32,8 @@ _MOSTLY = 0.9
 _SLACK = 6
 #: multiple of the significance above which a cause needs no fit without it to be called necessary
 _CLEARLY = 4.0
+#: misfit per degree of freedom above which a model is far from the measurement noise
+_FAR = 1.1
 #: squared deviations from priors, in units of the significance, above which tolerances hold what may be a further cause
 _STRAINED = 4.0
 #: share of its evidence that a further cause must not owe to badly described ones, and its least share of the residual
@@ -150,17 +152,44 @@ class Selector:
             current = self._round(accepted)
             self._rounds.append(current)
             self._progress((number + 1) / self._settings.maximum_causes)
-            if not current.candidates or not self._worthwhile(current, accepted):
+            if not current.candidates:
                 break
+            worthwhile = self._worthwhile(current, accepted)
+            if not worthwhile and (accepted is None or not self._puzzling(accepted)):
+                break
+            before, known = accepted, dict(contests)
             accepted = self._narrowed(current.candidates[0].fit)
             contests[_identity(accepted.fitted[-1].hypothesis)] = current
-            if number:
+            if number and worthwhile:
                 accepted = self._contested(self._without_idle(accepted), contests)
+            elif number:
+                accepted = self._without_idle(self._contested(accepted, contests))
+            if not worthwhile and before is not None and not self._solved(before, accepted):
+                accepted, contests = before, known
+                break
             if self._exhausted(accepted):
                 break
         kept = accepted.fitted if accepted is not None else ()
         found = (contests.get(_identity(f.hypothesis)) for f in kept)
         return Selection(accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found))
+
+    def _puzzling(self, accepted: FullFit) -> bool:
+        """Return whether so much is left that the accepted causes may be wrong ones that stand for several others.
+
+        Evidence is then weak whatever is added, because most of the residual counts as model error.
+        """
+        left = (accepted.misfit - self._dof) / max(self.base_misfit - self._dof, 1e-9)
+        return left > self._settings.unexplained and accepted.misfit > _FAR * self._dof
+
+    def _solved(self, before: FullFit, after: FullFit) -> bool:
+        """Return whether a further cause tried on trust, with the earlier ones contested, explains what was left."""
+        temper = temper_of(after.misfit / self._dof, after.scene.inefficiency)
+        gain = after.log_likelihood(temper) - before.log_likelihood(temper)
+        excess = max(before.misfit - self._dof, 1e-9)
+        return (
+            gain > self._settings.significance * len(after.fitted) and after.held_out < before.held_out
+            and before.misfit - after.misfit > (1.0 - self._settings.unexplained) * excess
+        )
 
     def _contested(self, accepted: FullFit, contests: dict[Identity, Round]) -> FullFit:
         """Return the model after every cause but the last was compared with its rivals, the others in the model.
@@ -402,8 +431,10 @@ def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score
         return out
     leading = scores[0].gain
     for s in scores:
-        if len(out) >= count or s.gain <= 0.0:
+        if len(out) >= count:
             break
+        if s.gain <= 0.0:
+            continue
         if per_cause.get(s.hypothesis.cause, 0) >= 2 or _one_is_enough(s, scores):
             continue
         if len(out) >= least and s.gain < 0.15 * leading:

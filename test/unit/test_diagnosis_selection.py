@@ -1,0 +1,142 @@
+# Copyright 2026 ride_estimation contributors
+"""Selection of causes: laws stronger than the spring they sit on, two causes at once, groups of mounts, odds of a reversal."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import types
+
+import numpy as np
+import pytest
+from diagnosis_runs import DAMPING, GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_run
+from scipy.special import ndtr
+
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.effect import Effect, Where
+from ride_estimation.diagnosis.fitting import with_effects
+from ride_estimation.diagnosis.hypothesis import Hypothesis
+from ride_estimation.diagnosis.scene import ModelState
+from ride_estimation.diagnosis.screening import Score
+from ride_estimation.diagnosis.selection import shortlist
+from ride_estimation.diagnosis.verdict import reversal_odds
+from ride_estimation.signals.recording import UniformRun
+
+STEP = 1.0 / 1600.0  # of the integration in diagnosis_runs
+
+
+def relaxing(stiffnesses: tuple[float, ...], corners_hz: tuple[float, ...]):
+    """Return a law of Maxwell cells, each integrated exactly over a step of constant rate."""
+    force = np.zeros(len(stiffnesses))
+    tau = 1.0 / (2.0 * np.pi * np.array(corners_hz))
+    decay = np.exp(-STEP / tau)
+
+    def law(x: float, v: float) -> float:
+        force[:] = decay * force + np.array(stiffnesses) * tau * (1.0 - decay) * v
+        return float(force.sum())
+
+    return law
+
+
+def test_a_law_that_carries_more_than_the_spring_is_found():
+    # three cells of one and a half times the static stiffness between them, where the library has two at a fixed ratio
+    law = [relaxing((22e3, 22e3, 22e3), (1.0, 3.0, 9.0)) for _ in range(2)]
+    answer = diagnose(quarter_car(), quarter_car_run(31, law=law[0]), [quarter_car_run(32, law=law[1])])
+    assert [c.id for c in answer.causes] == ["viscoelasticity"]
+    assert answer.gain is not None
+    judged = answer.gain.validation[0]
+    assert judged.extended < judged.baseline / 3.0
+    share = answer.causes[0].parameters[0]
+    # 66 kN/m over 44 kN/m; slow cells pass for stiffness and fast ones for damping, so that only a part is certain
+    assert 0.75 < share.value < 2.25
+
+
+def test_two_causes_are_named_together():
+    counter = itertools.count()
+
+    def law(x: float, v: float) -> float:
+        return 60.0 * np.tanh(v / 0.002) - 40.0 * np.sin(2.0 * np.pi * 11.3 * STEP * next(counter))
+
+    answer = diagnose(quarter_car(), quarter_car_run(33, law=law))
+    assert answer.verdict == "explained"
+    assert {c.id for c in answer.causes} == {"coulomb_friction", "harmonic_disturbance"}
+
+
+def sprung_run(seed: int, sprung: float, frequency_hz: float, ratio: float) -> UniformRun:
+    """Return a run whose body carries part of its mass on a spring: periodic base, closed form per frequency."""
+    rng = np.random.default_rng(seed)
+    rate, count = 100.0, 4000
+    w = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / rate)
+    f = w / (2.0 * np.pi)
+    base = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0) * np.exp(2j * np.pi * rng.random(len(f)))
+    base *= 0.006 / np.std(np.fft.irfft(base, count))
+    spring = sprung * ((2.0 * np.pi * frequency_hz) ** 2 + 2j * ratio * 2.0 * np.pi * frequency_hz * w)
+    carried = sprung * spring / (spring - sprung * w**2)
+    modulus = STIFFNESS + 1j * w * DAMPING
+    body = modulus * base / (modulus - w**2 * (MASS - sprung + carried))
+    data = {}
+    for name, motion in (("body", body), ("base", base)):
+        clean = np.zeros((count, 3))
+        clean[:, 2] = np.fft.irfft(-(w**2) * motion, count) + GRAVITY
+        data[name] = clean + 0.005 * rng.standard_normal(clean.shape)
+    return UniformRun(f"sprung_{seed}", rate, 0, data, {name: np.ones(count, dtype=bool) for name in data})
+
+
+def test_a_sprung_part_of_the_mass_is_found_with_its_share():
+    vehicle = quarter_car()
+    answer = diagnose(vehicle, sprung_run(34, 60.0, 4.0, 0.2), [sprung_run(35, 60.0, 4.0, 0.2)])
+    assert [c.id for c in answer.causes] == ["missing_degree_of_freedom"]
+    # accelerations tell masses up to one factor: whether the 60 kg are part of the stated 400 kg or come on top is open
+    sprung, rigid = sorted(b.mass.value for b in answer.extended.bodies.values())
+    assert sprung / rigid == pytest.approx(60.0 / 340.0, rel=0.05)
+    assert answer.gain is not None
+    # noise is one part in a hundred: the extended model is at the floor on the other road
+    assert answer.gain.validation[0].extended < 1.2 * answer.gain.validation[0].noise_floor
+
+
+def test_what_the_linear_response_holds_of_a_law_is_missing_in_its_effect_and_nothing_else():
+    rng = np.random.default_rng(5)
+    x, v = rng.normal(size=(2, 500, 1))
+    scene = types.SimpleNamespace(deflection=x, deflection_rate=v)
+    state = ModelState(np.array([100.0]), np.array([10.0]))
+    signal = 250.0 * x[:, 0] - 30.0 * v[:, 0] + np.tanh(x[:, 0])
+    after = with_effects(scene, state, [Effect(Where.PORT, 0, signal), Effect(Where.OUTPUT, 0, np.ones(500))])
+    stiffness, damping = after.linear
+    assert stiffness[0] > 300.0
+    assert damping[0] == pytest.approx(1.0)  # a response with negative damping would grow: a tenth is kept
+    held = after.held
+    np.testing.assert_allclose(after.effects[0].signal + held[0, 0] * x[:, 0] + held[1, 0] * v[:, 0], signal, atol=1e-9)
+    np.testing.assert_array_equal(after.effects[1].signal, np.ones(500))
+
+
+def score(cause: str, location: str, ports: tuple[int, ...], gain: float) -> Score:
+    h = Hypothesis(cause, location, "z", lambda scene, shape: [], ports=ports)
+    return Score(h, {}, np.zeros(1), gain, gain)
+
+
+@pytest.mark.parametrize(("group", "kept"), [(104.0, False), (130.0, True)])
+def test_a_group_of_mounts_competes_only_where_it_brings_more_than_its_best_mount(group, kept):
+    single = score("stiffness_nonlinearity", "front_left", (0,), 100.0)
+    everything = score("stiffness_nonlinearity", "all", (0, 1, 2, 3), group)
+    short = shortlist([everything, single], 6)
+    assert (everything in short) is kept
+    assert single in short
+
+
+def test_the_form_of_a_law_limits_how_sure_a_lead_is():
+    def candidate(level: float, misfit: float) -> types.SimpleNamespace:
+        return types.SimpleNamespace(log_likelihood=level, fit=types.SimpleNamespace(block_misfit=np.full(16, misfit)))
+
+    blocks = np.arange(16)
+    leader, other = candidate(0.0, 1.0), candidate(-20.0, 3.5)
+    # equal blocks: no sampling scatter; half a per cent of an effect of 4000 nat is 20 nat, one standard deviation
+    below = float(ndtr(-1.0))
+    assert reversal_odds(leader, other, 1.0, blocks, 4000.0) == pytest.approx(below / (1.0 - below), rel=1e-9)
+    assert reversal_odds(leader, other, 1.0, blocks, 0.0) == 0.0
+    assert reversal_odds(leader, dataclasses.replace(_Candidate(-20.0, other.fit)), 1.0, blocks, 400.0) < 1e-12
+
+
+@dataclasses.dataclass(frozen=True)
+class _Candidate:
+    log_likelihood: float
+    fit: object
