@@ -175,6 +175,8 @@ class FrameDeformation:
         self._arms, self._tilting, self._gravity = arms, tilting, gravity
         self._freedom = np.array([np.trace(self.projector[a::3, a::3]) for a in range(3)])
         self._base_variance = float(np.mean(base_variance))
+        #: whether the acceleration of every base is measured: one that is made up from the others says nothing about the spectrum
+        self.learns = True
         self.take_tilt()
         self.reset()
 
@@ -237,7 +239,9 @@ class FrameDeformation:
                 flat += self._trust * value[:, 2::3] @ self._tilt.T
             deformation_block(flat, axis, 3, dt, forget, *self._filters[axis], self._state, value, rate)
         self._trust = min(max(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0), 1.0)
-        if self._spectrum.add(flat):
+        if not self.learns:
+            self._spectrum.interrupt()
+        elif self._spectrum.add(flat):
             self._choose(stiffness, damping)
         # bias and rounding leave the range of the projector only through the axes having filters of their own
         value, rate = (value + bent) @ self.projector.T, (rate + bent_rate) @ self.projector.T
