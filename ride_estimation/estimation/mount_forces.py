@@ -132,6 +132,11 @@ class MountForceEstimator:
             self._frame = FrameDeformation(self._g, np.array(stated), tilting, arrangement.vehicle.gravity, arrangement.arms)
         self.reset()
 
+    def bases_measured(self, measured: bool) -> None:
+        """Say whether the motion of every base is measured; the spectrum of the frame is learned from nothing else."""
+        if self._frame is not None:
+            self._frame.learns = measured
+
     def take_tilt(self) -> None:
         """Take over what was learned about the tilt of the brackets."""
         if self._frame is not None:
