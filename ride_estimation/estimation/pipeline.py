@@ -408,6 +408,7 @@ class Pipeline:
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
         turn_channels(block.values, block.valid, *self._base_layout, base, base_ok)
         measured = base_ok
+        self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         if self._tilting.learns and self._tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
             self._forces.take_tilt()
