@@ -239,9 +239,7 @@ class FrameDeformation:
                 flat += self._trust * value[:, 2::3] @ self._tilt.T
             deformation_block(flat, axis, 3, dt, forget, *self._filters[axis], self._state, value, rate)
         self._trust = min(max(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0), 1.0)
-        if not self.learns:
-            self._spectrum.interrupt()
-        elif self._spectrum.add(flat):
+        if self.learns and self._spectrum.add(flat):
             self._choose(stiffness, damping)
         # bias and rounding leave the range of the projector only through the axes having filters of their own
         value, rate = (value + bent) @ self.projector.T, (rate + bent_rate) @ self.projector.T
