@@ -53,11 +53,6 @@ class DeformationSpectrum:
         self.density = np.zeros((len(self.frequencies), 3))
         self.surge = np.ones(3)
 
-    def interrupt(self) -> None:
-        """Say that the next sample does not follow the last one; the density stays."""
-        self._buffer, self._left = None, None
-        self._filled = self._fresh = 0
-
     def add(self, samples: Array) -> bool:
         """Take samples (K, 3 M) of the projected acceleration; return whether the spectrum is new."""
         pending = samples if self._left is None else np.concatenate([self._left, samples])
