@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.jit import compile_kernel
+from ride_estimation.jit import COMPILED, compile_kernel, inline_kernel
 
 Array = NDArray[np.float64]
 
@@ -100,6 +100,23 @@ def integrate_block(relative: Array, corner: float, dt: float, state: Array, def
             state[3, n], state[4, n], state[5, n], state[6, n], state[7, n], state[8, n] = d1, d2, v1, v2, w1, w2
 
 
+def _by_numpy(out: Array, factors: Array, rows: Array, sign: float) -> None:
+    out += sign * (factors @ rows)
+
+
+def _by_loops(out: Array, factors: Array, rows: Array, sign: float) -> None:
+    for i in range(out.shape[0]):
+        for j in range(factors.shape[1]):
+            factor = sign * factors[i, j]
+            for n in range(out.shape[1]):
+                out[i, n] += factor * rows[j, n]
+
+
+#: adds ``sign factors @ rows`` to ``out``, shapes (I, N), (I, J), (J, N); matrix products take seconds to compile and are no
+#: faster for matrices this small, loops in plain Python are thirty times as slow
+_add_product = inline_kernel(_by_loops) if COMPILED else _by_numpy
+
+
 @compile_kernel
 def response_block(
     residual: Array, columns: Array, elastic: Array, viscous: Array, transition: Array, hold_old: Array, hold_new: Array,
@@ -135,22 +152,32 @@ def response_block(
         Outputs (K, 6) and (K, 6, N).
     """
     count = columns.shape[2]
-    inputs = np.zeros((6, 1 + count))
-    old_inputs = last[:6].copy()
+    inputs, old_inputs = np.zeros((6, 1 + count)), last[:6].copy()
     output = last[6:].copy()
+    free, e = np.empty((12, 1 + count)), np.empty(12)
     for k in range(residual.shape[0]):
+        free[:, :] = 0.0
+        _add_product(free, transition, state, 1.0)
+        _add_product(free, hold_old, old_inputs, 1.0)
+        _add_product(free, gain, output, -1.0)
         # e at this tick follows from the residual alone; the columns need it first
         for r in range(6):
             inputs[r, 0] = residual[k, r]
-        free = transition @ state + hold_old @ old_inputs - gain @ output
-        e = free[:, 0].copy() + hold_new @ inputs[:, 0].copy()
-        extra = elastic @ e[:6].copy() + viscous @ e[6:].copy()
-        for r in range(6):
-            for n in range(count):
-                inputs[r, 1 + n] = columns[k, r, n] + direction[r, n] * extra[n]
-        state[:, :] = free + hold_new @ inputs
-        output = inputs - feedback @ state
+        for i in range(12):
+            e[i] = free[i, 0]
+            for r in range(6):
+                e[i] += hold_new[i, r] * residual[k, r]
+        for n in range(count):
+            extra = 0.0
+            for r in range(6):
+                extra += elastic[n, r] * e[r] + viscous[n, r] * e[6 + r]
+            for r in range(6):
+                inputs[r, 1 + n] = columns[k, r, n] + direction[r, n] * extra
+        state[:, :] = free
+        _add_product(state, hold_new, inputs, 1.0)
+        output[:, :] = inputs
         old_inputs[:, :] = inputs
+        _add_product(output, feedback, state, -1.0)
         for r in range(6):
             innovation[k, r] = -output[r, 0]
             for n in range(count):

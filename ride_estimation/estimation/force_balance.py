@@ -119,6 +119,7 @@ class ForceBalance:
         self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
         self.turns = turns
         self._file_inverse = inverse_mass(arrangement)
+        self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
         self._slot_axis = np.array([3 * s.mount + s.axis for s in slots], dtype=np.int64)
         self._slot_role = np.array([s.role for s in slots], dtype=np.int64)
@@ -143,9 +144,8 @@ class ForceBalance:
     def inertia_map(self, new: Array, old: Array) -> Array:
         """Return what takes accelerations by the mounts from one inertia (logarithms as above) to another, shape (6, 6)."""
         ratio = self._root(new), self._root(old)
-        free = np.linalg.pinv(self._file_inverse, hermitian=True)
         step = ratio[0] / ratio[1]
-        moved = (ratio[0][:, None] * self._file_inverse * step) @ (free / ratio[1])
+        moved = (ratio[0][:, None] * self._file_inverse * step) @ (self._file_mass / ratio[1])
         return np.asarray(moved)
 
     def reset(self) -> None:

@@ -21,10 +21,10 @@ LARGEST, DEVIATION, STEP_SQUARE, PEAK = 0, 1, 2, 3
 
 @compile_kernel
 def scan_block(
-    values: Array, valid: BoolArray, last: Array, started: bool, mean: Array, run: IntArray, runs: IntArray, sizes: Array,
-    figures: Array, block_mean: Array,
-) -> None:  # fmt: skip
-    """Gather what the tests of single sensors need.
+    values: Array, valid: BoolArray, last: Array, started: bool, mean: Array, limit: Array, run: IntArray, runs: IntArray,
+    sizes: Array, figures: Array, block_mean: Array,
+) -> tuple[int, bool]:  # fmt: skip
+    """Gather what the tests of single sensors need; return the longest repetition and whether a value reaches its limit.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ def scan_block(
         Samples of the tick before, shape (A, 3); meaningless before ``started``.
     mean
         Followed mean of every sensor, shape (A, 3).
+    limit
+        Value that counts as full scale, shape (A,).
     run
         Ticks the last value has repeated, shape (A,), in place.
     runs
@@ -48,6 +50,7 @@ def scan_block(
         Output, shape (A, 3).
     """
     ticks, count = values.shape[0], values.shape[1]
+    longest, full = 0, False
     for a in range(count):
         largest, deviation, square, peak = 0.0, 0.0, 0.0, 0.0
         repeated = run[a]
@@ -67,6 +70,7 @@ def scan_block(
             square += step * step
             repeated = repeated + 1 if same and (started or k > 0) else 0
             runs[k, a] = repeated
+            longest = max(longest, repeated)
             sizes[k, a] = step if valid[k, a] else 0.0
             largest = max(largest, sizes[k, a])
         run[a] = repeated
@@ -74,6 +78,8 @@ def scan_block(
             block_mean[a, c] /= ticks
         figures[LARGEST, a], figures[DEVIATION, a] = largest, deviation / ticks
         figures[STEP_SQUARE, a], figures[PEAK, a] = square / ticks, peak
+        full = full or peak >= limit[a]
+    return longest, full
 
 
 @compile_kernel
@@ -118,15 +124,27 @@ def find_jumps(
 
 
 @compile_kernel
+def median(values: Array, count: int) -> float:
+    """Return the median of the first ``count`` values, at least one; sorts them in place by insertion, for a few values."""
+    for n in range(1, count):
+        value, place = values[n], n
+        while place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            place -= 1
+        values[place] = value
+    middle = count // 2
+    return float(values[middle]) if count % 2 else float(0.5 * (values[middle - 1] + values[middle]))
+
+
+@compile_kernel
 def median_root(square: Array, count: int) -> float:
     """Return the median of the square roots of the first ``count`` values, 0 without any."""
     if count == 0:
         return 0.0
-    chosen = np.sort(square[:count])
-    middle = count // 2
-    if count % 2:
-        return float(np.sqrt(chosen[middle]))
-    return float(0.5 * (np.sqrt(chosen[middle - 1]) + np.sqrt(chosen[middle])))
+    chosen = np.empty(count)
+    for n in range(count):
+        chosen[n] = np.sqrt(square[n])
+    return median(chosen, count)
 
 
 @compile_kernel
@@ -199,13 +217,16 @@ def slow_means(block_mean: Array, rotation: Array, takes_part: BoolArray, follow
             turned[a, i] = (
                 rotation[a, i, 0] * block_mean[a, 0] + rotation[a, i, 1] * block_mean[a, 1] + rotation[a, i, 2] * block_mean[a, 2]
             )
-    used = np.flatnonzero(takes_part)
+    chosen = np.empty(takes_part.shape[0])
     for i in range(3):
-        chosen = np.sort(turned[used, i])
-        middle = len(chosen) // 2
-        median = chosen[middle] if len(chosen) % 2 else 0.5 * (chosen[middle - 1] + chosen[middle])
+        used = 0
+        for a in range(takes_part.shape[0]):
+            if takes_part[a]:
+                chosen[used] = turned[a, i]
+                used += 1
+        middle = median(chosen, used)
         for a in range(count):
-            away = turned[a, i] - median if follows[a] else 0.0
+            away = turned[a, i] - middle if follows[a] else 0.0
             slow[0, a, i] += gain * (away - slow[0, a, i])
             slow[1, a, i] += gain * (slow[0, a, i] - slow[1, a, i])
     largest = 0.0

@@ -161,9 +161,14 @@ class MountForceEstimator:
         self._gain_slow = np.zeros((3 * count, 6))
         self._innovation = np.zeros(6)
         self._std = np.zeros((3, count, 3))
+        #: stiffness and mass the static forces are those of
+        self._static_of: tuple[Array | None, float] = (None, 0.0)
         self._update_static()
 
     def _update_static(self) -> None:
+        if self._static_of[0] is self.law.stiffness and self._static_of[1] == self.mass:
+            return
+        self._static_of = self.law.stiffness, self.mass
         weight = self._weight()
         stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
         total = float(stiffness.max()) if stiffness.size else 0.0
@@ -352,6 +357,7 @@ class MountForceEstimator:
             setattr(self, "_" + name, np.array(saved[name], dtype=float).reshape(own.shape))
         if self._frame is not None and saved.get("frame") is not None:
             self._frame.load(saved["frame"])
+        self._static_of = None, 0.0
         self._until, self._time = float(saved["until"]), float(saved["time"])
         self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
         self._stiffness = np.array(saved["stiffness"], dtype=float)

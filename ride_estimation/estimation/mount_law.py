@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
-from ride_estimation.elements.terms import STATE_SIZE, Term, initial_states, pack_terms, terms_commit
+from ride_estimation.elements.terms import ELASTIC, STATE_SIZE, Term, initial_states, pack_terms, terms_commit
 from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.frames import AXES
 from ride_estimation.jit import compile_kernel
@@ -71,7 +71,8 @@ class MountLaw:
         self._count = len(arrangement.mounts)
         self.multipliers = np.ones((2, self._count, 3))
         self._pack()
-        self.states = initial_states(self._codes, self._params) if len(self._codes) else np.zeros((0, STATE_SIZE))
+        # springs and dampers have no memory
+        self.states = np.zeros((len(self._codes), STATE_SIZE)) if self._linear else initial_states(self._codes, self._params)
 
     def _pack(self) -> None:
         terms: list[Term] = []
@@ -85,6 +86,12 @@ class MountLaw:
             terms.extend(listed)
         self._codes, self._params = pack_terms(terms)
         self._owner = np.array(owner, dtype=np.int64).reshape(len(owner), 4)
+        #: whether all are springs and dampers: those need no kernel, whose compilation takes longest of all
+        self._linear = bool(np.all(self._codes == ELASTIC) and np.all(self._params[:, 1] == 0.0))
+        self._rates = np.zeros((2, self._count, 3))
+        if self._linear:
+            for i, a, first, last in owner:
+                self._rates[:, i, a] = self._params[first:last, [0, 2]].sum(axis=0)
 
     def scale(self, multipliers: Array) -> None:
         """Set the stiffness and damping multipliers, shape (2, M, 3); memories stay."""
@@ -94,6 +101,8 @@ class MountLaw:
 
     def tension(self, deflection: Array, rate: Array, dt: float) -> Array:
         """Return the element forces (tension) at the ticks of a block, shape (K, M, 3) [N]; advances the memories."""
+        if self._linear:
+            return np.asarray(deflection * self._rates[0] + self._rates[1] * rate)
         result = np.zeros(deflection.shape)
         law_block(
             self._codes,

@@ -8,7 +8,7 @@ With unit weights the residual is ``P y``, ``P = I - H H^+``. A fault of sensor 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +102,9 @@ class RigidCheck:
         whole = np.linalg.matrix_rank(self._rows, tol=1e-6)
         return bool(rest.any() and np.linalg.matrix_rank(self._rows[np.repeat(rest, 3)], tol=1e-6) == whole)
 
-    def judge(self, samples: Array, rate: Array, fit: BoolArray, size: float, blamed: frozenset[int] = frozenset()) -> Found:
+    def judge(
+        self, samples: Array, rate: Array, fit: BoolArray, size: float, blamed: Callable[[], Collection[int]] = tuple
+    ) -> Found:
         """Look for gross faults.
 
         Parameters
@@ -116,7 +118,7 @@ class RigidCheck:
         size
             Root mean square of the motion [m/s^2].
         blamed
-            Sensors refused a moment ago: where several could be wrong, it is one of these.
+            Returns the sensors refused a moment ago: where several could be wrong, it is one of these.
         """
         p = self._projection(fit)
         if p.spare <= 0:
@@ -141,7 +143,8 @@ class RigidCheck:
         excess = float(np.sqrt(max(mean, 1.0)))
         sensor = p.sensors[best]
         if not tells:
-            likely = [s for s, e in zip(p.sensors, explained) if s in blamed and e > _EXPLAINED]
+            recent = blamed()
+            likely = [s for s, e in zip(p.sensors, explained) if s in recent and e > _EXPLAINED]
             if len(likely) != 1 or not self.dispensable(fit, likely[0]):
                 return self._several(samples, rate, fit, size, p, explained, excess)
             sensor = likely[0]

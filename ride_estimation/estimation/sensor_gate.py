@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.gate_kernel import (
     DEVIATION,
     LARGEST,
-    PEAK,
     find_jumps,
     median_root,
     remember,
@@ -98,12 +97,16 @@ class GateVerdict:
 
 @dataclasses.dataclass(frozen=True)
 class _Scan:
-    """What :func:`scan_block` found: repetitions and step sizes per tick (K, A), figures (4, A), mean (A, 3)."""
+    """What :func:`scan_block` found: repetitions and step sizes per tick (K, A), figures (4, A), mean (A, 3), the longest
+    repetition, whether a value is at full scale.
+    """
 
     runs: NDArray[np.int64]
     sizes: Array
     figures: Array
     mean: Array
+    longest: int
+    full: bool
 
 
 class SensorGate:
@@ -158,13 +161,13 @@ class SensorGate:
         count = len(self._accels)
         self._last, self._started = np.zeros((count, 3)), False
         self._run = np.zeros(count, dtype=np.int64)
-        self._varied = np.zeros(count, dtype=bool)
+        self._varied, self._all_varied = np.zeros(count, dtype=bool), False
         self._mean = np.zeros((count, 3))
         self._square = np.zeros(count)
         self._step_square = np.zeros(count)
         self._age = 0.0
         self._others = np.zeros(count)
-        self._hold = np.zeros(count)
+        self._hold, self._holding = np.zeros(count), False
         self._held = np.zeros(count)
         self._before = np.zeros((count, 3))
         self._jump = np.zeros(count)
@@ -233,17 +236,17 @@ class SensorGate:
 
     def _scan(self, values: Array, valid: BoolArray) -> _Scan:
         ticks, count = valid.shape
-        runs = np.empty((ticks, count), dtype=np.int64)
-        scan = _Scan(runs, np.empty((ticks, count)), np.empty((4, count)), np.empty((count, 3)))
-        scan_block(
-            values, valid, self._last, self._started, self._mean, self._run, scan.runs, scan.sizes, scan.figures, scan.mean
+        runs, sizes = np.empty((ticks, count), dtype=np.int64), np.empty((ticks, count))
+        figures, mean = np.empty((4, count)), np.empty((count, 3))
+        longest, full = scan_block(
+            values, valid, self._last, self._started, self._mean, self._limit, self._run, runs, sizes, figures, mean
         )
-        return scan
+        return _Scan(runs, sizes, figures, mean, longest, full)
 
     # -- single sensors ---------------------------------------------------------------------------------------------------
 
     def _clipping(self, values: Array, scan: _Scan, refused: BoolArray, reasons: dict[int, str]) -> None:
-        if not (scan.figures[PEAK] >= self._limit).any():
+        if not scan.full:
             return
         clipped = np.any(np.abs(values) >= self._limit[None, :, None], axis=2)
         refused |= clipped
@@ -251,7 +254,7 @@ class SensorGate:
             reasons[int(a)] = CLIPPED
 
     def _flat(self, scan: _Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float) -> None:
-        longest = int(scan.runs.max(initial=0))
+        longest = scan.longest
         if longest * dt >= _FLAT_TIME and longest >= _FLAT_TICKS:
             long = (scan.runs * dt >= _FLAT_TIME) & (scan.runs >= _FLAT_TICKS)
             for a in np.flatnonzero(long.any(axis=0)).tolist():
@@ -264,8 +267,9 @@ class SensorGate:
                     self._well[a] = 0.0
         else:
             long = refused
-        if self._age > 0.0 and not self._varied.all():
+        if self._age > 0.0 and not self._all_varied:
             self._varied |= (scan.runs == 0).any(axis=0)
+            self._all_varied = bool(self._varied.all())
         for a in [n for n, reason in self._latched.items() if reason == FLAT]:
             self._still_refused(a, duration, long is refused or not long[:, a].any(), refused, reasons)
 
@@ -290,7 +294,10 @@ class SensorGate:
                 refused[max(int(at[0]) - _REACH, 0) :, a] = True
                 self._hold[a] = max(_HOLD, _REACH * dt)
                 self._others[a] = 0.0
+                self._holding = True
                 reasons[int(a)] = JUMP
+        if not self._holding:
+            return
         for a in np.flatnonzero(self._hold > 0.0):
             refused[:, a] |= reasons.get(int(a)) != JUMP
             reasons[int(a)] = JUMP
@@ -299,6 +306,7 @@ class SensorGate:
             away = float(np.abs(values[-1, a] - self._before[a]).max()) > 0.5 * self._jump[a]
             if self._hold[a] <= 0.0 and away and self._held[a] < _LONGEST_HOLD:
                 self._hold[a] = duration
+        self._holding = bool((self._hold > 0.0).any())
 
     def _still_refused(self, a: int, duration: float, well: bool, refused: BoolArray, reasons: dict[int, str]) -> None:
         """Keep a latched sensor out until it was well for long enough."""
@@ -325,8 +333,7 @@ class SensorGate:
             well = bool(valid[:, a].all()) and self._check.agrees(samples, rate, fit, a, size)
             self._still_refused(a, duration, well, refused, reasons)
             fit[a] = False
-        blamed = frozenset(np.flatnonzero(self._blame[:n] < _BLAME).tolist())
-        found = self._check.judge(samples, rate, fit, size, blamed)
+        found = self._check.judge(samples, rate, fit, size, lambda: np.flatnonzero(self._blame[:n] < _BLAME).tolist())
         self.suspects = tuple(self._sensors[self._accels[a]].name for a in found.suspects)
         if found.ratio and size > _EXCITED:
             self._compare(found.ratio, duration)

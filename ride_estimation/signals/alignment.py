@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.signals.interpolation import as_samples, interpolate_ticks
+from ride_estimation.signals.interpolation import interpolate_streams
 from ride_estimation.signals.recording import Recording, UniformRun
 from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec
 
@@ -378,18 +378,24 @@ class StampAligner:
     def _emit(self, ticks: int) -> None:
         values = np.empty((ticks, self._width))
         valid = np.empty((ticks, len(self._streams)), dtype=np.bool_)
-        for i, s in enumerate(self._streams):
+        streams = []
+        for s, columns in zip(self._streams, self.columns):
             held = not s.spec.waited_for
             widest = max(_HOLD, 3 * s.period) if held else int(self._gap_periods * s.period)
-            interpolate_ticks(
-                np.frombuffer(s.stamps, dtype=np.int64) if s.stamps else np.zeros(0, dtype=np.int64),
-                as_samples(s.values, s.width) if s.stamps else np.zeros((0, s.width)),
-                self._next, self._step, widest, s.points, held, values[:, self.columns[i]], valid[:, i],
-            )
+            streams.append((len(s.stamps), s.width, columns.start, widest, s.points, held))
+        # a bytearray, as arrays of bytes are read-only
+        stamps = bytearray().join([s.stamps for s in self._streams])
+        samples = bytearray().join([s.values for s in self._streams])
+        interpolate_streams(
+            np.frombuffer(stamps, dtype=np.int64), np.frombuffer(samples), np.array(streams, dtype=np.int64),
+            self._next, self._step, values, valid,
+        )  # fmt: skip
+        after = self._next + ticks * self._step
+        for i, s in enumerate(self._streams):
             if s.spec.correction.changes_values:
                 values[:, self.columns[i]] = s.spec.correction.apply(values[:, self.columns[i]])
             self._update_period(s)
-            s.trim(self._next + ticks * self._step)
+            s.trim(after)
         self._ready.append(Block(self._next, self._step, values, valid, self._restart))
         self._restart = ""
         self._floor = self._next + (ticks - 1) * self._step

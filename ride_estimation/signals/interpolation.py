@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,6 +96,32 @@ def interpolate_ticks(
         valid[k] = good
 
 
-def as_samples(buffer: Any, channels: int) -> Array:
-    """Return a flat buffer of doubles as an array of shape (N, channels) without copying."""
-    return np.frombuffer(buffer, dtype=np.float64).reshape(-1, channels)
+@compile_kernel
+def interpolate_streams(
+    stamps: NDArray[np.int64], samples: Array, streams: NDArray[np.int64], first_tick: int, step: int, values: Array,
+    valid: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Apply :func:`interpolate_ticks` to several streams that stand one after the other.
+
+    Parameters
+    ----------
+    stamps, samples
+        Of all streams, flat.
+    streams
+        Per stream the number of samples, values per sample, first column in ``values``, ``widest``, ``points`` and ``hold``;
+        shape (S, 6).
+    first_tick, step
+        As there.
+    values, valid
+        Outputs, shapes (T, columns) and (T, S).
+    """
+    stamp, sample = 0, 0
+    for s in range(streams.shape[0]):
+        count, width, column = streams[s, 0], streams[s, 1], streams[s, 2]
+        own = samples[sample : sample + count * width].reshape((count, width))
+        interpolate_ticks(
+            stamps[stamp : stamp + count], own, first_tick, step, streams[s, 3], streams[s, 4], streams[s, 5] == 1,
+            values[:, column : column + width], valid[:, s],
+        )  # fmt: skip
+        stamp += count
+        sample += count * width
