@@ -241,7 +241,9 @@ def all_warnings(
     found += [f"{name}: {finding}" for name, q in quality.items() for finding in q.findings]
     found += exchange_findings(recording, vehicle)
     found += [f"ignored: {reason}: {count}" for reason, count in recording.ignored.items()]
-    found += [m for m in result.health.messages if m not in found]
+    # the gaps of a sensor are in the findings of its data already, with what was done about them
+    told = tuple(f"{name}: {words}" for name, q in quality.items() for words in (f"{q.gaps} gaps", f"{q.gaps} gap,") if q.gaps)
+    found += [m for m in result.health.messages if m not in found and not m.startswith(told)]
     return tuple(found)
 
 

@@ -24,7 +24,7 @@ from ride_estimation.frames import AXES
 from ride_estimation.jit import COMPILED
 from ride_estimation.metrics import nrmse
 from ride_estimation.signals.quality import ChannelQuality
-from ride_estimation.signals.recording import Recording
+from ride_estimation.signals.recording import Recording, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
 
 RESULT_SCHEMA = "ride_estimation/result/1"
@@ -122,7 +122,7 @@ def result_document(
         "schema": RESULT_SCHEMA,
         "software": software(),
         "run": {
-            "path": Path(recording.name).name, "checksum": recording.checksum,
+            "path": run_title(recording.name), "checksum": recording.checksum,
             "duration_s": float((run.stamp_ns.max() - run.stamp_ns.min()) * 1e-9),
             "ticks": len(run.stamp_ns), "valid_ticks": int(run.valid.sum()), "restarts": dict(run.health.restarts),
             "channels": channels, "ignored": dict(recording.ignored),

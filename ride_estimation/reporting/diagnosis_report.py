@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
-from ride_estimation.reporting.page import Page, run_title
+from ride_estimation.reporting.page import Page
+from ride_estimation.signals.recording import run_title
 
 
 def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path) -> None:

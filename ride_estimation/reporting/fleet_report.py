@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ride_estimation.io.run_metrics import Metric, run_metrics
-from ride_estimation.reporting.outliers import Outlier, find_outliers
+from ride_estimation.reporting.outliers import Outlier, find_outliers, run_sentence
 from ride_estimation.reporting.page import Page
 
 #: runs that stand out and numbers per run that are shown; the table holds all
@@ -68,7 +68,7 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
     for outlier in outliers:
         by_run.setdefault(outlier.run, []).append(outlier)
     for name, own in sorted(by_run.items(), key=lambda item: -len(item[1]))[:_SHOWN]:
-        page.warning(_sentence(name, own))
+        page.warning(run_sentence(name, own, _NUMBERS))
     if len(by_run) > _SHOWN:
         page.text(f"{len(by_run) - _SHOWN} more are in the table of the fleet.")
     if not outliers:
@@ -85,14 +85,6 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
         caption = "Every run by its place in the fleet; runs that stand out in red"
         page.figure(_strips(shown, good, outliers), caption, tight=False)
     return page
-
-
-def _sentence(run: str, outliers: Sequence[Outlier]) -> str:
-    """Return what stands out in one run, the numbers farthest from the median first."""
-    far = sorted(outliers, key=lambda o: -abs(o.metric.value - o.median) / max(abs(o.median), abs(o.metric.value), 1e-300))
-    parts = [f"{o.metric.name} {o.metric.value:.4g} instead of {o.median:.4g} {o.metric.unit}" for o in far[:_NUMBERS]]
-    more = f"; and {len(far) - _NUMBERS} more" if len(far) > _NUMBERS else ""
-    return f"{run}: {'; '.join(parts)}{more} (instead of: median of the fleet)"
 
 
 def _known(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[tuple[int, float]]:

@@ -37,7 +37,8 @@ def alike(values: Iterable[float], digits: int = 3) -> str:
     given = [float(v) for v in values]
     largest = max((abs(v) for v in given if math.isfinite(v)), default=0.0)
     decimals = min(max(digits - 1 - math.floor(math.log10(largest)), 0), 9) if largest > 0.0 else 0
-    return "  ".join(f"{v:.{decimals}f}" for v in given)
+    # a zero has no sign
+    return "  ".join(f"{round(v, decimals) + 0.0:.{decimals}f}" for v in given)
 
 
 def with_std(value: float, std: float) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ride_estimation.io.run_metrics import Metric
+from ride_estimation.reporting.numbers import plain
 
 #: distance from the median of the runs, in robust standard deviations and at least in own ones, that is pointed out
 OUTLIER = 4.0
@@ -29,10 +30,16 @@ class Outlier:
     def sentence(self) -> str:
         """Return it in words."""
         unit = "" if self.metric.unit == "-" else f" {self.metric.unit}"
-        return (
-            f"{self.run}: {self.metric.name} is {self.metric.value:.4g}{unit}, the median of {self.runs} runs is "
-            f"{self.median:.4g}{unit}"
-        )
+        name, value, median = self.metric.name, plain(self.metric.value), plain(self.median)
+        return f"{self.run}: {name} is {value}{unit}, the median of {self.runs} runs is {median}{unit}"
+
+
+def run_sentence(run: str, outliers: Sequence[Outlier], shown: int) -> str:
+    """Return what stands out in one run, the numbers farthest from the median first, at most ``shown`` of them."""
+    far = sorted(outliers, key=lambda o: -abs(o.metric.value - o.median) / max(abs(o.median), abs(o.metric.value), 1e-300))
+    parts = [f"{o.metric.name} {plain(o.metric.value)} instead of {plain(o.median)} {o.metric.unit}" for o in far[:shown]]
+    more = f"; and {len(far) - shown} more" if len(far) > shown else ""
+    return f"{run}: {'; '.join(parts)}{more} (instead of: median of the runs)"
 
 
 def find_outliers(runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[Outlier]:

@@ -162,12 +162,6 @@ def png(picture: Picture, dpi: int) -> bytes:
     return buffer.getvalue()
 
 
-def run_title(path: str) -> str:
-    """Return the name of a recording as a heading: a folder called ``bag`` says nothing without the one above it."""
-    parts = Path(path).parts
-    return "/".join(parts[-2:]) if parts[-1:] == ("bag",) else "/".join(parts[-1:])
-
-
 def cell_text(value: object) -> str:
     """Return the text of a cell of a table: numbers with four significant digits."""
     return plain(value) if isinstance(value, float) else str(value)

@@ -17,11 +17,11 @@ from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
 from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.numbers import alike, plain, with_std
-from ride_estimation.reporting.page import Digits, Page, run_title
+from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.side_signals import SideSignals
 from ride_estimation.sensors.sensor import SENSOR_KINDS
 from ride_estimation.signals.quality import ChannelQuality
-from ride_estimation.signals.recording import Recording
+from ride_estimation.signals.recording import Recording, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
 
 _STATUS_WORDS = {

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ride_estimation.frames import AXES
 from ride_estimation.io.result_files import FinishedReplay
 from ride_estimation.io.run_metrics import Metric, run_metrics
-from ride_estimation.reporting.outliers import LEAST_RUNS, OUTLIER, find_outliers
+from ride_estimation.reporting.numbers import plain, with_std
+from ride_estimation.reporting.outliers import LEAST_RUNS, OUTLIER, find_outliers, run_sentence
 from ride_estimation.reporting.page import Page
 from ride_estimation.reporting.replay_plots import spectrum
 
@@ -33,8 +34,8 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
     findings = [outlier.sentence() for outlier in outliers]
     none = "No run stands out." if len(runs) >= LEAST_RUNS else f"Which run stands out is told from {LEAST_RUNS} runs on."
     page.verdict(f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else none)
-    for text in findings:
-        page.warning(text)
+    for name in dict.fromkeys(o.run for o in outliers):
+        page.warning(run_sentence(name, [o for o in outliers if o.run == name], len(outliers)))
     page.heading("Runs")
     page.table(
         ["run", "recording", "vehicle", "duration [s]", "valid ticks [%]", "warnings", "digest"],
@@ -77,15 +78,15 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
 def _metric(metric: Metric | None, odd: bool) -> str:
     if metric is None:
         return ""
-    text = f"{metric.value:.4g}" if metric.std is None else f"{metric.value:.4g} ± {metric.std:.2g}"
+    text = plain(metric.value) if metric.std is None else " ± ".join(with_std(metric.value, metric.std))
     return f"{text if metric.sure else f'({text})'}{' *' if odd else ''}"
 
 
 def _parameter(run: FinishedReplay, name: str) -> str:
     for p in run.result["parameters"]:
         if p["name"] == name:
-            std = "?" if p["std"] is None else f"{p['std']:.2g}"
-            text = f"{p['value']:.4g} ± {std} {p['unit']}"
+            both = (plain(p["value"]), "?") if p["std"] is None else with_std(p["value"], p["std"])
+            text = f"{' ± '.join(both)} {p['unit']}"
             return text if p["status"] == "valid" else f"({text}: {p['status']})"
     return ""
 
@@ -95,7 +96,7 @@ def _load(run: FinishedReplay, mount: str, axis: int) -> str:
         return ""
     force = run.mount_force[run.valid, run.mount_names.index(mount), axis]
     swing = force - force.mean()
-    return f"{np.sqrt(np.mean(swing**2)):.4g} / {np.max(np.abs(swing)):.4g}"
+    return f"{plain(float(np.sqrt(np.mean(swing**2))))} / {plain(float(np.max(np.abs(swing))))}"
 
 
 def _motion_spectra(runs: Sequence[FinishedReplay]) -> Figure:

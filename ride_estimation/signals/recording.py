@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,12 @@ class Recording:
             stamps, values, variance = columns[index]
             stated = None if variance is None or math.isnan(variance[k][0]) else variance[k]
             yield index, stamps[k], values[k], stated
+
+
+def run_title(path: str) -> str:
+    """Return the name of a recording as a heading: a folder called ``bag`` says nothing without the one above it."""
+    parts = PurePath(path).parts
+    return "/".join(parts[-2:]) if parts[-1:] == ("bag",) else "/".join(parts[-1:])
 
 
 def _rows(values: Array) -> list[tuple[float, ...]]:
