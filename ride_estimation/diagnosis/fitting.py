@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ride_estimation.diagnosis.splits import Splits
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
 
@@ -150,6 +151,49 @@ def with_effects(scene: Scene, state: ModelState, effects: Sequence[Effect]) -> 
     return dataclasses.replace(state, effects=tuple(out), held=held if np.any(held) else None)
 
 
+def _searched(
+    hypothesis: Hypothesis, start: dict[str, float], drop: Callable[[Shapes], float]
+) -> dict[str, float]:
+    """Return shape parameters improved one at a time by fixed moves."""
+    best, current = start, drop(start)
+    for shape in hypothesis.shapes:
+        for number in range(len(shape.moves(best[shape.name]))):
+            for value in shape.moves(best[shape.name])[number]:
+                trial = {**best, shape.name: value}
+                gained = drop(trial) if value != best[shape.name] else current
+                if gained <= current + 0.5:
+                    break
+                current, best = gained, trial
+    return best
+
+
+def _slopes(
+    hypothesis: Hypothesis, scene: Scene, shape: Shapes, coefficients: Array
+) -> tuple[list[Column], Array]:
+    """Return what small moves of the shape parameters change in the response to a law, and the moves (Gauss-Newton)."""
+    own = hypothesis.columns(scene, shape)
+    weights = coefficients[: len(own)]
+    out: list[Column] = []
+    sizes = []
+    for s in hypothesis.shapes:
+        size = 0.1 * s.step if s.step > 0.0 else 0.02 * abs(shape[s.name])
+        if shape[s.name] + size > s.upper:
+            size = -size
+        moved = hypothesis.columns(scene, {**shape, s.name: shape[s.name] + size})
+        out.append(combined_effects([*moved, *own], np.concatenate([weights, -weights])))
+        sizes.append(size)
+    return out, np.array(sizes)
+
+
+def _moved(hypothesis: Hypothesis, shape: dict[str, float], moves: Array) -> dict[str, float]:
+    """Return shape parameters after a step, limited to where its linearisation may hold."""
+    out = dict(shape)
+    for s, move in zip(hypothesis.shapes, moves):
+        limit = 3.0 * s.step if s.step > 0.0 else 0.4 * abs(shape[s.name])
+        out[s.name] = float(np.clip(shape[s.name] + np.clip(move, -limit, limit), s.lower, s.upper))
+    return out
+
+
 def _widened(hypothesis: Hypothesis, current: Shapes) -> list[dict[str, float]]:
     """Return the current shape and the grid of a hypothesis, each entry also with its scales down to half and up to double."""
     scales = {s.name: s for s in hypothesis.shapes if s.step == 0.0}
@@ -261,8 +305,8 @@ class FullFitter:
             projector = Projector(regression, self._blocks)
             if iteration == 1:
                 self._choose_families(scene, projector, hypotheses, shapes, fresh)
-            if iteration in (1, 2, 3):
-                self._search_shapes(scene, projector, hypotheses, shapes, fresh if iteration == 1 else [True] * len(start))
+            if iteration:
+                self._search_shapes(scene, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
             result = self._solve(scene, regression, adjustables, projector, hypotheses, shapes)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
             settled = best is not None and iteration > 1 and moves < 0.03 and best.misfit - result.misfit < 2.0 * temper
@@ -352,9 +396,15 @@ class FullFitter:
         self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
         searched: Sequence[bool],
     ) -> None:
-        """Improve shape parameters one at a time with the linear coefficients eliminated; changes ``shapes``."""
+        """Improve shape parameters with the linear coefficients eliminated; changes ``shapes``.
+
+        Parameters
+        ----------
+        searched
+            Hypotheses whose shapes are searched one at a time before all of them are stepped together.
+        """
         for index, h in enumerate(hypotheses):
-            if not h.shapes or not searched[index]:
+            if not h.shapes:
                 continue
             others = [c for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index for c in o.columns(scene, s)]
             other_signs = [
@@ -362,23 +412,25 @@ class FullFitter:
                 for sign in o.column_signs(len(o.columns(scene, s)))
             ]
 
-            def drop(
-                trial: dict[str, float],
+            def solve(
+                trial: Shapes,
+                slopes: Sequence[Column] = (),
                 h: Hypothesis = h,
                 others: list[Column] = others,
                 signs: list[Sign] = other_signs,
-            ) -> float:
+            ) -> tuple[Array, float]:
                 own = h.columns(scene, trial)
-                columns = own + others
+                columns = [*own, *others, *slopes]
                 normal, right = projector.reduce(scene.push(columns, single=True), mean_rows(self._cal.table, columns))
-                return solve_signed(normal, right, [*h.column_signs(len(own)), *signs])[1]
+                return solve_signed(normal, right, [*h.column_signs(len(own)), *signs, *[Sign.ANY] * len(slopes)])
 
-            current = drop(shapes[index])
-            for shape in h.shapes:
-                for number in range(len(shape.moves(shapes[index][shape.name]))):
-                    for value in shape.moves(shapes[index][shape.name])[number]:
-                        trial = {**shapes[index], shape.name: value}
-                        gained = drop(trial) if value != shapes[index][shape.name] else current
-                        if gained <= current + 0.5:
-                            break
-                        current, shapes[index] = gained, trial
+            if searched[index]:
+                shapes[index] = _searched(h, shapes[index], lambda trial, solve=solve: solve(trial)[1])  # type: ignore[misc]
+            for _ in range(_STEPS):
+                coefficients, current = solve(shapes[index])
+                slopes, sizes = _slopes(h, scene, shapes[index], coefficients)
+                moves = solve(shapes[index], slopes)[0][-len(slopes) :] * sizes
+                trial = _moved(h, shapes[index], moves)
+                if solve(trial)[1] <= current + 0.5:
+                    break
+                shapes[index] = trial

@@ -86,9 +86,11 @@ def test_a_sprung_part_of_the_mass_is_found_with_its_share():
     vehicle = quarter_car()
     answer = diagnose(vehicle, sprung_run(34, 60.0, 4.0, 0.2), [sprung_run(35, 60.0, 4.0, 0.2)])
     assert [c.id for c in answer.causes] == ["missing_degree_of_freedom"]
-    # accelerations tell masses up to one factor: whether the 60 kg are part of the stated 400 kg or come on top is open
+    # accelerations tell masses up to one factor: the share of the rigid rest is what is found, 60 of 340 kg
     sprung, rigid = sorted(b.mass.value for b in answer.extended.bodies.values())
-    assert sprung / rigid == pytest.approx(60.0 / 340.0, rel=0.05)
+    assert sprung / rigid == pytest.approx(60.0 / 340.0, rel=0.03)
+    frequency = next(p for p in answer.causes[0].parameters if p.name == "natural frequency")
+    assert frequency.value == pytest.approx(4.0, rel=0.01)
     assert answer.gain is not None
     # noise is one part in a hundred: the extended model is at the floor on the other road
     assert answer.gain.validation[0].extended < 1.2 * answer.gain.validation[0].noise_floor
