@@ -24,7 +24,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import beta, norm
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
@@ -206,8 +206,22 @@ def removed_share(record: dict[str, Any]) -> float | None:
     return float((baseline**2 - extended**2) / (baseline**2 - floor**2))
 
 
-def _biases(records: list[dict[str, Any]], axes: str) -> list[float]:
-    return [abs(v) for r in records for name, v in r.get("bias", {}).items() if name.split(".")[1] in axes]
+def _biases(records: list[dict[str, Any]], axes: str, kinds: str = "kc") -> list[float]:
+    return [
+        abs(v) for r in records for name, v in r.get("bias", {}).items() if name.split(".")[1] in axes and name[-1] in kinds
+    ]
+
+
+def _noise_limits(records: list[dict[str, Any]], axes: str, kind: str) -> list[float]:
+    """Return absolute errors that normal errors of the stated standard deviations would show, nine quantiles of each."""
+    quantiles = norm.ppf(0.5 + 0.5 * np.linspace(0.1, 0.9, 9))
+    return [
+        float(std * z)
+        for r in records
+        for name, std in r.get("stated_std", {}).items()
+        if std is not None and name.split(".")[1] in axes and name[-1] == kind
+        for z in quantiles
+    ]
 
 
 def _within(records: list[dict[str, Any]], axes: str) -> list[bool]:
@@ -242,6 +256,8 @@ def summary(records: list[dict[str, Any]]) -> str:
             _line(f"right cause first, residual {residual:g}, noise {noise:g}", (first(r) == r["causes"][0] for r in at), target)
         )
     right = [r for r in single if first(r) == r["causes"][0]]
+    named = (f["id"] in r["causes"] for r in single for f in r["found"])
+    lines.append(_line("single effects: named causes that are right", named, ">= 95 %"))
     lines.append(
         _line(
             "place and axis right, given the right cause", (same_place(r["planted"][0], r["found"][0]) for r in right), ">= 90 %"
@@ -255,11 +271,13 @@ def summary(records: list[dict[str, Any]]) -> str:
     lines.append(_line("two effects: exact set", (a == b for a, b in sets), ">= 85 %"))
     lines.append(_line("two effects: precision", (f in b for a, b in sets for f in a), ">= 95 %"))
     shares = [s for r in right if (s := removed_share(r)) is not None]
-    for name, values, pick, target in (
-        ("removable residual removed on the other road, median", shares, 0.5, ">= 80 %"),
-        ("k and c bias after extension, vertical, 90th percentile", _biases(right, "z"), 0.9, "<= 2 %"),
-        ("k and c bias after extension, horizontal, 90th percentile", _biases(right, "xy"), 0.9, "<= 2 %"),
-    ):
+    rows = [("removable residual removed on the other road, median", shares, 0.5, ">= 80 %")]
+    for name, axes in (("vertical", "z"), ("horizontal", "xy")):
+        rows.append((f"k and c bias after extension, {name}, 90th percentile", _biases(right, axes), 0.9, "<= 2 %"))
+        for quantity, letter in (("stiffness", "k"), ("damping", "c")):
+            rows.append((f"  of it {quantity}", _biases(right, axes, letter), 0.9, "-"))
+            rows.append((f"  what the noise alone makes of {quantity}", _noise_limits(right, axes, letter), 0.9, "-"))
+    for name, values, pick, target in rows:
         if values:
             lines.append(f"{name:78s} {100 * np.quantile(values, pick):6.1f} % of {len(values):4d}   target {target}")
     for name, axes in (("vertical", "z"), ("horizontal", "xy")):
