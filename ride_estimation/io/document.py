@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
 import yaml
@@ -23,6 +23,7 @@ from ride_estimation.units import si_unit, split_suffix, suffixes_of
 from ride_estimation.vehicles.vehicle import Prior
 
 Array = NDArray[np.float64]
+Read = TypeVar("Read")
 
 #: the safe loader, in C where the installed PyYAML has it (fifteen times faster)
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -111,6 +112,15 @@ def as_number(value: Any) -> float | None:
     if not isinstance(value, (int, float)) or not math.isfinite(value):
         return None
     return float(value)
+
+
+class Limits(TypedDict, total=False):
+    """What a number of a document must be: given at all, between bounds in SI; and what it means, for the message."""
+
+    required: bool
+    lower: float
+    upper: float
+    meaning: str
 
 
 class Section:
@@ -226,46 +236,36 @@ class Section:
             return None
         return found[0]
 
-    def number(
-        self,
-        name: str,
-        unit: str,
-        *,
-        required: bool = False,
-        lower: float = -math.inf,
-        upper: float = math.inf,
-        meaning: str = "",
-    ) -> float | None:
+    def number(self, name: str, unit: str, **limits: Unpack[Limits]) -> float | None:
         """Return a plain number in SI."""
-        located = self.unit_key(name, unit, required=required, meaning=meaning)
-        if located is None:
-            return None
-        key, factor = located
-        value = as_number(self._mapping[key])
-        if value is None:
-            self.note(key, f"{self._mapping[key]!r} is not a finite number [{unit}]")
-            return None
-        return self._bounded(key, value * factor, unit, lower, upper)
 
-    def quantity(
-        self,
-        name: str,
-        unit: str,
-        *,
-        required: bool = False,
-        lower: float = -math.inf,
-        upper: float = math.inf,
-        meaning: str = "",
-    ) -> Prior | None:
+        def read(key: str, factor: float) -> float | None:
+            value = as_number(self._mapping[key])
+            if value is None:
+                self.note(key, f"{self._mapping[key]!r} is not a finite number [{unit}]")
+                return None
+            return value * factor
+
+        return self._within(name, unit, read, float, limits)
+
+    def quantity(self, name: str, unit: str, **limits: Unpack[Limits]) -> Prior | None:
         """Return a number or ``{value, std | relative_std, range, source}`` in SI."""
-        located = self.unit_key(name, unit, required=required, meaning=meaning)
-        if located is None:
+
+        def read(key: str, factor: float) -> Prior | None:
+            return quantity_from(self._mapping[key], self.where(key), unit, factor, self.problems)
+
+        return self._within(name, unit, read, lambda prior: prior.value, limits)
+
+    def _within(
+        self, name: str, unit: str, read: Callable[[str, float], Read | None], size: Callable[[Read], float], limits: Limits
+    ) -> Read | None:
+        """Return what stands under a key of some unit, None after noting that it is missing, unreadable or out of bounds."""
+        located = self.unit_key(name, unit, required=limits.get("required", False), meaning=limits.get("meaning", ""))
+        found = None if located is None else read(*located)
+        if located is None or found is None:
             return None
-        key, factor = located
-        prior = quantity_from(self._mapping[key], self.where(key), unit, factor, self.problems)
-        if prior is None or self._bounded(key, prior.value, unit, lower, upper) is None:
-            return None
-        return prior
+        lower, upper = limits.get("lower", -math.inf), limits.get("upper", math.inf)
+        return None if self._bounded(located[0], size(found), unit, lower, upper) is None else found
 
     def plain(
         self, key: str, *, lower: float = -math.inf, upper: float = math.inf, positive: bool = False
