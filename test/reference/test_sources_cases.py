@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import linalg, signal
 
 from ride_estimation.assessment.seat import separation_times
 from ride_estimation.assessment.truth import at_times, score
@@ -25,13 +26,15 @@ LOADER = sorted(SCENARIOS.glob("document_001_*.yaml"))
 SHORT_S = 9.0
 
 
-def replayed(path, duration, estimated="truck_cab"):
+def replayed(path, duration, estimated="truck_cab", seed=None):
     """Simulate and replay; return (score of the vertical CG acceleration, true and found vertical force by mount).
 
     Forces are taken over the last two thirds. The vehicle that drives is the scenario's; ``estimated`` is what the estimator
     knows of it.
     """
     scenario = dataclasses.replace(load_scenario(path), duration=duration)
+    if seed is not None:
+        scenario = dataclasses.replace(scenario, seed=seed)
     run = run_scenario(scenario, load_vehicle(ROOT / scenario.vehicle_file))
     result = run_offline(run.recording, Pipeline(load_vehicle(VEHICLES / f"{estimated}.yaml"), PipelineSettings()))
     truth = run.truth.signals
@@ -111,7 +114,69 @@ def test_whole_loader_case_meets_ten_percent(path):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="target missed: 10.5 % measured at the rear mounts, slow twist of the frame")
-def test_truck_on_rough_ground_meets_ten_percent():
+@pytest.mark.xfail(reason="target missed: 10.5 % at the rear mounts in this draw of 14 s; 4 to 6 % over a minute, see below")
+def test_truck_on_rough_ground_meets_ten_percent_within_twenty_seconds():
     for name, pair in replayed(SCENARIOS / "truck_rough_10_km_per_h.yaml", 20.0)[1].items():
         assert score(*pair).nrmse < 0.10, name
+
+
+def causal_optimum(force, rate, stiffness, noise_std, sensor_rate):
+    """Return the standard error [N] of the best causal linear estimate of a force that no body sensor sees, its spectrum known.
+
+    The twist of the frame loads the mounts without moving the cab. Only the accelerometers at the bases see it, as acceleration:
+    ``a = F'' / k + n``, n white. With the spectrum of F, the autocovariance of ``a`` and its covariance with F give the Wiener
+    predictor over a memory of 14 s (6 s suffice) by its Toeplitz equations.
+
+    Parameters
+    ----------
+    force
+        Runs of the true force [N], shape (R, N), at ``rate`` [Hz].
+    stiffness
+        [N/m].
+    noise_std, sensor_rate
+        Of a base accelerometer [m/s^2], [Hz].
+    """
+    size, memory = 1 << 14, round(14.0 * rate)
+    frequency, power = signal.periodogram(force, rate, window="hann", axis=-1)
+    power = power.mean(axis=0)[1:]
+    centre = np.linspace(np.log(2.0 * frequency[1]), np.log(0.45 * rate), 50)
+    near = np.abs(np.log(frequency[1:]) - centre[:, None]) < 0.3
+    smooth = np.array([power[row].mean() for row in near])
+    f = np.fft.rfftfreq(size, 1.0 / rate)
+    spectrum = np.exp(np.interp(np.log(np.maximum(f, f[1])), centre, np.log(smooth))) / stiffness**2
+    squared = (2.0 * np.pi * f) ** 2
+
+    def covariance(density):
+        return np.fft.irfft(density) * size * f[1] / 2.0
+
+    own = covariance(squared**2 * spectrum)[:memory]
+    own[0] += noise_std**2 * rate / sensor_rate  # white, as much as fits into this band
+    cross = covariance(-squared * spectrum)[:memory]
+    left = covariance(spectrum)[0] - cross @ linalg.solve_toeplitz(own, cross)
+    return stiffness * float(np.sqrt(left))
+
+
+@pytest.mark.slow
+def test_slow_twist_of_the_frame_is_followed_nearly_as_well_as_its_accelerometers_allow():
+    """Class E at 10 km/h for a minute, seeds 301 to 303: within 10 % at every mount and within 1.4 of the causal optimum.
+
+    The optimum knows the spectrum of the twist and the stiffness, the estimator learns both.
+    """
+    vehicle = load_vehicle(VEHICLES / "truck_cab.yaml")
+    arms = np.array([m.position for m in vehicle.mounts.values()]) - vehicle.bodies["cab"].cg
+    twist = linalg.null_space(np.column_stack([np.ones(4), arms[:, 1], arms[:, 0]]).T)[:, 0]
+    noise = next(s.noise_std for s in vehicle.sensors.values() if s.body == "chassis")
+    true, errors = [], []
+    for seed in (301, 302, 303):
+        _, pairs = replayed(SCENARIOS / "truck_rough_10_km_per_h.yaml", 60.0, seed=seed)
+        for name, pair in pairs.items():
+            assert score(*pair).nrmse < 0.10, name
+        both = np.array([pairs[n] for n in vehicle.mounts])
+        true.append(np.einsum("m,mn->n", twist, both[:, 0] - both[:, 0].mean(axis=1, keepdims=True)))
+        errors.append(np.sqrt(np.mean(np.einsum("m,mn->n", twist, both[:, 1] - both[:, 0]) ** 2)))
+    count = min(map(len, true))
+    slow = signal.decimate(np.array([t[:count] for t in true]), 8, ftype="fir")  # 200 Hz to 25 Hz
+    stiffness = np.mean([m.elements["z"].stiffness for m in vehicle.mounts.values()])
+    bound = causal_optimum(slow, 25.0, stiffness, noise, 200.0)
+    found = float(np.sqrt(np.mean(np.square(errors))))
+    assert 0.7 * bound < found < 1.4 * bound, (found, bound)  # N
