@@ -193,8 +193,9 @@ class SwappedTopics:
     def load(self, saved: Sequence[Sequence[Any]]) -> None:
         """Continue from :meth:`save`."""
         self.pairs = [(int(i), int(j)) for i, j in saved]
-        if any(not 0 <= i < j < len(self._sensors) for i, j in self.pairs):
-            raise ValueError(f"exchanged topics {self.pairs} are none of {len(self._sensors)} sensors")
+        for i, j in self.pairs:
+            if not 0 <= i < j < len(self._sensors) or self._sensors[i].channels != self._sensors[j].channels:
+                raise ValueError(f"exchanged topics {self.pairs} are none of {len(self._sensors)} sensors of one kind")
         self.reset()
 
 

@@ -23,8 +23,8 @@ def check(fault: Fault, seed: int) -> None:
     assert outcome.inside >= 0.9
     if fault.expected:
         assert outcome.to_flag_s <= fault.limit_s, f"said: {found.texts}"
+    assert outcome.force_ratio <= 1.0
     if not fault.constant:
-        assert outcome.force_ratio <= 1.0
         assert outcome.to_recover_s <= 5.0
         assert not found.now
 
