@@ -1,0 +1,160 @@
+# Copyright 2026 ride_estimation contributors
+"""Compiled loops of the estimators against the formulas of their docstrings in plain numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ride_estimation.estimation.balance_kernel import response_block
+from ride_estimation.estimation.bracket_tilt import take_readings
+from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
+from ride_estimation.estimation.frame_deformation import straighten
+from ride_estimation.estimation.gate_kernel import median, median_root
+from ride_estimation.signals.interpolation import interpolate_streams, interpolate_ticks
+
+#: rounding of sums of some tens of terms of order one
+ROUNDING = 1e-12
+K, M = 7, 4
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def test_forces_are_those_of_the_law_corrected_by_equilibrium(rng):
+    tension, turn = rng.normal(size=(2, K, M, 3))
+    static, support, wrench = rng.normal(size=(M, 3)), rng.normal(size=(K, 6)), rng.normal(size=(6, 3 * M))
+    gain, gain_slow, slow, square = rng.normal(size=(3 * M, 6)), rng.normal(size=(3 * M, 6)), rng.normal(size=6), np.zeros(6)
+    state = slow.copy()
+    force, missing = np.empty((K, M, 3)), np.empty((K, 6))
+    balanced_forces(tension, turn, 0.7, static, support, wrench, gain, gain_slow, 0.2, slow, square, missing, force)
+    in_mount_axes = static - tension
+    law = (in_mount_axes - np.cross(0.7 * turn, in_mount_axes)).reshape(K, -1)
+    error = support - law @ wrench.T
+    followed = np.empty_like(error)
+    for k in range(K):
+        state += 0.2 * (error[k] - state)
+        followed[k] = state
+    wanted = law + (error - followed) @ gain.T + followed @ gain_slow.T
+    np.testing.assert_allclose(force.reshape(K, -1), wanted, atol=ROUNDING)
+    np.testing.assert_allclose(missing, error, atol=ROUNDING)
+    np.testing.assert_allclose(slow, state, atol=ROUNDING)
+    np.testing.assert_allclose(square, np.sum(error**2, axis=0), atol=ROUNDING)
+
+
+def test_motion_is_turned_into_the_axes_of_the_mounts(rng):
+    value, rate, turn, turn_rate = rng.normal(size=(4, K, M, 3))
+    known = rng.random((M, 3)) < 0.7
+    x, v = np.empty((K, M, 3)), np.empty((K, M, 3))
+    turned_motion(value, rate, turn, turn_rate, 0.6, known, x, v)
+    t, w = 0.6 * turn, 0.6 * turn_rate
+    np.testing.assert_allclose(x, known * (value + np.cross(t, value)), atol=ROUNDING)
+    np.testing.assert_allclose(v, known * (rate + np.cross(t, rate) + np.cross(w, value)), atol=ROUNDING)
+
+
+def test_deformation_replaces_what_no_rigid_motion_makes(rng):
+    total, deformation, projector = rng.normal(size=(K, M, 3)), rng.normal(size=(K, M, 3)), rng.normal(size=(3 * M, 3 * M))
+    measured = rng.random(3 * M) < 0.3
+    out = np.empty((K, M, 3))
+    with_deformation(total, projector, deformation, measured, out)
+    flat = total.reshape(K, -1)
+    wanted = np.where(measured, flat, flat - flat @ projector.T + deformation.reshape(K, -1))
+    np.testing.assert_allclose(out.reshape(K, -1), wanted, atol=ROUNDING)
+
+
+def test_mean_squares_are_followed(rng):
+    signals, scale, square = rng.normal(size=(K, M, 3)), rng.normal(size=(M, 3)), rng.random((M, 3))
+    wanted = square + 0.3 * (np.mean((scale * signals) ** 2, axis=0) - square)
+    follow_scaled(signals, scale, 0.3, square)
+    np.testing.assert_allclose(square, wanted, atol=ROUNDING)
+
+
+def test_strain_of_a_finite_rotation_is_the_second_order_of_a_rotation_matrix(rng):
+    """``R(t) r`` with R of Rodrigues: value, rate and acceleration beyond the first order, by finite differences of R."""
+    arms, axis = rng.normal(size=(M, 3)), np.array([0.2, -0.5, 0.3])
+    size, step = 2e-3, 1e-3
+
+    def theta(t):
+        return size * axis * np.sin(3.0 * t)
+
+    def second_order(t):
+        w = theta(t)
+        return np.array([0.5 * np.cross(w, np.cross(w, r)) for r in arms])
+
+    t = 0.4
+    omega = (theta(t + step) - theta(t - step)) / (2.0 * step)
+    spin = (theta(t + step) - 2.0 * theta(t) + theta(t - step)) / step**2
+    flat, bent, bent_rate = np.empty((3, 1, 3 * M))
+    # the map takes the angular acceleration out of a relative acceleration that holds it in its first entry
+    turn_map = np.zeros((3, 3 * M))
+    turn_map[:, 0] = spin
+    relative = np.zeros((1, M, 3))
+    relative[0, 0, 0] = 1.0
+    straighten(relative, theta(t)[None], omega[None], turn_map, arms, flat, bent, bent_rate)
+    rate = (second_order(t + step) - second_order(t - step)) / (2.0 * step)
+    accel = (second_order(t + step) - 2.0 * second_order(t) + second_order(t - step)) / step**2
+    tolerance = (3.0 * step) ** 2 * size**2 * 10.0  # of the differences, of quantities of order size^2 times 3^2
+    np.testing.assert_allclose(bent.reshape(M, 3), -second_order(t), atol=1e-15)
+    np.testing.assert_allclose(bent_rate.reshape(M, 3), -rate, atol=tolerance)
+    np.testing.assert_allclose(relative[0] - flat.reshape(M, 3), -accel, atol=3.0 * tolerance)
+
+
+def test_response_is_the_recursion_of_its_docstring(rng):
+    n = 5
+    residual, columns = rng.normal(size=(K, 6)), rng.normal(size=(K, 6, n))
+    elastic, viscous, transition = rng.normal(size=(n, 6)), rng.normal(size=(n, 6)), 0.2 * rng.normal(size=(12, 12))
+    old, new, feedback = 0.1 * rng.normal(size=(12, 6)), 0.1 * rng.normal(size=(12, 6)), rng.normal(size=(6, 12))
+    gain, direction = 0.05 * rng.normal(size=(12, 6)), rng.normal(size=(6, n))
+    state, last = rng.normal(size=(12, 1 + n)), rng.normal(size=(12, 1 + n))
+    z, inputs, output = state.copy(), last[:6].copy(), last[6:].copy()
+    innovation, gradient = np.empty((K, 6)), np.empty((K, 6, n))
+    response_block(
+        residual, columns, elastic, viscous, transition, old, new, feedback, gain, direction, state, last, innovation, gradient
+    )
+    for k in range(K):
+        free = transition @ z + old @ inputs - gain @ output
+        e = free[:, 0] + new @ residual[k]
+        inputs = np.column_stack([residual[k], columns[k] + direction * (elastic @ e[:6] + viscous @ e[6:])])
+        z = free + new @ inputs
+        output = inputs - feedback @ z
+        np.testing.assert_allclose(innovation[k], -output[:, 0], atol=ROUNDING)
+        np.testing.assert_allclose(gradient[k], output[:, 1:], atol=ROUNDING)
+    np.testing.assert_allclose(state, z, atol=ROUNDING)
+    np.testing.assert_allclose(last, np.vstack([inputs, output]), atol=ROUNDING)
+
+
+def test_readings_of_brackets(rng):
+    base, body, fit = rng.normal(size=(K, M, 3)), rng.normal(size=(K, M, 3)), rng.normal(size=(4, M))
+    slopes, horizontal = np.empty((K, 5)), np.empty((K, 2 * M))
+    take_readings(base, body, fit, slopes, horizontal)
+    frame, against = base[:, :, 2] @ fit.T, (base - body)[:, :, 2] @ fit.T
+    wanted = np.column_stack([against[:, 3], frame[:, 2], -frame[:, 1], against[:, 2], -against[:, 1]])
+    np.testing.assert_allclose(slopes, wanted, atol=ROUNDING)
+    np.testing.assert_allclose(horizontal, (base - body)[:, :, :2].reshape(K, -1), atol=ROUNDING)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 9])
+def test_median(rng, count):
+    values = rng.normal(size=12) ** 2
+    assert median(values.copy(), count) == np.median(values[:count])
+    assert median_root(values, count) == pytest.approx(np.median(np.sqrt(values[:count])), rel=1e-15)
+
+
+def test_streams_one_after_the_other_are_interpolated_as_each_alone(rng):
+    """Different rates, widths and kinds of streams, one of them empty."""
+    stamps = [np.cumsum(rng.integers(9, 12, 30)).astype(np.int64), np.arange(0, 330, 5, dtype=np.int64), np.zeros(0, np.int64)]
+    samples = [rng.normal(size=(len(s), w)) for s, w in zip(stamps, (3, 2, 1), strict=True)]
+    numbers = [(len(s), v.shape[1], c, widest, points, hold) for s, v, c, widest, points, hold in zip(
+        stamps, samples, (0, 3, 5), (30, 15, 30), (1, 2, 1), (0, 0, 1), strict=True
+    )]  # fmt: skip
+    values, valid = np.empty((20, 6)), np.empty((20, 3), dtype=bool)
+    joined = np.concatenate([v.ravel() for v in samples])
+    interpolate_streams(np.concatenate(stamps), joined, np.array(numbers), 40, 10, values, valid)
+    for i, (s, v) in enumerate(zip(stamps, samples, strict=True)):
+        own, own_valid = np.empty((20, v.shape[1])), np.empty(20, dtype=bool)
+        interpolate_ticks(s, v, 40, 10, numbers[i][3], numbers[i][4], bool(numbers[i][5]), own, own_valid)
+        column = numbers[i][2]
+        np.testing.assert_array_equal(values[:, column : column + v.shape[1]], own)
+        np.testing.assert_array_equal(valid[:, i], own_valid)
