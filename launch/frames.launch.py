@@ -5,7 +5,6 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
-from ride_estimation.cli.replay import vehicle_file
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.published_frames import published_frames
@@ -14,7 +13,7 @@ from ride_estimation.vehicles.published_frames import published_frames
 def publishers(context: LaunchContext) -> list[Node]:
     """Return one static transform publisher per frame of the vehicle."""
     given = context.launch_configurations
-    vehicle = load_vehicle(vehicle_file(given["vehicle"]))
+    vehicle = load_vehicle(given["vehicle"])
     nodes = []
     for frame in published_frames(vehicle, arrange(vehicle).body.name):
         pose = zip(("x", "y", "z", "qx", "qy", "qz", "qw"), (*frame.position, *frame.quaternion), strict=True)
