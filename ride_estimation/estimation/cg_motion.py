@@ -339,13 +339,15 @@ class CgMotionEstimator:
         test = self._sized()
         return test.sensor if test.ratio > ratio else ""
 
-    def disagreement(self, dt: float) -> tuple[float, Array]:
+    def disagreement(self, dt: float) -> tuple[float, Array, Array]:
         """Return what the residuals of the last minute ask of the covariance of the motion: a factor on the std, and an addition.
 
         Where the sensors disagree more than noise and tolerances explain, the covariance is scaled by the mean squared residual
         over the stated variance (Birge, Phys. Rev. 40, 207, 1932), and what an error of the sensor that explains the residuals
         best does to the motion is added: residuals ``r = M y``, an error d of sensor s leaves ``M_s d``, so ``d d^T`` is
         ``M_s^+ <r r^T> M_s^+T`` and the motion is off by ``W_s d``. From there to twice that disagreement it comes in gradually.
+        What is constant of the residuals is kept apart, as nothing is learned from constant parts of a motion. It may be the error
+        of one sensor or biases of all, which are then as large in the motion as in the spare equations: both are added.
 
         Parameters
         ----------
@@ -355,16 +357,15 @@ class CgMotionEstimator:
         Returns
         -------
         tuple
-            At least 1, and shape (6, 6).
+            Factor, at least 1; what moving residuals add, shape (6, 6); what their constant part adds, shape (6, 6).
         """
-        nothing = 1.0, np.zeros((6, 6))
+        nothing = 1.0, np.zeros((6, 6)), np.zeros((6, 6))
         spare = max(len(self._free_rows) - self._needed, 0)
         early = self._sums.count < _LEAST_SUMS
         sums = self._early if early else self._sums
         if spare == 0 or sums.count < _LEAST_SUMS:
             return nothing
-        birge = sums.noise_ratio(self.variance) / spare
-        if birge <= MEANINGFUL:
+        if sums.noise_ratio(self.variance) / spare <= MEANINGFUL:
             return nothing
         stated = self.variance + _CENTRIPETAL**2 if early else self.variance
         test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])
@@ -377,8 +378,11 @@ class CgMotionEstimator:
         part = slice(3 * s, 3 * s + 3)
         of_error = (np.eye(n) - self._accelerometer_rows @ weights)[:, part]
         to_motion = weights[:, part] @ np.linalg.pinv(of_error, rcond=_RANK)
-        added = to_motion @ (sums.products / sums.count) @ to_motion.T
-        return 1.0 + share * (math.sqrt(birge) - 1.0), np.asarray(share**2 * added)
+        mean, moving = sums.moments()
+        birge = max(float(np.sum(np.diagonal(moving) / self.variance)) / spare, 1.0)
+        added, one = to_motion @ moving @ to_motion.T, to_motion @ mean
+        constant = np.outer(one, one) + float(mean @ mean) / spare * weights @ weights.T
+        return 1.0 + share * (math.sqrt(birge) - 1.0), share**2 * added, share**2 * constant
 
     def _sized(self) -> ResidualTest:
         return residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])

@@ -113,6 +113,8 @@ class MountForceEstimator:
         self.known = known
         self.mass = arrangement.body.mass.value
         self.mass_relative_std = 0.0
+        #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
+        self.constant_load = np.zeros((6, 6))
         #: share of the rotation of the brackets that the mount axes follow
         self.follow = 1.0
         count = len(arrangement.mounts)
@@ -294,6 +296,7 @@ class MountForceEstimator:
         rest = np.eye(3 * count) - gain @ g
         left = np.einsum("ij,jk,ik->i", rest, model, rest) + self._static_variance()
         determined = np.einsum("ij,jk,ik->i", gain, load, gain)
+        determined = determined + np.einsum("ij,jk,ik->i", self._gain_slow, self.constant_load, self._gain_slow)
         determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
         self._std = np.sqrt(np.stack([left + determined, determined, left])).reshape(3, count, 3)
 

@@ -102,7 +102,9 @@ class Pipeline:
         base = [s for s in a.base_sensors if s is not None]
         self._bases = BaseCheck(base, [stream for _, stream, _, _ in self._base], [start for _, _, start, _ in self._base])
         self._excess, self._rate = 1.0, np.zeros(3)
-        self._disagreement, self._next_look = (1.0, np.zeros((6, 6))), 0.0
+        self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
+        #: what a bias adds to the covariance of the motion, which nothing is learned from
+        self._constant = np.zeros((6, 6))
         self._kept: list[dict[str, Any]] = []
         self._calm: list[dict[str, Any]] = []
         self._next_copy = 0.0
@@ -293,8 +295,11 @@ class Pipeline:
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         inertial_covariance = self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1])
         # an error of the mass scales all forces alike and is no reason to doubt equilibrium
-        own_covariance = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
-        own_covariance = own_covariance + self._factor**2 * self._carried.covariance
+        moving, whole = (
+            self._loads_for_mass.covariance(c, motion.motion[-1], motion.rate[-1])
+            for c in (motion.covariance - self._constant, motion.covariance)
+        )
+        own_covariance, self._forces.constant_load = moving + self._factor**2 * self._carried.covariance, whole - moving
         deflection = self._observe_deflection(block, motion, support, dt)
         forces = self._observe_forces(deflection, support, own_covariance, motion, dt)
         for name, i, stream, start in self._cells:
@@ -335,15 +340,16 @@ class Pipeline:
         if self._run_time >= self._next_look:
             self._next_look = self._run_time + _LOOK
             self._disagreement = self._motion.disagreement(self._dt)
-        lasting, added = self._disagreement
+        lasting, added, self._constant = self._disagreement
         self._excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
         if self._excess < 1.01:
             self._excess = 1.0
+        if self._excess == 1.0 and not self._constant.any():
             return motion
-        return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added)
+        return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added + self._constant)
 
     def _learned(self) -> dict[str, Any]:
-        return {"parameters": self._parameters.save(), "anchor": self._anchor.save(), "tilt": self._tilting.save()}
+        return {"parameters": self._parameters.snapshot(), "anchor": self._anchor.save(), "tilt": self._tilting.save()}
 
     def _go_back_to(self, learned: dict[str, Any]) -> None:
         """Return to what was learned at another time; filters of the signals begin anew."""
@@ -441,6 +447,8 @@ class Pipeline:
         )  # fmt: skip
         self._run_time += len(support) * dt
         p = self._parameters
+        if self._constant.any():
+            motion = dataclasses.replace(motion, covariance=motion.covariance - self._constant)
         moved = p.observe(data, motion, complete, stamp_ns, dt)
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0

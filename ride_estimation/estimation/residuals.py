@@ -112,6 +112,11 @@ class ResidualSums:
         """Return the sum over the channels of the mean squared residual over the stated variance."""
         return float(np.sum(np.diagonal(self.products) / stated)) / self.count
 
+    def moments(self) -> tuple[Array, Array]:
+        """Return the mean of the residuals (C,) and their covariance about it (C, C)."""
+        mean = self.mean / self.count
+        return mean, self.products / self.count - np.outer(mean, mean)
+
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
         return {f.name: np.asarray(getattr(self, f.name)).tolist() for f in dataclasses.fields(self)}
@@ -162,8 +167,7 @@ def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequenc
     inverse = np.diag(1.0 / variance)
     covariance = np.linalg.pinv(free.T @ inverse @ free, hermitian=True)
     q = inverse - inverse @ free @ covariance @ free.T @ inverse
-    mean = sums.mean / sums.count
-    c = sums.products / sums.count - np.outer(mean, mean)
+    mean, c = sums.moments()
     # the residuals of the weighted least squares pass through Q's own projection, whatever weights made them
     project = np.eye(count) - free @ covariance @ free.T @ inverse
     c = project @ c @ project.T
