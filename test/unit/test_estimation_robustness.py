@@ -149,6 +149,34 @@ def test_a_body_sensor_that_runs_late_stops_learning():
     assert "taken back" in text
 
 
+def test_a_base_sensor_that_runs_late_for_a_while_is_named():
+    """20 ms late from 10 s to 13 s: nothing else knows its vertical motion, the other bases know its horizontal one."""
+    _, data, vehicle = world(1)
+    pipeline = Pipeline(vehicle)
+    run(pipeline, broken(data, "chassis_rear_right", "late"))
+    said = [m for m in pipeline.health().messages if "was not used" in m]
+    assert len(said) == 1
+    assert said[0].startswith("chassis_rear_right was not used: ")
+    assert "other sensors at the mount bases" in said[0]
+
+
+def test_what_a_faulty_base_sensor_taught_about_the_tilt_is_taken_back():
+    """Zero from 10 s on: afterwards the sums are exactly those of a moment before the fault, and stay so."""
+    _, data, vehicle = world(1)
+    pipeline = Pipeline(vehicle)
+    before: list[list[list[float]]] = []
+    for stamp, name, values in arrivals(broken(data, "chassis_rear_left", "zero")):
+        now = (stamp - START_NS) * 1e-9
+        if now > 11.0:
+            break
+        pipeline.observe(name, stamp, values.tolist())
+        if name == "chassis_rear_left" and now < FROM:
+            before.append(pipeline._tilting.save()["moments"])
+    after = pipeline._tilting.save()
+    assert after["time"] > 1.0
+    assert after["moments"] in before
+
+
 def test_a_refused_sensor_is_still_refused_after_a_restart():
     """State saved while a sensor is stuck: the next pipeline leaves it out from the first tick and knows how long it was out."""
     _, data, vehicle = world(1)
