@@ -212,11 +212,12 @@ def cg_shift_wrench(scene: Scene, body: str, shift: Array) -> tuple[ComplexArray
 
 def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:
     body = scene.plant.vehicle.bodies[name]
-    tolerances = scene.settings.tolerances
+    tolerances, known = scene.settings.tolerances, scene.plant.body_errors
     _, a = body_spectra(scene, name)
     for i, axis in enumerate(AXES):
         std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
-        columns.add(Adjustable("cg", name, axis, std), columns.wrench(name, *cg_shift_wrench(scene, name, np.eye(3)[i])))
+        item = Adjustable("cg", name, axis, std, -known.get(("cg", name, axis), 0.0))
+        columns.add(item, columns.wrench(name, *cg_shift_wrench(scene, name, np.eye(3)[i])))
     relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
     diagonal = np.sqrt(np.abs(np.diag(body.inertia)))
     for i in range(3):
@@ -227,7 +228,8 @@ def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:
             change[i, j] = change[j, i] = diagonal[i] * diagonal[j]
             moment = -a[:, 3:] @ change
             label = f"i{AXES[i]}{AXES[j]}"
-            columns.add(Adjustable("inertia", name, label, relative), columns.wrench(name, np.zeros_like(moment), moment))
+            item = Adjustable("inertia", name, label, relative, -known.get(("inertia", name, label), 0.0))
+            columns.add(item, columns.wrench(name, np.zeros_like(moment), moment))
 
 
 def _axes_columns(scene: Scene, columns: ColumnSet) -> None:
@@ -325,7 +327,8 @@ def _sensor_columns(scene: Scene, columns: ColumnSet, table: MeanTable) -> None:
                     continue
                 axis = "" if kind in ("delay", "bandwidth") else AXES[component]
                 means = {} if displacement else sensor_error_means(table, sensor, kind, component)
-                columns.add(Adjustable(kind, sensor, axis, std), error_outputs(scene, errors, is_input), means)
+                known = scene.plant.reading_errors.get((kind, sensor, axis), 0.0) if is_input else 0.0
+                columns.add(Adjustable(kind, sensor, axis, std, -known), error_outputs(scene, errors, is_input), means)
 
 
 def _attitude_columns(plant: Plant, columns: ColumnSet, table: MeanTable) -> None:

@@ -4,16 +4,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, MeanTable, baseline_columns, mean_table, port_columns
 from ride_estimation.diagnosis.noise import temper_of
-from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.regression import Fit, Regression
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -98,6 +100,54 @@ def tilted(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: Arra
     return dataclasses.replace(plant, tilt_share=np.array(share))
 
 
+def put_right(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: Array) -> Plant:
+    """Return the plant whose base readings are free of the errors that a step found, three standard deviations at most.
+
+    Force laws and spring rates are judged along the deflections, and those of two mounts that move together differ mostly by
+    such errors: left in the readings they would be taken for a difference of the mounts.
+    """
+    base = {s.sensor for s in plant.inputs}
+    kinds = ("gain", "misalignment")
+    step = {(a.kind, a.place, a.axis): (a, v) for a, v in zip(adjustables, coefficients) if a.kind in kinds and a.place in base}
+    return dataclasses.replace(plant, reading_errors=_within_limits(plant.reading_errors, step))
+
+
+def _within_limits(
+    errors: Mapping[tuple[str, str, str], float], steps: Mapping[tuple[str, str, str], tuple[Adjustable, float]]
+) -> dict[tuple[str, str, str], float]:
+    """Return errors after a step, three prior standard deviations at most."""
+    out = dict(errors)
+    for key, (a, value) in steps.items():
+        out[key] = float(np.clip(out.get(key, 0.0) + value, -3.0 * a.prior_std, 3.0 * a.prior_std))
+    return out
+
+
+def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: Array, settings: Settings) -> Plant:
+    """Return the plant whose bodies have the CG and the inertia that a step found, three standard deviations at most."""
+    kinds = ("cg", "inertia")
+    step = {(a.kind, a.place, a.axis): (a, v) for a, v in zip(adjustables, coefficients) if a.kind in kinds}
+    errors = _within_limits(plant.body_errors, step)
+    bodies = dict(plant.vehicle.bodies)
+    for name in dict.fromkeys(place for _, place, _ in errors):
+        change = {(kind, entry): v - plant.body_errors.get((kind, name, entry), 0.0)
+                  for (kind, place, entry), v in errors.items() if place == name}
+        diagonal = np.sqrt(np.abs(np.diag(bodies[name].inertia)))
+        shift = np.array([change.get(("cg", a), 0.0) for a in AXES])
+        spread = np.zeros((3, 3))
+        for i, a in enumerate(AXES):
+            for j, b in enumerate(AXES[i:], start=i):
+                spread[i, j] = spread[j, i] = change.get(("inertia", f"i{a}{b}"), 0.0) * diagonal[i] * diagonal[j]
+        bodies[name] = dataclasses.replace(bodies[name], cg=bodies[name].cg + shift, inertia=bodies[name].inertia + spread)
+    tolerances = settings.tolerances
+    moved = build_plant(
+        dataclasses.replace(plant.vehicle, bodies=bodies), dict.fromkeys(plant.sensors, 3), tolerances.stiffness,
+        tolerances.damping,
+    )
+    return dataclasses.replace(
+        moved, tilt_share=plant.tilt_share, reading_errors=plant.reading_errors, body_errors=errors, warnings=plant.warnings
+    )
+
+
 def calibrate(
     plant: Plant, data: Measurement, settings: Settings, blocks: IntArray | None = None, iterations: int = 8
 ) -> Calibrated:
@@ -135,7 +185,8 @@ def calibrate(
             turns = [abs(v) for a, v in zip(adjustables, fit.coefficients) if a.kind in TILT_KINDS]
             if max(moves, default=0.0) < 0.02 and max(turns, default=0.0) < 0.1:
                 break
-            plant = tilted(plant, adjustables, fit.coefficients)
+            plant = put_right(tilted(plant, adjustables, fit.coefficients), adjustables, fit.coefficients)
+            plant = rebalanced(plant, adjustables, fit.coefficients, settings)
         frozen = frozen and max(moves, default=0.0) > 0.1
         state = stepped(state, scene, adjustables, fit.coefficients)
     if best is None:

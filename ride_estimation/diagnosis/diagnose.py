@@ -16,8 +16,9 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear
 from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.isolability import confusions
-from ride_estimation.diagnosis.outlier import soft_mount
+from ride_estimation.diagnosis.outlier import CALIBRATION, soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.prediction import (
     Model,
@@ -121,7 +122,9 @@ def within_tolerance(adjustables: Sequence[Adjustable], coefficients: Array) -> 
         3.0 * a.prior_std if a.kind in ("gain", "misalignment", "position", "delay", "bandwidth", "cg", "inertia") else np.inf
         for a in adjustables
     ])
-    return np.asarray(np.clip(coefficients, -limit, limit))
+    # a coefficient is what comes on top of the part that the plant already holds, its offset with the sign turned
+    held = np.array([a.offset if np.isfinite(b) else 0.0 for a, b in zip(adjustables, limit)])
+    return np.asarray(np.clip(coefficients, held - limit, held + limit))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,6 +214,13 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
         if not _confirmed(work, base, extended):
             names = ", ".join(work.selection.accepted.causes)
             refused.append(f"{names} fitted the run but did not predict the judge blocks better: not named")
+        elif not _noticeable(work, base, extended):
+            names = ", ".join(work.selection.accepted.causes)
+            refused.append(
+                f"{names} fitted the run better, by less than the {100 * settings.adequacy:.1f} % of any channel that count as "
+                "right: not named"
+            )
+        if refused:
             work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))
             extended = base
     accepted = work.selection.accepted
@@ -218,8 +228,10 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     log_std = _log_std(work)
     bent = {p for f in (accepted.fitted if accepted is not None else ()) for p in f.hypothesis.ports}
     soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent)
-    verdict, remaining = _verdict(work, soft, base)
     seen = scene if accepted is None else accepted.scene
+    if soft is not None and _elsewhere(soft, seen, work) < settings.significance:
+        soft = None
+    verdict, remaining = _verdict(work, soft, base)
     causes = name_causes(work.calibrated, work.selection, soft, seen, settings, work.splits.train)
     causes = _tempered(causes, verdict, remaining)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
@@ -268,6 +280,34 @@ def _confirmed(work: _Work, base: Prediction, extended: Prediction) -> bool:
     judge = work.splits.judge
     (before, signal), (after, _) = block_squares(base), block_squares(extended)
     return pooled_nrmse(after, signal, judge) < pooled_nrmse(before, signal, judge)
+
+
+def _elsewhere(soft: Fitted, scene: Scene, work: _Work) -> float:
+    """Return what the run loses when a soft mount is held 15 % below what the other mounts of the axis imply [nat].
+
+    They imply the file's value times the sum of their stiffnesses over the sum of the file's: how two of them share their
+    force may be as uncertain as how much of it the soft one takes.
+    """
+    port = scene.port_index(soft.hypothesis.location, soft.hypothesis.axis)
+    stated = file_parameters(scene.plant)[0]
+    others = [i for i, p in enumerate(scene.plant.ports) if p.axis == soft.hypothesis.axis and i != port]
+    common = float(scene.state.stiffness[others].sum() / stated[others].sum())
+    factor = (1.0 - CALIBRATION) * common * float(stated[port] / scene.state.stiffness[port])
+    return loss_without(scene, port, factor, work.splits.train) if factor > 1.0 else 0.0
+
+
+def _noticeable(work: _Work, base: Prediction, extended: Prediction) -> bool:
+    """Return whether the accepted causes explain more of some channel than a model that counts as right may miss.
+
+    With little noise and a long run the score tests see errors of a thousandth, which every model has.
+    """
+    accepted = work.selection.accepted
+    if accepted is None or not np.any(accepted.rows):
+        return True
+    inside = base.scene.inside_time
+    parts = (base.residual(), extended.residual(), base.measured())
+    before, after, signal = (np.sum((part * inside) ** 2, axis=0) for part in parts)
+    return bool(np.any(before - after > work.settings.adequacy**2 * signal))
 
 
 def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, float]:

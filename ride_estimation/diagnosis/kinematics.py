@@ -113,6 +113,40 @@ def output_correction(plant: Plant, motion: BodyMotion) -> Array:
     return out
 
 
+def transducer_correction(plant: Plant, motion: BodyMotion, deflection: Array, bracket: Array) -> Array:
+    """Return what displacement transducers show beyond small rotation, shape (N, ny); zero for other kinds.
+
+    A transducer measures along an axis that turns with the base of its mount.
+
+    Parameters
+    ----------
+    motion
+        Linear trajectory.
+    deflection
+        Of every mount along the linear trajectory [m], body minus base, shape (N, 3 M).
+    bracket
+        Rotation of every mount base [rad], shape (N, 3 M).
+    """
+    out = np.zeros((len(motion.position), len(plant.outputs)))
+    vehicle = plant.vehicle
+    bodies = {b: _Body(plant, b, motion) for b in dict.fromkeys(b for b, _ in plant.coordinates)}
+    for i, signal in enumerate(plant.outputs):
+        if signal.kind != "displacement":
+            continue
+        mount = vehicle.mounts[vehicle.sensors[signal.sensor].mount]
+        rows = slice(3 * plant.mounts.index(mount.name), 3 * plant.mounts.index(mount.name) + 3)
+        linear, angle = deflection[:, rows], bracket[:, rows]
+        full = linear
+        for b, s in ((mount.body, 1.0), (mount.base, -1.0)):
+            if b in bodies:
+                full = full + s * bodies[b].excess_displacement(mount.position - vehicle.bodies[b].cg)[0]
+        if mount.base in bodies:
+            angle = bodies[mount.base].theta
+        turned = np.einsum("nji,nj->ni", rotation_matrices(angle), full)
+        out[:, i] = turned[:, signal.component] - linear[:, signal.component]
+    return out
+
+
 def _mount_force(
     static: Array, modulus: tuple[Array, Array], relative: tuple[Array, Array], turn: Array | None, spin: Array
 ) -> Array:

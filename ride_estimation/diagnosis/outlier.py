@@ -15,9 +15,9 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 Array = NDArray[np.float64]
 
 #: a stiffness 15 % off its file is calibration; a cause must lie beyond that by three standard deviations of its estimate
-_CALIBRATION = 0.15
+CALIBRATION = 0.15
 #: 15 % is taken as two standard deviations of the scatter among mounts whose files are merely off, worth so many observations
-_USUAL_SCATTER = 0.5 * _CALIBRATION
+_USUAL_SCATTER = 0.5 * CALIBRATION
 _USUAL_WEIGHT = 4
 #: chance that a vehicle whose mounts only scatter has one that is called an outlier
 _FALSE_ALARM = 0.01
@@ -61,7 +61,7 @@ def soft_mount(
         scatter = float(np.sqrt(squares / freedom * (1.0 + 1.0 / len(peers))))
         deviation = float(ratio[i] - np.mean(ratio[peers]))
         likely = float(stats.t.isf(_FALSE_ALARM / len(tested), freedom)) * scatter
-        margin = -deviation - max(-np.log1p(-_CALIBRATION) + 3.0 * log_std[i], likely)
+        margin = -deviation - max(-np.log1p(-CALIBRATION) + 3.0 * log_std[i], likely)
         if margin > 0.0 and (best is None or margin > best[0]):
             h = Hypothesis("one_soft_mount", ports[i].mount, ports[i].axis, lambda scene, shape: [])
             best = margin, Fitted(h, np.array([deviation]), np.array([[log_std[i] ** 2]]), {})

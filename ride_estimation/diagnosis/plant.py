@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.extension import linear_part
 from ride_estimation.errors import InputDataError
-from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix
+from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
 
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _ACCELERATION_KINDS = ("accelerometer", "imu")
+_NEAR = 0.1  # distance over which the slope of a base does not matter to its motion [m]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,6 +104,11 @@ class Plant:
         Output ``= (-omega^2 out_acceleration + out_displacement) q + out_base w``, shapes (ny, n) and (ny, nb).
     static_force
         Static vertical force of each mount [N], order of ``mounts``.
+    reading_errors
+        What calibration found wrong with base readings, (kind, sensor, axis) -> gain error [-] or rotation [rad].
+    body_errors
+        What calibration added to the bodies of the file, (kind, body, entry) -> CG position [m] or, for entry ``ixy``,
+        moment of inertia over the root of the two diagonal ones [-]; already in ``vehicle`` and the matrices.
     """
 
     vehicle: Vehicle
@@ -125,6 +131,22 @@ class Plant:
     out_base: Array
     static_force: Array
     warnings: tuple[str, ...] = ()
+    reading_errors: Mapping[tuple[str, str, str], float] = dataclasses.field(default_factory=dict)
+    body_errors: Mapping[tuple[str, str, str], float] = dataclasses.field(default_factory=dict)
+
+    def put_right(self, inputs: Array) -> Array:
+        """Return base readings without the errors that calibration found, shape (N, nu).
+
+        ``reading = (1 + diag(gain errors) - [rotation]x) true`` in sensor axes.
+        """
+        out = inputs.copy()
+        for sensor in dict.fromkeys(name for _, name, _ in self.reading_errors):
+            rows = [i for i, s in enumerate(self.inputs) if s.sensor == sensor]
+            gain, turn = (
+                np.array([self.reading_errors.get((kind, sensor, a), 0.0) for a in AXES]) for kind in ("gain", "misalignment")
+            )
+            out[:, rows] = np.linalg.solve(np.eye(3) + np.diag(gain) - skew(turn), inputs[:, rows].T).T
+        return out
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -267,6 +289,7 @@ def _base_maps(
             nearest = [k for k, i in enumerate(own) if sensors[i].mount == m]
             k = nearest[0] if nearest else int(np.argmin(np.linalg.norm(positions - place, axis=1)))
             offset = place - positions[k]
+            _check_slope(vehicle.mounts[m], [sensors[i].name for i in own], offset, along_x[k], along_y[k])
             dzdx, dzdy = along_x[k] @ rotation[2::3], along_y[k] @ rotation[2::3]
             dxdy, dydx = along_y[k] @ rotation[0::3], along_x[k] @ rotation[1::3]
             rows = slice(3 * j, 3 * j + 3)
@@ -277,6 +300,17 @@ def _base_maps(
             rigid[3 * j : 3 * j + 2] = angular[:2] - twist[3 * j : 3 * j + 2]
             dc[j] = sensors[own[k]].coupling == "dc"
     return direct, yaw, _bracket_tilts(mounts, rigid, twist), dc, missing
+
+
+def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array, along_y: Array) -> None:
+    """Refuse a mount whose vertical base motion follows from no accelerometer: far from all, on a slope nobody measured."""
+    for length, slope, name in ((offset[0], along_x, "pitch"), (offset[1], along_y, "roll")):
+        if "z" in mount.elements and abs(length) > _NEAR and not np.any(slope):
+            raise InputDataError(
+                f"the base motion at mount {mount.name} is not measured: the nearest accelerometer of {mount.base} is "
+                f"{abs(length):.2f} m away and {', '.join(sensors)} cannot show the {name} between them; an accelerometer on "
+                f"{mount.base} at or beyond {mount.name} is needed"
+            )
 
 
 def _bracket_tilts(mounts: tuple[str, ...], rigid: Array, twist: Array) -> tuple[BracketTilt, ...]:

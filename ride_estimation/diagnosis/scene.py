@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.frame import local_motion, tilt_paths
-from ride_estimation.diagnosis.kinematics import BodyMotion, base_correction, output_correction, wrench_correction
+from ride_estimation.diagnosis.kinematics import (
+    BodyMotion,
+    base_correction,
+    output_correction,
+    transducer_correction,
+    wrench_correction,
+)
 from ride_estimation.diagnosis.noise import (
     DeflectionFilter,
     deflection_filter,
@@ -205,12 +211,13 @@ class Scene:
     # ------------------------------------------------------------------ preparation
     def _prepare(self) -> None:
         good = self.data.valid
+        inputs = self.plant.put_right(self.data.inputs)
         self.output_mean = self.data.outputs[good].mean(axis=0)
-        self.input_mean = self.data.inputs[good].mean(axis=0)
+        self.input_mean = inputs[good].mean(axis=0)
         window = self._taper[:, None]
         self.measured_spectrum = self.grid.spectrum((self.data.outputs - self.output_mean) * window)
         self.noise_scale = self._measured_noise_scale()
-        self.input_signal = (self.data.inputs - self.input_mean) * window
+        self.input_signal = (inputs - self.input_mean) * window
         self.input_spectrum = self.grid.spectrum(self.input_signal)
 
     def _measured_noise_scale(self) -> float:
@@ -273,12 +280,18 @@ class Scene:
         outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
         outputs += (self.base_spectrum / (-grid.omega**2)[:, None]) @ self.plant.out_base.T
         beyond = output_correction(self.plant, self.motion)
+        beyond += transducer_correction(self.plant, self.motion, self._mount_deflection()[0], self.slope)
         self.output_rectified = beyond.mean(axis=0)
         ideal = outputs + grid.spectrum((beyond - self.output_rectified) * self._taper[:, None])
         #: what ideal sensors would show, before accepted measurement effects
         self.ideal_spectrum = ideal
         self.predicted_spectrum = ideal + extra_output
         self.ideal_output = grid.signal(ideal)
+
+    @property
+    def inside_time(self) -> Array:
+        """Return the window of the analysed stretch, shape (N, 1)."""
+        return self._inside[:, None]
 
     def tapered(self, signal: Array) -> Array:
         """Return a signal with its ends faded in and out, shape (N, q)."""
@@ -295,17 +308,28 @@ class Scene:
 
     def rotation_wrench(self, axes: str) -> Array:
         """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n)."""
-        plant = self.plant
-        size = 3 * len(plant.mounts)
-        d, v = np.zeros((self.grid.samples, size)), np.zeros((self.grid.samples, size))
+        size = 3 * len(self.plant.mounts)
         modulus = (np.zeros(size), np.zeros(size))
         stiffness, damping = self.state.linear
-        for p, port in enumerate(plant.ports):
-            if port.axis in AXES:
-                i = 3 * plant.mounts.index(port.mount) + AXES.index(port.axis)
-                d[:, i], v[:, i] = self.deflection[:, p], self.deflection_rate[:, p]
-                modulus[0][i], modulus[1][i] = stiffness[p], damping[p]
-        return wrench_correction(plant, self.motion, (d, v), (self.slope, self.slope_rate), modulus, axes)
+        for p, i in self._translations():
+            modulus[0][i], modulus[1][i] = stiffness[p], damping[p]
+        relative = self._mount_deflection()
+        return wrench_correction(self.plant, self.motion, relative, (self.slope, self.slope_rate), modulus, axes)
+
+    def _translations(self) -> list[tuple[int, int]]:
+        """Return (port, column among three axes per mount) of the ports along x, y and z."""
+        plant = self.plant
+        return [
+            (p, 3 * plant.mounts.index(port.mount) + AXES.index(port.axis))
+            for p, port in enumerate(plant.ports) if port.axis in AXES
+        ]
+
+    def _mount_deflection(self) -> tuple[Array, Array]:
+        """Return deflection and rate of all axes of all mounts, zero where there is no port, (N, 3 M) each."""
+        d, v = (np.zeros((self.grid.samples, 3 * len(self.plant.mounts))) for _ in range(2))
+        for p, i in self._translations():
+            d[:, i], v[:, i] = self.deflection[:, p], self.deflection_rate[:, p]
+        return d, v
 
     def _disturb(self, like: Scene | None) -> None:
         """Collect what is wrong with the measured base motion: sensor noise, and tilt of brackets that no sensor sees."""

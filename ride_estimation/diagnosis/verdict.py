@@ -29,6 +29,7 @@ _MOSTLY_NOISE = (
 )
 #: share of the energy of an effect that a law of the right cause but of another form than the real one leaves, 7 % of its size
 _FORM = 0.005
+_NEAR = 1.5  # error over noise floor above which a clean verdict does not claim to reach the noise
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
@@ -147,8 +148,11 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
     judged = gain.validation[0]
     floor = 100.0 * judged.noise_floor
     if verdict == NO_DISCREPANCY:
+        how = "down to the measurement noise"
+        if judged.baseline > _NEAR * judged.noise_floor:
+            how = "so well that what it misses beyond the measurement noise is too little to name a cause"
         return (
-            f"The calibrated model explains the run down to the measurement noise: error {100 * judged.baseline:.1f} % "
+            f"The calibrated model explains the run {how}: error {100 * judged.baseline:.1f} % "
             f"against a noise floor of {floor:.1f} %." + (_MOSTLY_NOISE if judged.noise_floor > _LOUD else "")
         )
     named = "; ".join(_phrase(c) for c in causes)
@@ -158,6 +162,9 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
         f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
     )
     if verdict == EXPLAINED:
+        if all(c.id == "one_soft_mount" for c in causes):  # it is in the calibrated model: nothing is extended
+            left = 100.0 * judged.extended
+            effect = f"the model calibrated with it leaves {left:.1f} % on {judged.run} (noise floor {floor:.1f} %)"
         return f"{named[0].upper()}{named[1:]}; {effect}."
     if causes:
         return (
