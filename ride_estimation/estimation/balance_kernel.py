@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.jit import COMPILED, compile_kernel, inline_kernel
+from ride_estimation.jit import COMPILED, compile_kernel, compile_lean_kernel
 
 Array = NDArray[np.float64]
 
@@ -100,6 +100,14 @@ def integrate_block(relative: Array, corner: float, dt: float, state: Array, def
             state[3, n], state[4, n], state[5, n], state[6, n], state[7, n], state[8, n] = d1, d2, v1, v2, w1, w2
 
 
+@compile_lean_kernel
+def _copy(out: Array, rows: Array) -> None:
+    """Write rows (I, N); assigning to a slice compiles the words of its error message, for seconds."""
+    for i in range(rows.shape[0]):
+        for n in range(rows.shape[1]):
+            out[i, n] = rows[i, n]
+
+
 def _by_numpy(out: Array, factors: Array, rows: Array, sign: float) -> None:
     out += sign * (factors @ rows)
 
@@ -114,7 +122,7 @@ def _by_loops(out: Array, factors: Array, rows: Array, sign: float) -> None:
 
 #: adds ``sign factors @ rows`` to ``out``, shapes (I, N), (I, J), (J, N); matrix products take seconds to compile and are no
 #: faster for matrices this small, loops in plain Python are thirty times as slow
-_add_product = inline_kernel(_by_loops) if COMPILED else _by_numpy
+_add_product = compile_lean_kernel(_by_loops) if COMPILED else _by_numpy
 
 
 @compile_kernel
@@ -152,11 +160,14 @@ def response_block(
         Outputs (K, 6) and (K, 6, N).
     """
     count = columns.shape[2]
-    inputs, old_inputs = np.zeros((6, 1 + count)), last[:6].copy()
-    output = last[6:].copy()
+    inputs, old_inputs, output = np.zeros((6, 1 + count)), np.empty((6, 1 + count)), np.empty((6, 1 + count))
     free, e = np.empty((12, 1 + count)), np.empty(12)
+    _copy(old_inputs, last[:6])
+    _copy(output, last[6:])
     for k in range(residual.shape[0]):
-        free[:, :] = 0.0
+        for i in range(12):
+            for n in range(1 + count):
+                free[i, n] = 0.0
         _add_product(free, transition, state, 1.0)
         _add_product(free, hold_old, old_inputs, 1.0)
         _add_product(free, gain, output, -1.0)
@@ -173,14 +184,14 @@ def response_block(
                 extra += elastic[n, r] * e[r] + viscous[n, r] * e[6 + r]
             for r in range(6):
                 inputs[r, 1 + n] = columns[k, r, n] + direction[r, n] * extra
-        state[:, :] = free
+        _copy(state, free)
         _add_product(state, hold_new, inputs, 1.0)
-        output[:, :] = inputs
-        old_inputs[:, :] = inputs
+        _copy(output, inputs)
+        _copy(old_inputs, inputs)
         _add_product(output, feedback, state, -1.0)
         for r in range(6):
             innovation[k, r] = -output[r, 0]
             for n in range(count):
                 gradient[k, r, n] = output[r, 1 + n]
-    last[:6] = old_inputs
-    last[6:] = output
+    _copy(last[:6], old_inputs)
+    _copy(last[6:], output)

@@ -18,8 +18,9 @@ def cross(a: Array, b: Array) -> Array:
 
     ``numpy.cross`` costs many times as much for short blocks.
     """
-    first = a if a.ndim == 3 else a.reshape((1,) * (3 - a.ndim) + a.shape)
-    second = b if b.ndim == 3 else b.reshape((1,) * (3 - b.ndim) + b.shape)
+    # one layout only, or the kernel is compiled for each
+    first, second = np.ascontiguousarray(a), np.ascontiguousarray(b)
+    first, second = (v if v.ndim == 3 else v.reshape((1,) * (3 - v.ndim) + v.shape) for v in (first, second))
     shape = (max(len(first), len(second)), max(first.shape[1], second.shape[1]), 3)
     result = np.empty(shape)
     _cross(first, second, result)

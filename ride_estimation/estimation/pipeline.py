@@ -20,18 +20,20 @@ from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_check import BaseCheck
 from ride_estimation.estimation.base_fill import BaseFill
-from ride_estimation.estimation.block_math import count_unfit, cross, turn_channels
+from ride_estimation.estimation.block_math import count_unfit, turn_channels
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.carried_bodies import CarriedBodies
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.force_balance import BalanceInput
+from ride_estimation.estimation.force_kernel import follow_scaled
 from ride_estimation.estimation.health import Health, SensorHealth, base_messages, residual_message, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
 from ride_estimation.estimation.loads import InertialLoads
-from ride_estimation.estimation.mount_forces import ForceBlock, MountForceEstimator
+from ride_estimation.estimation.motion_kernel import motion_at
+from ride_estimation.estimation.mount_forces import MountForceEstimator
 from ride_estimation.estimation.mount_law import MountLaw
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameter_estimator import ParameterEstimator
@@ -155,6 +157,7 @@ class Pipeline:
         a, columns = self.arrangement, self._aligner.columns
         body = [self._index[s.name] for s in a.body_sensors]
         self._body_streams = np.array(body)
+        self._own_columns = [(s.name, slice(3 * i, 3 * i + 3)) for i, s in enumerate(a.body_sensors)]
         self._body_columns = np.concatenate([np.arange(columns[i].start, columns[i].start + 3) for i in body])
         gyro = [np.arange(columns[i].start + 3, columns[i].start + 6) for i, s in zip(body, a.body_sensors) if s.kind == "imu"]
         self._gyro_columns = np.concatenate(gyro) if gyro else np.zeros(0, dtype=np.int64)
@@ -301,7 +304,9 @@ class Pipeline:
         )
         own_covariance, self._forces.constant_load = moving + self._factor**2 * self._carried.covariance, whole - moving
         deflection = self._observe_deflection(block, motion, support, dt)
-        forces = self._observe_forces(deflection, support, own_covariance, motion, dt)
+        turn_rate = self._deflection.turn_rate(deflection)
+        forces = self._forces.observe(deflection, support, own_covariance, turn_rate, dt)
+        forces = self._fill.widen_forces(forces, ticks * dt)
         for name, i, stream, start in self._cells:
             if block.valid[:, stream].all():
                 cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
@@ -315,7 +320,7 @@ class Pipeline:
         )  # fmt: skip
 
         def learn() -> None:
-            self._learn(motion, deflection, support, complete, before, dt)
+            self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
 
         self._due = learn
@@ -323,7 +328,6 @@ class Pipeline:
         self._invalid_ticks += ticks - int(np.count_nonzero(motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
         predicted = motion.predicted
-        names = [s.name for s in self.arrangement.body_sensors]
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
@@ -331,8 +335,8 @@ class Pipeline:
             inertial_load_covariance=inertial_covariance, mount_force=forces.force, mount_force_std=forces.std,
             mount_force_std_equilibrium=forces.std_equilibrium, mount_force_std_model=forces.std_model,
             mount_deflection=forces.deflection, mount_rate=forces.rate, mount_deflection_std=forces.deflection_std,
-            measured={n: measured[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
-            predicted={n: predicted[:, 3 * i : 3 * i + 3] for i, n in enumerate(names)},
+            measured={name: measured[:, own] for name, own in self._own_columns},
+            predicted={name: predicted[:, own] for name, own in self._own_columns},
         )  # fmt: skip
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
@@ -406,8 +410,9 @@ class Pipeline:
 
     def _motion_at_mounts(self, motion: MotionBlock) -> Array:
         """Return the specific force of the body at its mounts, shape (K, M, 3)."""
-        arms, alpha, rate = self.arrangement.arms, motion.motion[:, None, 3:], motion.rate[:, None]
-        return np.asarray(motion.motion[:, None, :3] + cross(alpha, arms) + cross(rate, cross(rate, arms)))
+        result = np.empty((len(motion.motion), len(self.arrangement.mounts), 3))
+        motion_at(motion.motion, motion.rate, self.arrangement.arms, result)
+        return result
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
@@ -422,15 +427,10 @@ class Pipeline:
         for i, axis, stream, start in self._transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
-        expected = np.mean((self._forces.shared(support) / np.maximum(self._law.stiffness, 1.0)) ** 2, axis=0)
+        expected = np.zeros((count, 3))
+        follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
         found = self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt)
         return self._fill.widen(found, ticks * dt)
-
-    def _observe_forces(
-        self, deflection: DeflectionBlock, support: Array, covariance: Array, motion: MotionBlock, dt: float
-    ) -> ForceBlock:
-        found = self._forces.observe(deflection, support, covariance, self._deflection.turn_rate(deflection), dt)
-        return self._fill.widen_forces(found, len(support) * dt)
 
     def _settle(self) -> None:
         """Learn from the last block; put off until the next call so that the block's forces are handed out first."""
@@ -439,11 +439,12 @@ class Pipeline:
             due()
 
     def _learn(
-        self, motion: MotionBlock, deflection: DeflectionBlock, support: Array, complete: bool, stamp_ns: int, dt: float
-    ) -> None:
+        self, motion: MotionBlock, deflection: DeflectionBlock, turn_rate: Array, support: Array, complete: bool, stamp_ns: int,
+        dt: float,
+    ) -> None:  # fmt: skip
         data = BalanceInput(
             support / self._factor, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
-            self._deflection.turn_rate(deflection), self._forces.shared(support) / self._factor, deflection.swing,
+            turn_rate, self._forces.shared(support) / self._factor, deflection.swing,
         )  # fmt: skip
         self._run_time += len(support) * dt
         p = self._parameters
