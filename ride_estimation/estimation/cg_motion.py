@@ -346,8 +346,8 @@ class CgMotionEstimator:
         over the stated variance (Birge, Phys. Rev. 40, 207, 1932), and what an error of the sensor that explains the residuals
         best does to the motion is added: residuals ``r = M y``, an error d of sensor s leaves ``M_s d``, so ``d d^T`` is
         ``M_s^+ <r r^T> M_s^+T`` and the motion is off by ``W_s d``. From there to twice that disagreement it comes in gradually.
-        What is constant of the residuals is kept apart, as nothing is learned from constant parts of a motion. It may be the error
-        of one sensor or biases of all, which are then as large in the motion as in the spare equations: both are added.
+        What is constant of the residuals is kept apart, as nothing is learned from constant parts of a motion. It may be the
+        error of one sensor or biases of all, which are then as large in the motion as in the spare equations: both are added.
 
         Parameters
         ----------
