@@ -36,7 +36,7 @@ _SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
 _OUTLIER = 4.0
 #: share of the residual one sensor must explain, and how much less every other must
 _EXPLAINED, _RIVAL = 0.7, 0.9
-#: longest doubt: what stays as it is belongs to this vehicle [s]
+#: longest doubt without a culprit: what stays as it is belongs to this vehicle and its road [s]
 _LONGEST = 60.0
 
 
@@ -54,8 +54,7 @@ class BaseCheck:
     def __init__(self, sensors: Sequence[Sensor], streams: Sequence[int], columns: Sequence[int]) -> None:
         self._sensors = tuple(sensors)
         self._streams = np.array(streams, dtype=np.int64)
-        self._columns = np.array([[c, c + 1, c + 2] for c in columns], dtype=np.int64).reshape(-1, 3)
-        self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
+        self._columns = np.array([[c, c + 1, c + 2] for c in columns], dtype=np.int64).ravel()
         count = len(self._sensors)
         place = np.array([s.position for s in sensors]).reshape(-1, 3)
         place = place - place.mean(axis=0) if count else place
@@ -66,10 +65,15 @@ class BaseCheck:
         self._spare = float(np.trace(self._project)) if count else 0.0
         blocks = [self._project[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(count)]
         self._inverse = [np.linalg.pinv(b, rcond=1e-3, hermitian=True) for b in blocks]
-        #: slopes of the heights about x and y, and what they do at other heights
+        # slopes of the vertical readings along x and y, and what such a rotation does at other heights
         plane = np.linalg.pinv(np.column_stack([np.ones(count), place[:, :2]]), rcond=1e-3) if count else np.zeros((3, 0))
-        self._lift = np.zeros((count, 2 * count))
-        self._lift[:, 0::2], self._lift[:, 1::2] = -np.outer(plane[1], place[:, 2]), -np.outer(plane[2], place[:, 2])
+        lift = np.zeros((count, 2 * count))
+        lift[:, 0::2], lift[:, 1::2] = -np.outer(plane[1], place[:, 2]), -np.outer(plane[2], place[:, 2])
+        #: from all readings to horizontal ones in body axes at one height, shape (3 N, 2 N)
+        self._to_plane = np.zeros((3 * count, 2 * count))
+        for i, s in enumerate(sensors):
+            self._to_plane[3 * i : 3 * i + 3, 2 * i : 2 * i + 2] = s.rotation[:2].T
+            self._to_plane[3 * i : 3 * i + 3] -= np.outer(s.rotation[2], lift[i])
         self._noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
         self.possible = count >= 3 and all(s.coupling == sensors[0].coupling for s in sensors)
         self.ticks: dict[int, int] = {}
@@ -118,12 +122,8 @@ class BaseCheck:
         return dataclasses.replace(verdict, valid=valid)
 
     def _follow(self, block: Block, dt: float) -> None:
-        samples = np.einsum("aij,kaj->kai", self._rotation, np.take(block.values, self._columns, axis=1))
-        plane = samples[:, :, :2].reshape(len(samples), -1) - samples[:, :, 2] @ self._lift
-        moving = self._passed(plane, dt)
-        if moving is None:
-            return
-        duration = len(samples) * dt
+        moving = self._passed(np.take(block.values, self._columns, axis=1) @ self._to_plane, dt)
+        duration = len(moving) * dt
         gain = 1.0 - math.exp(-duration / _NOW)
         residual = moving @ self._project
         self._size += gain * (float(np.mean(moving**2)) - self._size)
@@ -142,15 +142,15 @@ class BaseCheck:
         self._doubted = self._doubted + duration if self.unusual else 0.0
         was = self.unusual
         self.unusual = bool(over > (_ENDS if was else _BEGINS) and ratio > _MATTERS**2 * (_ENDS / _BEGINS if was else 1.0))
-        if self._doubted > _LONGEST:
+        if self._doubted > _LONGEST and self.refused is None:
             self._run, self.unusual = ratio, False
         if not self.unusual:
             self.refused = None
         elif not was or self.refused is None:
             self.refused = self._blamed()
 
-    def _passed(self, plane: Array, dt: float) -> Array | None:
-        """Return the readings above the corner; None while the filter begins."""
+    def _passed(self, plane: Array, dt: float) -> Array:
+        """Return the readings above the corner."""
         if self._filter is None or self._filter[0] != dt:
             b, a = signal.butter(2, min(2.0 * _CORNER_HZ * dt, 0.9), "highpass")
             self._filter = (dt, b, a)

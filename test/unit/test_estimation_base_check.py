@@ -29,8 +29,10 @@ def run(kind: str, seed: int) -> tuple[CabRun, tuple[CabSensor, ...]]:
     return drive(cab, road, LENGTH, seed, step=1e-3), random_sensors(cab, rng)
 
 
-def judged(kind: str, seed: int, victim: str = "", **changes: object) -> tuple[BaseCheck, np.ndarray, list[GateVerdict]]:
-    """Feed the base sensors of a run, one of them changed from BEGIN to END; return check, times and verdicts."""
+def judged(
+    kind: str, seed: int, victim: str = "", laps: int = 1, **changes: object
+) -> tuple[BaseCheck, np.ndarray, list[GateVerdict]]:
+    """Feed the base sensors of a run, one changed from BEGIN to END, again in every lap; return check, times, verdicts."""
     motion, sensors = run(kind, seed)
     wrong = tuple(dataclasses.replace(s, **changes) if s.name == victim else s for s in sensors)  # type: ignore[arg-type]
     clean, faulty = (measure(motion, s, RATE, seed, noise_share=0.01) for s in (sensors, wrong))
@@ -41,6 +43,8 @@ def judged(kind: str, seed: int, victim: str = "", **changes: object) -> tuple[B
     valid = np.ones((BLOCK, len(base)), dtype=bool)
     nothing = GateVerdict(valid, False, (), (), False, 1.0)
     times = np.arange(0, len(values) - BLOCK, BLOCK)
+    fault = times[(times >= BEGIN * RATE) & (times < END * RATE - BLOCK)]
+    times = np.concatenate([times[times < fault[0]], np.tile(fault, laps), times[times > fault[-1]]])
     step_ns = round(1e9 / RATE)
     verdicts = []
     for k in times:
@@ -64,6 +68,16 @@ def test_fault_of_one_sensor_is_named_while_it_lasts(changes: dict[str, object])
     began = [v.newly_refused for v in verdicts if v.began]
     assert began == [(place,)]
     assert check.messages() == [f"{victim} was not used: {BLOCK * int(out.sum())} ticks {DISAGREES}"]
+
+
+def test_sensor_that_stays_faulty_stays_out() -> None:
+    """Ninety seconds inverted: not taken for a property of the vehicle."""
+    check, _, verdicts = judged("any", 9, "chassis_rear_left", laps=30, gain=-1.0)
+    place = next(n for n, s in enumerate(check._sensors) if s.name == "chassis_rear_left")
+    out = np.array([not v.valid[:, place].all() for v in verdicts])
+    begun = int(np.flatnonzero(out)[0])
+    assert out[begun : begun + int(85.0 * RATE / BLOCK)].all()
+    assert not any(v.unusual for v in verdicts[begun:])
 
 
 @pytest.mark.parametrize("kind", ["any", "bumps", "cobbles", "smooth"])
