@@ -120,3 +120,57 @@ def count_unfit(
                 if abs(values[k, c]) >= limits[s]:
                     clipped[s] += 1
                     break
+
+
+@compile_kernel
+def biquad_block(signals: Array, b: Array, a: Array, state: Array, out: Array) -> None:
+    """Pass the columns of ``signals`` (K, N) through a filter of second order.
+
+    Transposed direct form II, as ``scipy.signal.lfilter``, which costs many times as much for short blocks.
+
+    Parameters
+    ----------
+    signals
+        Shape (K, N).
+    b, a
+        Coefficients, shape (3,), ``a[0]`` one.
+    state
+        Shape (2, N), in place.
+    out
+        Output, shape (K, N).
+    """
+    for k in range(signals.shape[0]):
+        for n in range(signals.shape[1]):
+            x = signals[k, n]
+            y = b[0] * x + state[0, n]
+            state[0, n] = b[1] * x - a[1] * y + state[1, n]
+            state[1, n] = b[2] * x - a[2] * y
+            out[k, n] = y
+
+
+@compile_kernel
+def follow_moments(values: Array, columns: IntArray, keep: float, total: Array, square: Array) -> None:
+    """Add the rows of some columns to a fading sum and to a fading sum of products, in place.
+
+    Parameters
+    ----------
+    values, columns
+        Shape (K, C), and N of its columns.
+    keep
+        Share of what was there that stays.
+    total, square
+        Shapes (N,) and (N, N).
+    """
+    size = columns.shape[0]
+    row = np.empty(size)
+    for n in range(size):
+        total[n] *= keep
+        for m in range(size):
+            square[n, m] *= keep
+    for k in range(values.shape[0]):
+        for n in range(size):
+            row[n] = values[k, columns[n]]
+            total[n] += row[n]
+        for n in range(size):
+            for m in range(size):
+                square[n, m] += row[n] * row[m]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.block_math import follow_moments
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -106,12 +107,10 @@ class SwappedTopics:
             self._fit = fit
         if not fit.any():
             return ""
-        samples = values[:, self._channels]
-        duration = len(samples) * dt
+        duration = len(values) * dt
         keep = math.exp(-duration / _MEMORY)
-        self._weight = keep * self._weight + len(samples)
-        self._sum = keep * self._sum + samples.sum(axis=0)
-        self._square = keep * self._square + samples.T @ samples
+        self._weight = keep * self._weight + len(values)
+        follow_moments(values, self._channels, keep, self._sum, self._square)
         self._time += duration
         if self._time < self._next:
             return ""

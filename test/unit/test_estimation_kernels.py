@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from ride_estimation.estimation.balance_kernel import response_block
+from ride_estimation.estimation.block_math import biquad_block, follow_moments
 from ride_estimation.estimation.bracket_tilt import take_readings
 from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.frame_deformation import straighten
@@ -158,3 +160,22 @@ def test_streams_one_after_the_other_are_interpolated_as_each_alone(rng):
         column = numbers[i][2]
         np.testing.assert_array_equal(values[:, column : column + v.shape[1]], own)
         np.testing.assert_array_equal(valid[:, i], own_valid)
+
+
+def test_biquad_is_that_of_scipy(rng):
+    b, a = signal.butter(2, 0.1, "highpass")
+    signals, state = rng.normal(size=(K, 5)), rng.normal(size=(2, 5))
+    wanted, left = signal.lfilter(b, a, signals, axis=0, zi=state)
+    out = np.empty_like(signals)
+    biquad_block(signals, b, a, state, out)
+    np.testing.assert_allclose(out, wanted, atol=ROUNDING)
+    np.testing.assert_allclose(state, left, atol=ROUNDING)
+
+
+def test_fading_sums_of_products(rng):
+    values, columns, total, square = rng.normal(size=(K, 8)), np.array([1, 2, 6]), rng.normal(size=3), rng.normal(size=(3, 3))
+    own = values[:, columns]
+    wanted, wanted_square = 0.9 * total + own.sum(axis=0), 0.9 * square + own.T @ own
+    follow_moments(values, columns, 0.9, total, square)
+    np.testing.assert_allclose(total, wanted, atol=ROUNDING)
+    np.testing.assert_allclose(square, wanted_square, atol=ROUNDING)
