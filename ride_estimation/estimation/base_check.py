@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from ride_estimation.estimation.block_math import biquad_block
 from ride_estimation.estimation.sensor_gate import GateVerdict
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
@@ -158,8 +159,9 @@ class BaseCheck:
         _, b, a = self._filter
         if not self._state.size:
             self._state = signal.lfilter_zi(b, a)[:, None] * plane[0]
-        found, self._state = signal.lfilter(b, a, plane, axis=0, zi=self._state)
-        return np.asarray(found)
+        found = np.empty_like(plane)
+        biquad_block(plane, b, a, self._state, found)
+        return found
 
     def _blamed(self) -> int | None:
         """Return the sensor whose error explains the residual, None where several could."""
