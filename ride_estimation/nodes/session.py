@@ -30,7 +30,7 @@ DECODE_ERRORS = (RuntimeError, ValueError, OverflowError, struct.error)
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
 
 #: length and rate of the made-up drive that compiles the kernels: long enough for the first estimate of the parameters
-WARM_UP_S = 9.0
+WARM_UP_S = 10.0
 WARM_UP_RATE_HZ = 50.0
 WARM_UP_START_NS = 1_000_000_000_000
 #: vertical acceleration of the body and of the bases in it [m/s^2] and its frequencies [Hz]
