@@ -234,6 +234,8 @@ TABLE: tuple[Fault, ...] = (
     Fault("wrong unit: g", _mounted(CAB, gain=1.0 / 9.81), _ANY_DOUBT, True),
     Fault("base: wrong unit, g", _mounted(BASE, gain=1.0 / 9.81), f"{BASE}.*mean", True),
     Fault("swapped axes y and z midway", _passing(CAB, _values(lambda v, n: v[[0, 2, 1]])), _not_used(CAB, "(jumps|rigid|mean)")),
+    Fault("swapped axes y and z", _of(CAB, _values(lambda v, n: v[[0, 2, 1]]), 0.0, LENGTH), _ANY_DOUBT, True),
+    Fault("swapped axes x and y", _of(CAB, _values(lambda v, n: v[[1, 0, 2]]), 0.0, LENGTH), _ANY_DOUBT, True),
     Fault("inverted axis z midway", _passing(CAB, _values(lambda v, n: v * [1, 1, -1])), _not_used(CAB, "(jumps|rigid|mean)")),
     Fault("swapped topics, cab and base", _exchanged(CAB, "chassis_front_right"), rf"{CAB}|chassis_front_right", True),
     Fault("swapped topics, both on the cab", _exchanged(CAB, "cab_rear_left"), rf"{CAB}|cab_rear_left|no single sensor", True),
