@@ -30,7 +30,7 @@ class Family(enum.IntEnum):
 
 #: a damper is bent at rates beyond that share of their rms; a force that levels off below it is friction by name, and the
 #: two causes would otherwise hold the same law
-_BENT_ABOVE = 0.3
+BENT_ABOVE = 0.3
 _LIMIT = 6.0  # argument of the growing form, where doubles would overflow long after any data
 
 
@@ -81,7 +81,7 @@ def bent_hypotheses(
                 out += [(Effect(Where.PORT, p, part),) for part in (odd_form(u, shape), even - np.mean(even))]
             return out
 
-        bounds = (Shape("scale", 1.0, _BENT_ABOVE if over_rate else 0.1, 6.0),)
+        bounds = (Shape("scale", 1.0, BENT_ABOVE if over_rate else 0.1, 6.0),)
         return Hypothesis(cause, site.location, site.axis, columns, grid, bounds, complexity=1.0, ports=site.ports)
 
     return [build(site) for site in sites(scene)]
