@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.estimate import Estimate, Status
 from ride_estimation.estimation.slots import Slot
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import ForceReference
@@ -201,6 +201,37 @@ class MassAnchor:
             return Status.ESTIMATING, f"waiting for excitation to use {kinds}; the file's mass is used meanwhile"
         kinds = ", ".join(sorted({self._references[n].kind for n in self._found}))
         return Status.VALID, f"from {kinds}"
+
+    def mass(self, stamp_ns: int) -> Estimate:
+        """Return the mass as it is estimated."""
+        body = self.arrangement.body
+        factor, relative = self.factor()
+        status, reason = self.status()
+        mass = body.mass.value * factor
+        return Estimate(f"{body.name}.mass", mass, mass * relative, "kg", body.mass.value, status, reason, stamp_ns)
+
+    def absolute(self, estimate: Estimate, doubt: str) -> Estimate:
+        """Return an estimate, made for the file's mass, for the present one.
+
+        Parameters
+        ----------
+        estimate
+            A stiffness or damping; its standard deviation does not know that of the mass, that of the result does.
+        doubt
+            Why nothing that was learned is called valid, empty where nothing speaks against it.
+        """
+        factor, relative = self.factor()
+        value = estimate.value * factor
+        std = float(np.hypot(estimate.std * factor, value * relative))
+        status, reason = estimate.status, estimate.reason
+        if not self.anchored and status in (Status.VALID, Status.ESTIMATING):
+            status, reason = (
+                Status.NOT_IDENTIFIABLE,
+                "only its ratio to the mass can be told; the value holds for the file's mass",
+            )
+        if doubt and status is Status.VALID:
+            status, reason = Status.SUSPECT, doubt
+        return dataclasses.replace(estimate, value=value, std=std, status=status, reason=reason)
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

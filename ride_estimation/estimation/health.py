@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.arrangement import AWAY, Arrangement, base_distances, base_transport
 from ride_estimation.estimation.residuals import ResidualTest
 from ride_estimation.estimation.sensor_faults import Fault
+from ride_estimation.signals.streams import StreamHealth
 
 Array = NDArray[np.float64]
 
@@ -152,3 +153,29 @@ def base_messages(arrangement: Arrangement) -> list[str]:
 
 def _counts(rejected: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
+
+
+def sensor_health(
+    streams: Mapping[str, StreamHealth], clipped: Sequence[int], invalid: Sequence[int], ratio: Mapping[str, float],
+    refused: Mapping[int, Mapping[str, int]],
+) -> dict[str, SensorHealth]:  # fmt: skip
+    """Return what is known of every sensor.
+
+    Parameters
+    ----------
+    streams
+        Counters of the time base by sensor, in the order of the streams.
+    clipped, invalid
+        Ticks at full scale and without a sample, per stream.
+    ratio
+        Residual over what its noise lets expect, where the sensor has spare equations.
+    refused
+        Per stream the ticks it was refused by reason.
+    """
+    return {
+        name: SensorHealth(
+            name, h.accepted, h.rejected, h.rate_hz, h.gaps, h.longest_gap_s, h.silent, clipped[i], invalid[i],
+            ratio.get(name, 0.0), dict(refused.get(i, {})),
+        )
+        for i, (name, h) in enumerate(streams.items())
+    }  # fmt: skip

@@ -20,17 +20,19 @@ from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_check import BaseCheck
 from ride_estimation.estimation.base_fill import BaseFill
-from ride_estimation.estimation.block_math import count_unfit, turn_channels
+from ride_estimation.estimation.block_math import turn_channels
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.carried_bodies import CarriedBodies
 from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
+from ride_estimation.estimation.channel_layout import ChannelLayout
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
-from ride_estimation.estimation.estimate import Estimate, Status
+from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.force_kernel import follow_scaled
-from ride_estimation.estimation.health import Health, SensorHealth, base_messages, residual_message, sensor_messages
+from ride_estimation.estimation.health import Health, base_messages, residual_message, sensor_health, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
+from ride_estimation.estimation.input_watch import InputWatch
 from ride_estimation.estimation.loads import InertialLoads
 from ride_estimation.estimation.motion_kernel import motion_at
 from ride_estimation.estimation.mount_forces import MountForceEstimator
@@ -43,7 +45,6 @@ from ride_estimation.estimation.saved_state import STATE_SCHEMA, check_state
 from ride_estimation.estimation.sensor_gate import GateVerdict, SensorGate
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.swapped_topics import SwappedTopics
-from ride_estimation.frames import AXES
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
 from ride_estimation.signals.batch_feed import BatchFeed
 from ride_estimation.signals.recording import Recording
@@ -98,11 +99,12 @@ class Pipeline:
         self._sensors = tuple({s.name: s for s in used}.values())
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
-        self._layout()
+        self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._anchor.cells)
         self._gate = self._new_gate()
         self._swaps = self._new_swaps()
         base = [s for s in a.base_sensors if s is not None]
-        self._bases = BaseCheck(base, [stream for _, stream, _, _ in self._base], [start for _, _, start, _ in self._base])
+        streams, starts, _, _ = self._layout.base_arrays
+        self._bases = BaseCheck(base, streams.tolist(), starts.tolist())
         self._excess, self._rate = 1.0, np.zeros(3)
         self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
         #: what a bias adds to the covariance of the motion, which nothing is learned from
@@ -113,13 +115,11 @@ class Pipeline:
         self._taken_back = 0
         self._unknown: Counter[str] = Counter()
         self._restarts: Counter[str] = Counter()
-        self._clipped = np.zeros(len(self._sensors), dtype=np.int64)
-        self._invalid = np.zeros(len(self._sensors), dtype=np.int64)
+        self._watch = InputWatch(self._layout)
         self._ticks = 0
         self._invalid_ticks = 0
         self._dt = 0.0
         self._stamp = 0
-        self._since_variance = 0.0
         self._run_time = 0.0
         self._next_anchor = 0.0
         self._due: Callable[[], None] | None = None
@@ -152,46 +152,13 @@ class Pipeline:
         self._settle()
         return self._hints.hints()
 
-    def _layout(self) -> None:
-        """Find the columns of every quantity in an aligned block."""
-        a, columns = self.arrangement, self._aligner.columns
-        body = [self._index[s.name] for s in a.body_sensors]
-        self._body_streams = np.array(body)
-        self._own_columns = [(s.name, slice(3 * i, 3 * i + 3)) for i, s in enumerate(a.body_sensors)]
-        self._body_columns = np.concatenate([np.arange(columns[i].start, columns[i].start + 3) for i in body])
-        gyro = [np.arange(columns[i].start + 3, columns[i].start + 6) for i, s in zip(body, a.body_sensors) if s.kind == "imu"]
-        self._gyro_columns = np.concatenate(gyro) if gyro else np.zeros(0, dtype=np.int64)
-        self._base = [
-            (i, self._index[s.name], columns[self._index[s.name]].start, s.rotation)
-            for i, s in enumerate(a.base_sensors) if s is not None
-        ]  # fmt: skip
-        self._base_layout = (
-            np.array([stream for _, stream, _, _ in self._base], dtype=np.int64),
-            np.array([start for _, _, start, _ in self._base], dtype=np.int64),
-            np.array([i for i, _, _, _ in self._base], dtype=np.int64),
-            np.array([rotation for _, _, _, rotation in self._base], dtype=float).reshape(-1, 3, 3),
-        )
-        self._transducers = [
-            (a.mount_names.index(s.mount), AXES.index(s.axis), self._index[s.name], columns[self._index[s.name]].start)
-            for s in a.transducers
-        ]  # fmt: skip
-        self._cells = [(name, i, self._index[name], columns[self._index[name]].start) for name, i in self._anchor.cells]
-        # a body sensor that is missing is made up for by the others, as long as the motion stays complete
-        self._needed = np.array(
-            [stream for _, stream, _, _ in self._base]
-            + [self._index[s.name] for s in a.transducers if not a.has_base_motion], dtype=np.int64,
-        )  # fmt: skip
-        first = np.array([c.start for c in columns], dtype=np.int64)
-        last = first + np.minimum(3, [s.channels for s in self._sensors])
-        self._full_scale = (first, last, 0.999 * np.array([s.reach for s in self._sensors]))
-
     def _new_gate(self) -> SensorGate:
         m, a = self._motion, self.arrangement
         n = 3 * len(a.body_sensors)
         check = RigidCheck(m.rows[:n], m.directions[:n], m.points[:n], [s.noise_std for s in a.body_sensors])
         return SensorGate(
-            self._sensors, [c.start for c in self._aligner.columns], self._body_streams.tolist(),
-            [stream for _, stream, _, _ in self._base], [stream for _, _, stream, _ in self._transducers], check,
+            self._sensors, [c.start for c in self._aligner.columns], self._layout.body_streams.tolist(),
+            [stream for _, stream, _, _ in self._layout.base], [stream for _, _, stream, _ in self._layout.transducers], check,
         )  # fmt: skip
 
     # -- input ------------------------------------------------------------------------------------------------------------
@@ -280,14 +247,15 @@ class Pipeline:
         self._dt = dt
         ticks = len(block.values)
         block = self._put_right(block, dt)
-        self._watch_input(block, dt)
+        self._watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
         verdict = self._bases.judged(block, self._gate.judge(block, self._rate, dt), dt)
         if verdict.valid is not block.valid:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
             self._take_back(verdict)
-        measured = np.take(block.values, self._body_columns, axis=1)
-        gyro, there = np.take(block.values, self._gyro_columns, axis=1), np.take(block.valid, self._body_streams, axis=1)
+        measured = np.take(block.values, self._layout.body_columns, axis=1)
+        gyro = np.take(block.values, self._layout.gyro_columns, axis=1)
+        there = np.take(block.valid, self._layout.body_streams, axis=1)
         motion = self._motion.observe(measured, gyro, there, dt)
         motion = self._doubted(motion, verdict, ticks * dt)
         self._rate = motion.rate[-1]
@@ -307,11 +275,11 @@ class Pipeline:
         turn_rate = self._deflection.turn_rate(deflection)
         forces = self._forces.observe(deflection, support, own_covariance, turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
-        for name, i, stream, start in self._cells:
+        for name, i, stream, start in self._layout.cells:
             if block.valid[:, stream].all():
                 cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
                 self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
-        complete = bool(block.valid[:, self._needed].all() and motion.valid.all())
+        complete = bool(block.valid[:, self._layout.needed].all() and motion.valid.all())
         complete = complete and not verdict.suspects and not verdict.unusual
         before = self._stamp
         seen = HintBlock(
@@ -335,8 +303,8 @@ class Pipeline:
             inertial_load_covariance=inertial_covariance, mount_force=forces.force, mount_force_std=forces.std,
             mount_force_std_equilibrium=forces.std_equilibrium, mount_force_std_model=forces.std_model,
             mount_deflection=forces.deflection, mount_rate=forces.rate, mount_deflection_std=forces.deflection_std,
-            measured={name: measured[:, own] for name, own in self._own_columns},
-            predicted={name: predicted[:, own] for name, own in self._own_columns},
+            measured={name: measured[:, own] for name, own in self._layout.own_columns},
+            predicted={name: predicted[:, own] for name, own in self._layout.own_columns},
         )  # fmt: skip
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
@@ -370,7 +338,8 @@ class Pipeline:
         found = self._swaps.observe(values, valid, dt)
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
-            self._motion, self._since_variance, self._next_look = self._new_motion(), math.inf, 0.0
+            self._motion, self._next_look = self._new_motion(), 0.0
+            self._watch.look_again()
             self._restart(found)
             self._kept, self._calm = [], []
             self._go_back_to(self._begin)
@@ -385,8 +354,8 @@ class Pipeline:
 
     def _take_back(self, verdict: GateVerdict) -> None:
         """Return to what was learned before a sensor became faulty; deflections it spoiled start again from rest."""
-        spoiled = [i for i, stream, _, _ in self._base if stream in verdict.newly_refused]
-        if any(stream in verdict.newly_refused for stream in self._body_streams):
+        spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
+        if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.arrangement.mounts)))
         if spoiled and self._calm:
             self._deflection.load(restarted(self._deflection.save(), self._calm[0], spoiled))
@@ -398,16 +367,6 @@ class Pipeline:
             self._next_copy = self._run_time + _TAKE_BACK
             self._taken_back += 1
 
-    def _watch_input(self, block: Block, dt: float) -> None:
-        count_unfit(block.values, block.valid, *self._full_scale, self._invalid, self._clipped)
-        self._since_variance += len(block.values) * dt
-        if self._since_variance >= 1.0 or self._ticks == 0:
-            self._since_variance = 0.0
-            for n, i in enumerate(self._body_streams):
-                stated = self._aligner.variance(int(i))
-                if stated is not None and len(stated) >= 3 and all(np.isfinite(v) and v > 0.0 for v in stated[:3]):
-                    self._motion.set_variance(n, np.array(stated[:3], dtype=float))
-
     def _motion_at_mounts(self, motion: MotionBlock) -> Array:
         """Return the specific force of the body at its mounts, shape (K, M, 3)."""
         result = np.empty((len(motion.motion), len(self.arrangement.mounts), 3))
@@ -417,14 +376,14 @@ class Pipeline:
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
-        turn_channels(block.values, block.valid, *self._base_layout, base, base_ok)
+        turn_channels(block.values, block.valid, *self._layout.base_arrays, base, base_ok)
         measured = base_ok
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         if self._tilting.learns and self._tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
             self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
-        for i, axis, stream, start in self._transducers:
+        for i, axis, stream, start in self._layout.transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
         expected = np.zeros((count, 3))
@@ -487,29 +446,7 @@ class Pipeline:
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
         doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else ""
-        return (self._mass_estimate(), *(self._absolute(e, doubt) for e in self._parameters.estimates()))
-
-    def _absolute(self, estimate: Estimate, doubt: str) -> Estimate:
-        """Return an estimate for the present mass; its standard deviation knows that of the mass."""
-        factor, relative = self._anchor.factor()
-        value = estimate.value * factor
-        std = float(np.hypot(estimate.std * factor, value * relative))
-        status, reason = estimate.status, estimate.reason
-        if not self._anchor.anchored and status in (Status.VALID, Status.ESTIMATING):
-            status, reason = (
-                Status.NOT_IDENTIFIABLE,
-                "only its ratio to the mass can be told; the value holds for the file's mass",
-            )
-        if doubt and status is Status.VALID:
-            status, reason = Status.SUSPECT, doubt
-        return dataclasses.replace(estimate, value=value, std=std, status=status, reason=reason)
-
-    def _mass_estimate(self) -> Estimate:
-        body = self.arrangement.body
-        factor, relative = self._anchor.factor()
-        status, reason = self._anchor.status()
-        mass = body.mass.value * factor
-        return Estimate(f"{body.name}.mass", mass, mass * relative, "kg", body.mass.value, status, reason, self._stamp)
+        return (self._anchor.mass(self._stamp), *(self._anchor.absolute(e, doubt) for e in self._parameters.estimates()))
 
     def identifiability(self) -> dict[str, Any]:
         """Return what the data can and cannot tell, in words."""
@@ -529,14 +466,8 @@ class Pipeline:
         ratio = {
             s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)
         }
-        streams = self._aligner.health()
-        sensors = {}
-        for i, s in enumerate(self._sensors):
-            h = streams[s.name]
-            sensors[s.name] = SensorHealth(
-                s.name, h.accepted, h.rejected, h.rate_hz, h.gaps, h.longest_gap_s, h.silent, int(self._clipped[i]),
-                int(self._invalid[i]), ratio.get(s.name, 0.0), dict(self._gate.refused.get(i, {})),
-            )  # fmt: skip
+        watch, refused = self._watch, self._gate.refused
+        sensors = sensor_health(self._aligner.health(), watch.clipped.tolist(), watch.invalid.tolist(), ratio, refused)
         messages = self._swaps.messages() + self._gate.messages() + self._bases.messages()
         messages += [m for m in (residual_message(test),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
