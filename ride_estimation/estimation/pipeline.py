@@ -469,7 +469,7 @@ class Pipeline:
         watch, refused = self._watch, self._gate.refused
         sensors = sensor_health(self._aligner.health(), watch.clipped.tolist(), watch.invalid.tolist(), ratio, refused)
         messages = self._swaps.messages() + self._gate.messages() + self._bases.messages()
-        messages += [m for m in (residual_message(test),) if m]
+        messages += [m for m in (residual_message(test, {n: sensors[n].rate_hz for n in ratio}),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
         if self._taken_back:
