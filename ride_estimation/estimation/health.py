@@ -17,6 +17,10 @@ from ride_estimation.signals.streams import StreamHealth
 Array = NDArray[np.float64]
 
 
+#: share of the fastest rate below which a sensor is slower than the others
+_SLOWER = 0.8
+
+
 @dataclasses.dataclass(frozen=True)
 class SensorHealth:
     """One sensor since the start: counts of ticks and samples, rate, what was rejected and why.
@@ -92,10 +96,36 @@ class Health:
         return not self.messages
 
 
-def residual_message(test: ResidualTest) -> str:
-    """Return the residual test in words, empty where it passed."""
+def residual_message(test: ResidualTest, rates_hz: Mapping[str, float]) -> str:
+    """Return the residual test in words, empty where it passed.
+
+    Parameters
+    ----------
+    test
+        The test.
+    rates_hz
+        Sampling rate of the sensors that took part [Hz]: one that is slower sees less of the quick motion.
+    """
     if test.passed:
         return ""
+    return _disagreement(test) + _slower(rates_hz)
+
+
+def _slower(rates_hz: Mapping[str, float]) -> str:
+    """Return what sensors that sample more slowly than the others have to do with it, empty where there are none."""
+    fastest = max(rates_hz.values(), default=0.0)
+    slow = {name: rate for name, rate in rates_hz.items() if 0.0 < rate < _SLOWER * fastest}
+    if not slow:
+        return ""
+    names = ", ".join(f"{name} samples at {rate:.0f} Hz" for name, rate in slow.items())
+    return (
+        f"; {names} where others do at {fastest:.0f} Hz: quick motion that it does not see looks like an error of gain or mounting. "
+        "Filter all sensors of a body alike"
+    )
+
+
+def _disagreement(test: ResidualTest) -> str:
+    """Return the test that failed in words."""
     if test.fault is not None:
         return _fault_message(test.fault)
     size = np.sqrt(test.ratio)

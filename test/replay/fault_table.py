@@ -262,6 +262,6 @@ TABLE: tuple[Fault, ...] = (
     Fault("zero covariance", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=0.0)]), ""),
     Fault("covariance -1 with data", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=-1.0)]),
           f"{CAB}: covariance_says_not_provided"),
-    Fault("half rate", _half_rate, ""),
-    Fault("mixed rates", _mixed, ""),
+    Fault("half rate", _half_rate, f"{CAB} samples at 50 Hz where others do at 100 Hz", True),
+    Fault("mixed rates", _mixed, "samples at 50 Hz where others do at 100 Hz", True),
 )  # fmt: skip

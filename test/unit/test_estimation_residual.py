@@ -68,7 +68,7 @@ def test_ordinary_sensors_are_no_reason_to_worry(seed):
     test = observed(seed, measured(seed)).residual_test()
     assert test.passed
     assert test.fault is None
-    assert residual_message(test) == ""
+    assert residual_message(test, {}) == ""
 
 
 def faults(sensor):
@@ -96,7 +96,7 @@ def test_one_wrong_sensor_is_found_and_named_with_its_error(seed, what):
     assert test.fault is not None
     assert test.sensor == CULPRIT
     assert test.fault.kind == kind
-    text = residual_message(test)
+    text = residual_message(test, {})
     assert CULPRIT in text
     words = test.fault.amount.replace("turned by ", "").replace("gain of", "").split()
     value, std = (float(words[words.index("+-") + k]) for k in (-1, 1))
@@ -111,3 +111,11 @@ def test_what_was_found_survives_a_restart():
     again = estimator_of(believed_vehicle(data, seed=50))
     again.load(json.loads(json.dumps(first.save())))
     assert again.residual_test().fault == first.residual_test().fault
+
+
+def test_slower_sensor_is_no_faulty_one_without_its_rate_being_said():
+    """A sensor that samples at half the rate sees less of quick motion: whatever the test finds, the sentence says so."""
+    test = observed(50, measured(50, gain=1.03)).residual_test()
+    assert "samples at" not in residual_message(test, dict.fromkeys(("a", CULPRIT), 100.0))
+    text = residual_message(test, {"a": 100.0, CULPRIT: 50.0})
+    assert f"{CULPRIT} samples at 50 Hz where others do at 100 Hz" in text
