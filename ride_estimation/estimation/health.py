@@ -119,8 +119,8 @@ def _slower(rates_hz: Mapping[str, float]) -> str:
         return ""
     names = ", ".join(f"{name} samples at {rate:.0f} Hz" for name, rate in slow.items())
     return (
-        f"; {names} where others do at {fastest:.0f} Hz: quick motion that it does not see looks like an error of gain or mounting. "
-        "Filter all sensors of a body alike"
+        f"; {names} where others do at {fastest:.0f} Hz: quick motion that it does not see looks like an error of gain or "
+        "mounting. Filter all sensors of a body alike"
     )
 
 
