@@ -84,12 +84,12 @@ def effective_mass(pivot_inertia: float, arm: float) -> float:
     Document 001 uses the static load over g instead, 0.89 to 1.12 of this.
     """
     if pivot_inertia <= 0.0 or arm <= 0.0:
-        raise InputDataError("inertia and arm must be positive")
+        raise InputDataError(f"pivot inertia {pivot_inertia:g} kg m^2 and arm {arm:g} m; allowed: both greater than zero")
     return pivot_inertia / arm**2
 
 
 def damping_constant(damping_ratio: float, stiffness: float, mass: float) -> float:
     """Return ``c = 2 zeta sqrt(k m)`` [N s/m]."""
     if stiffness <= 0.0 or mass <= 0.0:
-        raise InputDataError("stiffness and mass must be positive")
+        raise InputDataError(f"stiffness {stiffness:g} N/m and effective mass {mass:g} kg; allowed: both greater than zero")
     return 2.0 * damping_ratio * math.sqrt(stiffness * mass)

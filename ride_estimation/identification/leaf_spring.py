@@ -31,7 +31,10 @@ def semi_elliptic_rate(
         Young's modulus E [Pa].
     """
     if min(span, width, thickness, modulus) <= 0.0 or leaves < 1:
-        raise InputDataError("span, width, thickness, modulus and number of leaves must be positive")
+        raise InputDataError(
+            f"span {span:g} m, width {width:g} m, thickness {thickness:g} m, modulus {modulus:g} Pa, {leaves} leaves; "
+            "allowed: all of them greater than zero"
+        )
     rate = 8.0 * modulus * leaves * width * thickness**3 / (3.0 * span**3)
     return Prior(rate, relative_std * rate, source="leaf geometry")
 

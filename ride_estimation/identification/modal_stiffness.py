@@ -28,7 +28,9 @@ LEAST_SLOPE = 0.1
 def equivalent_stiffness(frequency_hz: float, mass: float, mounts: int) -> float:
     """Return the stiffness per mount ``k = m (2 pi f)^2 / n`` [N/m] of a translational mode (eq. (6)-(8) inverted)."""
     if frequency_hz <= 0.0 or mass <= 0.0 or mounts < 1:
-        raise InputDataError("frequency, mass and number of mounts must be positive")
+        raise InputDataError(
+            f"frequency {frequency_hz:g} Hz, mass {mass:g} kg, {mounts} mounts; allowed: all of them greater than zero"
+        )
     return mass * (2.0 * math.pi * frequency_hz) ** 2 / mounts
 
 
@@ -163,8 +165,11 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
     InputDataError
         Unknown mode name or frequency that is not positive.
     """
-    if not measured_hz or any(not value > 0.0 for value in measured_hz.values()):
-        raise InputDataError("at least one measured mode with a positive frequency is needed")
+    if not measured_hz:
+        raise InputDataError("no measured mode given; at least one is needed")
+    wrong = [f"{name} {value:g} Hz" for name, value in measured_hz.items() if not value > 0.0]
+    if wrong:
+        raise InputDataError(f"measured modes: {', '.join(wrong)}; allowed: frequencies greater than zero")
     compare_modes(measured_hz, labelled_frequencies(vehicle))
     axes = [a for a in AXES if any(a in m.elements for m in vehicle.mounts.values())]
 

@@ -26,6 +26,8 @@ _INERTIA = 0.1  # of an inertia known from CAD where the vehicle file states non
 _ADDED_SHARE = 0.1  # added mass of the proposed second run over the mass of the body
 #: relative standard deviation of a reference that states none; air springs carry their share of the weight within 3 %
 _REFERENCE_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.042}
+#: a vehicle whose lowest mode is above this is not suspended [Hz]; earth-moving machines on tyres have 1 to 4 Hz
+_STIFFEST_RIDE = 25.0
 _RUN_SENSORS = ("accelerometer", "imu", "displacement")
 
 
@@ -217,6 +219,12 @@ def _layouts(vehicle: Vehicle) -> tuple[str, ...]:
 
 def _warnings(vehicle: Vehicle, cells: Mapping[str, float]) -> tuple[str, ...]:
     words = [f"the vehicle as described does not stand: {motion}" for motion in unheld_motions(assemble(vehicle))]
+    lowest = min(m.frequency_hz for m in undamped_modes(linearise(assemble(vehicle))))
+    if lowest > _STIFFEST_RIDE:
+        words.append(
+            f"no mode lies below {_STIFFEST_RIDE:g} Hz, the lowest is at {lowest:.3g} Hz: nothing is suspended like this; "
+            "check the units of stiffness and mass"
+        )
     words += _refused(vehicle)
     mounts = list(vehicle.mounts.values())
     for i, first in enumerate(mounts):

@@ -82,7 +82,9 @@ def stiffness_ratio(model_hz: float, measured_hz: float) -> str:
     ``(k/m)_true = (k/m)_model (f_measured / f_model)^2``.
     """
     if model_hz <= 0.0 or measured_hz <= 0.0:
-        raise InputDataError("natural frequencies must be positive")
+        raise InputDataError(
+            f"natural frequencies {model_hz:g} Hz (model) and {measured_hz:g} Hz (measured); allowed: both greater than zero"
+        )
     factor = (measured_hz / model_hz) ** 2
     return (
         f"the model's mode at {model_hz:.3g} Hz is measured at {measured_hz:.3g} Hz: "

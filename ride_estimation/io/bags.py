@@ -73,6 +73,9 @@ def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False)
     for topic, count in sorted(source.counts.items()):
         if topic not in by_topic and count:
             ignored[f"topic {topic} ({source.types[topic]}) belongs to no sensor of the vehicle file"] = count
+    if not by_topic:
+        topics = ", ".join(f"{t} ({n} messages)" for t, n in sorted(source.counts.items()) if n)
+        raise InputDataError(f"{path}: the vehicle file has no sensors, so nothing can be read; topics: {topics}")
     channels: dict[str, Channel] = {}
     for topic, sensors in by_topic.items():
         if topic in collected:

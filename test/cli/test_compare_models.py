@@ -2,6 +2,7 @@
 """End to end: ``ride-estimation compare-models`` on a quarter car recorded as bags."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,6 +50,12 @@ def test_laws_of_the_literature_join_the_table(bags, capsys):
     text = capsys.readouterr().out
     for name in ("Zener", "Voigt + two Maxwell", "Voigt + fractional", "Voigt + Bouc-Wen"):
         assert name in text
+
+
+def test_a_vehicle_file_without_sensors_is_named_as_the_reason(bags, capsys):
+    half_car = str(Path(__file__).parents[2] / "config" / "vehicles" / "half_car.yaml")
+    assert main(["compare-models", bags[1][0], "--vehicle", half_car]) == 2
+    assert "the vehicle file has no sensors, so nothing can be read; topics: /axle/accel" in capsys.readouterr().err
 
 
 def test_a_missing_bag_ends_with_code_2(bags, tmp_path, capsys):

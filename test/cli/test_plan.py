@@ -73,6 +73,11 @@ def test_degenerate_layouts_are_named(tmp_path, capsys):
     assert "rank 6 of 24" in text
 
 
+def test_stiffness_in_a_unit_nobody_means_is_doubted(tmp_path, capsys):
+    text = planned(written(tmp_path, TEXT.replace("stiffness_n_per_m", "stiffness_kgf_per_mm")), capsys)
+    assert "the lowest is at 114 Hz: nothing is suspended like this; check the units" in text
+
+
 def test_a_declared_added_mass_and_a_load_cell_anchor_the_plan(tmp_path, capsys):
     start = TEXT[: TEXT.index("force_references:")]
     added = "force_references:\n  - {kind: known_added_mass, body: cab, mass_kg: 100.0, from_s: 30.0}\n"

@@ -160,6 +160,16 @@ def test_impossible_weights_are_named(weight, message, capsys):
     assert message in capsys.readouterr().err
 
 
+def test_an_arm_of_zero_and_a_negative_mode_are_named(tmp_path, capsys):
+    t = np.arange(0, 8, 0.002)
+    file = write(tmp_path / "drop.csv", "time_s,motion_mm", t, np.exp(-0.6 * t) * np.cos(10.0 * t))
+    options = ["--stiffness-n-per-m", "8e5", "--pivot-inertia-kg-m2", "9000", "--arm-m", "0"]
+    assert main(["procedure", "drop-test", file, *options]) == 2
+    assert "arm 0 m; allowed: both greater than zero" in capsys.readouterr().err
+    assert main(["procedure", "modes", "--vehicle", VEHICLE, "--measured", "bounce=-2"]) == 2
+    assert "bounce -2 Hz; allowed" in capsys.readouterr().err
+
+
 def test_a_missing_file_ends_with_code_2(tmp_path, capsys):
     assert main(["procedure", "tyre-lift", str(tmp_path / "none.csv")]) == 2
     assert "cannot be read" in capsys.readouterr().err

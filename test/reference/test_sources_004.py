@@ -27,7 +27,7 @@ def random_phase_road(seed, roughness, waviness, length=2000.0, spacing=0.05):
 
 @pytest.mark.parametrize(("roughness", "waviness", "letter"), ROADS)
 def test_class_of_24_roads_and_their_mean_roughness(roughness, waviness, letter):
-    """J1: 2 km, 6 seeds: class of every road, 3 % and 0.02 of the mean; of one road alone no estimator could tell them so well."""
+    """J1: 2 km, 6 seeds: class of every road, 3 % and 0.02 of the mean; one road alone cannot tell them so well."""
     fits = []
     for seed in range(6):
         road = random_road(2000.0, seed, roughness=roughness, waviness=waviness, spacing=0.05, band=(0.005, 8.0))

@@ -45,6 +45,15 @@ def test_quarter_car_total_inertia_force_is_the_tyre_force():
     assert force.sum() == pytest.approx(-tension[tyre], abs=1e-9)  # N
 
 
+def test_body_velocity_alone_gives_no_tyre_force():
+    """Row 2-1: as printed the tyre damper would see the body; force of every element at a velocity of the body of 1 m/s."""
+    assembly = assemble(load("quarter_car"))
+    rate = assembly.deflection_map @ np.array([1.0 if body == "body" else 0.0 for body, _ in assembly.coordinates])
+    tension = dict(zip(assembly.components, (e.force(e.initial(), 0.0, float(v)) for e, v in zip(assembly.elements, rate))))
+    assert tension[("tyre", "z")] == 0.0
+    assert tension[("suspension", "z")] == pytest.approx(2.0e4)  # N
+
+
 def test_quarter_car_modes_are_those_of_the_literature_set():
     found = modes(linearise(assemble(load("quarter_car"))))
     assert [m.label for m in found] == ["body bounce", "axle bounce"]
@@ -79,10 +88,13 @@ def test_planar_cab_with_seat_has_the_matrices_of_document_001(name):
     np.testing.assert_allclose(model.damping, planar_matrix(vehicle, 1), rtol=1e-10, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["planar_cab_seat_set_a", "planar_cab_seat_set_b"])
-def test_both_assumed_sets_reach_the_modes_document_001_states(name):
+@pytest.mark.parametrize(
+    ("name", "stated"), [("planar_cab_seat_set_a", [1.0, 4.508, 21.7]), ("planar_cab_seat_set_b", [1.0, 4.5, 21.7])]
+)
+def test_both_assumed_sets_reach_the_modes_document_001_states(name, stated):
+    """Row 1-19; stiffness of the sets is given to three figures, 0.05 % of a frequency. The document states 1.0, 4.5, 21.7 Hz."""
     found = [m.frequency_hz for m in undamped_modes(linearise(assemble(load(name))))]
-    np.testing.assert_allclose(found, [1.0, 4.5, 21.7], rtol=0.003)  # Hz, Fig. 3.14 and 6.1
+    np.testing.assert_allclose(found, stated, rtol=5e-4)
 
 
 def machine_state_matrix(vehicle, misprints=False):
