@@ -4,7 +4,9 @@
 In the plane a rigid frame has three accelerations, so N bases leave 2 N - 3 spare equations: longitudinal motion is linear in y,
 lateral in x. How far a frame bends and its brackets tilt is its own affair; what counts is the residual, relative to the motion,
 now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have nothing to spare.
-A sensor whose error explains the rise is treated as missing; where none does, nothing is learned meanwhile.
+A faulty sensor still answers to the motion, late, turned or too strongly, so its residual follows from the motion of the others
+and their rate; a bump that bends the frame at one mount does not. A sensor whose error explains the rise is treated as missing;
+where none does, nothing is learned meanwhile.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ _SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
 _OUTLIER = 4.0
 #: share of the residual one sensor must explain, and how much less every other must
 _EXPLAINED, _RIVAL = 0.7, 0.9
+#: share of the residual that must follow from the motion, of the sensor that is blamed or else of all together
+_FOLLOWS = 0.7
 #: longest doubt without a culprit: what stays as it is belongs to this vehicle and its road [s]
 _LONGEST = 60.0
 
@@ -85,6 +89,8 @@ class BaseCheck:
         self._filter: tuple[float, Array, Array] | None = None
         self._state = np.zeros((0, 0))
         self._size, self._moments = 0.0, np.zeros_like(self._project)
+        #: products of rigid motion, its change from tick to tick and residual, (6 N, 6 N), and the last rigid motion
+        self._joint, self._before = np.zeros((3 * len(self._project), 3 * len(self._project))), np.zeros(0)
         self._run, self._age, self._doubted = 0.0, 0.0, 0.0
         self.refused: int | None = None
         self.unusual = False
@@ -104,7 +110,7 @@ class BaseCheck:
         if not self.possible:
             return verdict
         if not verdict.valid[:, self._streams].all():
-            self._state = np.zeros((0, 0))  # the filter begins anew
+            self._state, self._before = np.zeros((0, 0)), np.zeros(0)  # the filter begins anew
             if self.refused is None:
                 return verdict
         else:
@@ -129,6 +135,15 @@ class BaseCheck:
         residual = moving @ self._project
         self._size += gain * (float(np.mean(moving**2)) - self._size)
         self._moments += gain * (residual.T @ residual / len(residual) - self._moments)
+        rigid = moving - residual
+        if not self._before.size:
+            self._before = rigid[0]
+        change = np.diff(rigid, axis=0, prepend=self._before[None])
+        self._before = rigid[-1]
+        joint = np.hstack([rigid, change, residual])
+        # weighted by the residual: what was before a fault says nothing of how it follows from the motion
+        weight = float(np.mean(residual**2)) * len(self._project) / (self._spare * (self._noise + _SHARE**2 * self._size))
+        self._joint += gain * (weight * (joint.T @ joint) / len(joint) - self._joint)
         usual = self._noise + _SHARE**2 * self._size
         ratio = float(np.trace(self._moments)) / (self._spare * usual)
         if self._size < _MOVING**2:
@@ -143,6 +158,7 @@ class BaseCheck:
         self._doubted = self._doubted + duration if self.unusual else 0.0
         was = self.unusual
         self.unusual = bool(over > (_ENDS if was else _BEGINS) and ratio > _MATTERS**2 * (_ENDS / _BEGINS if was else 1.0))
+        self.unusual = self.unusual and (was or self._following()[1] > _FOLLOWS)
         if self._doubted > _LONGEST and self.refused is None:
             self._run, self.unusual = ratio, False
         if not self.unusual:
@@ -170,7 +186,22 @@ class BaseCheck:
         explained = np.array([float(np.sum(inverse * p)) for inverse, p in zip(self._inverse, part)]) / max(total, 1e-30)
         best = int(np.argmax(explained))
         rival = float(np.delete(explained, best).max())
-        return best if explained[best] > _EXPLAINED and rival < _RIVAL * explained[best] else None
+        tells = explained[best] > _EXPLAINED and rival < _RIVAL * explained[best]
+        return best if tells and self._following()[0][best] > _FOLLOWS else None
+
+    def _following(self) -> tuple[Array, float]:
+        """Return which share of the residual follows from the rigid motion, of every sensor (N,) and of all together."""
+        n = len(self._sensors)
+        explained = np.zeros(n)
+        for i in range(n):
+            own = np.array([2 * i, 2 * i + 1])
+            cause, effect = np.concatenate([own, 2 * n + own]), 4 * n + own
+            normal, mixed = self._joint[np.ix_(cause, cause)], self._joint[np.ix_(cause, effect)]
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-30))
+            inverse = np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-9, hermitian=True)
+            explained[i] = float(np.sum(mixed * (inverse @ (mixed * scale[:, None]) * scale[:, None])))
+        size = np.diag(self._joint)[4 * n :].reshape(n, 2).sum(axis=1)
+        return explained / np.maximum(size, 1e-30), float(explained.sum() / max(float(size.sum()), 1e-30))
 
     def messages(self) -> list[str]:
         """Return one sentence per sensor that was left out, and one where it is open which is wrong."""
