@@ -210,28 +210,29 @@ class MassAnchor:
         mass = body.mass.value * factor
         return Estimate(f"{body.name}.mass", mass, mass * relative, "kg", body.mass.value, status, reason, stamp_ns)
 
-    def absolute(self, estimate: Estimate, doubt: str) -> Estimate:
-        """Return an estimate, made for the file's mass, for the present one.
+    def absolute(self, estimates: Sequence[Estimate], doubt: str) -> list[Estimate]:
+        """Return estimates, made for the file's mass, for the present one.
 
         Parameters
         ----------
-        estimate
-            A stiffness or damping; its standard deviation does not know that of the mass, that of the result does.
+        estimates
+            Stiffnesses and dampings; their standard deviations do not know that of the mass, those of the result do.
         doubt
             Why nothing that was learned is called valid, empty where nothing speaks against it.
         """
-        factor, relative = self.factor()
-        value = estimate.value * factor
-        std = float(np.hypot(estimate.std * factor, value * relative))
-        status, reason = estimate.status, estimate.reason
-        if not self.anchored and status in (Status.VALID, Status.ESTIMATING):
-            status, reason = (
-                Status.NOT_IDENTIFIABLE,
-                "only its ratio to the mass can be told; the value holds for the file's mass",
-            )
-        if doubt and status is Status.VALID:
-            status, reason = Status.SUSPECT, doubt
-        return dataclasses.replace(estimate, value=value, std=std, status=status, reason=reason)
+        (factor, relative), anchored, found = self.factor(), self.anchored, []
+        for e in estimates:
+            value, status, reason = e.value * factor, e.status, e.reason
+            if not anchored and status in (Status.VALID, Status.ESTIMATING):
+                status, reason = (
+                    Status.NOT_IDENTIFIABLE,
+                    "only its ratio to the mass can be told; the value holds for the file's mass",
+                )
+            if doubt and status is Status.VALID:
+                status, reason = Status.SUSPECT, doubt
+            std = math.hypot(e.std * factor, value * relative)
+            found.append(Estimate(e.name, value, std, e.unit, e.prior, status, reason, e.stamp_ns))
+        return found
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

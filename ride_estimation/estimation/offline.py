@@ -204,8 +204,10 @@ def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str
 ) -> OfflineRun:
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
-    signals["cg_accel_std"] = np.concatenate([b.cg_accel_std for b in blocks])
-    signals["inertial_load_std"] = np.concatenate([np.tile(b.inertial_load_std, (len(b.stamp_ns), 1)) for b in blocks])
+    ticks = [len(b.stamp_ns) for b in blocks]
+    for name in ("cg_accel", "inertial_load"):
+        variance = np.array([getattr(b, f"{name}_covariance").diagonal() for b in blocks])
+        signals[f"{name}_std"] = np.repeat(np.sqrt(variance), ticks, axis=0)
     sensors = list(blocks[0].measured)
     return OfflineRun(
         mount_names=pipeline.arrangement.mount_names,

@@ -256,6 +256,7 @@ class Pipeline:
         measured = np.take(block.values, self._layout.body_columns, axis=1)
         gyro = np.take(block.values, self._layout.gyro_columns, axis=1)
         there = np.take(block.valid, self._layout.body_streams, axis=1)
+        self._motion.doubted = bool(verdict.suspects)
         motion = self._motion.observe(measured, gyro, there, dt)
         motion = self._doubted(motion, verdict, ticks * dt)
         self._rate = motion.rate[-1]
@@ -446,7 +447,7 @@ class Pipeline:
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
         doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else ""
-        return (self._anchor.mass(self._stamp), *(self._anchor.absolute(e, doubt) for e in self._parameters.estimates()))
+        return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
 
     def identifiability(self) -> dict[str, Any]:
         """Return what the data can and cannot tell, in words."""
