@@ -132,6 +132,7 @@ class Selector:
         self._dof = float(calibrated.scene.block_dof[self._blocks].sum())
         self._fitter = FullFitter(calibrated, splits, self._dof)
         self._progress = progress or (lambda share: None)
+        self._rounds: list[Round] = []
         fit, regression = calibrated.fit, calibrated.regression
         self.base_misfit = regression.misfit(regression.grams, self._blocks, fit.coefficients)
         alone = regression.fit(regression.grams, splits.fit)
@@ -146,7 +147,6 @@ class Selector:
     def run(self) -> Selection:
         """Run forward selection; after every further cause the earlier ones are contested again."""
         accepted: FullFit | None = None
-        self._rounds: list[Round] = []
         contests: dict[Identity, Round] = {}
         for number in range(self._settings.maximum_causes):
             current = self._round(accepted)
