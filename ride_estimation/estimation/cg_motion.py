@@ -47,6 +47,8 @@ _RATE_KNOWN = 0.03
 _LONGEST = 100
 #: memory of the residual test [s]
 _TEST_MEMORY = 60.0
+#: longest time for which attitude and rates wait for the verdict on a gross error [s]
+_HOLD = 0.5
 #: ticks of them that say something
 _LEAST_SUMS = 50.0
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
@@ -160,6 +162,9 @@ class CgMotionEstimator:
         self._free_rows = np.ascontiguousarray(accelerometers[:, self._free])
         self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
+        #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
+        self.doubted = False
+        self._held = 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -241,10 +246,15 @@ class CgMotionEstimator:
         samples = np.ascontiguousarray(samples)
         body_gyro = self._body_rates(gyro)
         covariance = np.zeros((6, 6))
+        # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
+        before = self._state.copy() if self.doubted and self._held < _HOLD else None
         start = 0
         for stop in _stops(valid):
             covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
             start = stop
+        self._held = self._held + ticks * dt if self.doubted else 0.0
+        if before is not None:
+            self._state = before
         tilt_variance = float(self._p_tilt[0, 0]) if self._observed_tilt else 0.0
         return dataclasses.replace(out, covariance=covariance, tilt_variance=tilt_variance)
 
@@ -289,9 +299,10 @@ class CgMotionEstimator:
             out.valid[where] = False
         predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
         rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
-        if weights.rank == needed and mask.all() and not rate_known:
+        complete = weights.rank == needed and bool(mask.all()) and not self.doubted
+        if complete and not rate_known:
             self._early.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
-        if weights.rank == needed and mask.all() and rate_known:
+        if complete and rate_known:
             self._sums.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
             self._faults.observe(y, motion, rate, dt)
         else:
