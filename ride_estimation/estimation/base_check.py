@@ -1,12 +1,12 @@
 # Copyright 2026 ride_estimation contributors
 """Faults of base sensors that come while driving: horizontal motion of the bases against the usual one of a nearly rigid frame.
 
-In the plane a rigid frame has three accelerations, so N bases leave 2 N - 3 spare equations: longitudinal motion is linear in y,
-lateral in x. How far a frame bends and its brackets tilt is its own affair; what counts is the residual, relative to the motion,
-now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have nothing to spare.
-A faulty sensor still answers to the motion, late, turned or too strongly, so its residual follows from the motion of the others
-and their rate; a bump that bends the frame at one mount does not. A sensor whose error explains the rise is treated as missing;
-where none does, nothing is learned meanwhile.
+In the plane a rigid frame has three accelerations, so N bases leave 2 N - 3 spare equations: longitudinal motion is linear in
+y, lateral in x. How far a frame bends and its brackets tilt is its own affair; what counts is the residual, relative to the
+motion, now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have nothing to
+spare. A faulty sensor still answers to the motion, late, turned or too strongly, so its residual follows from the motion of the
+others now and a little earlier; a bump that bends the frame at one mount does not. A sensor whose error explains the rise is
+treated as missing; where none does, nothing is learned meanwhile.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ _OUTLIER = 4.0
 _EXPLAINED, _RIVAL = 0.7, 0.9
 #: share of the residual that must follow from the motion, of the sensor that is blamed or else of all together
 _FOLLOWS = 0.7
+#: how much earlier that may be [s]: between and a little beyond, two samples of a motion of a few hertz tell the others
+_EARLIER = 0.02
 #: longest doubt without a culprit: what stays as it is belongs to this vehicle and its road [s]
 _LONGEST = 60.0
 
@@ -89,8 +91,8 @@ class BaseCheck:
         self._filter: tuple[float, Array, Array] | None = None
         self._state = np.zeros((0, 0))
         self._size, self._moments = 0.0, np.zeros_like(self._project)
-        #: products of rigid motion, its change from tick to tick and residual, (6 N, 6 N), and the last rigid motion
-        self._joint, self._before = np.zeros((3 * len(self._project), 3 * len(self._project))), np.zeros(0)
+        #: products of rigid motion now and earlier and of the residual, (6 N, 6 N), and the last rigid motion
+        self._joint, self._before = np.zeros((3 * len(self._project), 3 * len(self._project))), np.zeros((0, 0))
         self._run, self._age, self._doubted = 0.0, 0.0, 0.0
         self.refused: int | None = None
         self.unusual = False
@@ -110,7 +112,7 @@ class BaseCheck:
         if not self.possible:
             return verdict
         if not verdict.valid[:, self._streams].all():
-            self._state, self._before = np.zeros((0, 0)), np.zeros(0)  # the filter begins anew
+            self._state, self._before = np.zeros((0, 0)), np.zeros((0, 0))  # the filter begins anew
             if self.refused is None:
                 return verdict
         else:
@@ -136,11 +138,12 @@ class BaseCheck:
         self._size += gain * (float(np.mean(moving**2)) - self._size)
         self._moments += gain * (residual.T @ residual / len(residual) - self._moments)
         rigid = moving - residual
-        if not self._before.size:
-            self._before = rigid[0]
-        change = np.diff(rigid, axis=0, prepend=self._before[None])
-        self._before = rigid[-1]
-        joint = np.hstack([rigid, change, residual])
+        lag = max(1, round(_EARLIER / dt))
+        if len(self._before) != lag:
+            self._before = np.tile(rigid[0], (lag, 1))
+        course = np.concatenate([self._before, rigid])
+        self._before = course[-lag:]
+        joint = np.hstack([rigid, course[: len(rigid)], residual])
         # weighted by the residual: what was before a fault says nothing of how it follows from the motion
         weight = float(np.mean(residual**2)) * len(self._project) / (self._spare * (self._noise + _SHARE**2 * self._size))
         self._joint += gain * (weight * (joint.T @ joint) / len(joint) - self._joint)
