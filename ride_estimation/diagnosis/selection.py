@@ -329,8 +329,11 @@ class Selector:
         # a second cause of a few per cent may be the part of the first that its law describes badly
         share_of_all = (before - best.fit.misfit) / max(self.base_misfit - floor, 1e-9)
         elsewhere = accepted is None or not any(_same_place(best.hypothesis, f.hypothesis) for f in accepted.fitted)
-        least = _MINOR if elsewhere and current.own > _OWN else self._settings.relevance
-        return mean_only or (removed > self._settings.relevance and share_of_all > least)
+        its_own = elsewhere and current.own > _OWN
+        # what a badly described law leaves is not explained down to the noise by a cause at another place
+        whole = its_own and removed > 1.0 - self._settings.unexplained
+        least = _MINOR if its_own else self._settings.relevance
+        return mean_only or whole or (removed > self._settings.relevance and share_of_all > least)
 
     def _without_idle(self, fit: FullFit) -> FullFit:
         """Return the fit without hypotheses that the others make unnecessary (backward check)."""
