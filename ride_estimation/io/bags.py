@@ -313,7 +313,8 @@ def _missing_text(path: Path, source: BagSource, missing: Sequence[Sensor], igno
             why = "; ".join(reasons) or empty
         lines.append(f"  - {sensor.name}: {why}")
     there = [f"{topic} ({source.types[topic]}, {count} messages)" for topic, count in sorted(source.counts.items())]
+    sensors = "1 sensor" if len(missing) == 1 else f"{len(missing)} sensors"
     return (
-        f"{path}: {len(missing)} sensors of the vehicle file contributed nothing\n" + "\n".join(lines)
+        f"{path}: {sensors} of the vehicle file contributed nothing\n" + "\n".join(lines)
         + f"\n  topics in the run: {', '.join(there)}"
     )
