@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEP_LIMITS = (0.4, 2.5)  # smallest and largest factor of one Gauss-Newton step
+_DAMPED_STD = 0.02  # standard deviation of a damped step of ln k and ln c
+_DAMPED = 3  # largest number of damped steps in which errors of sensors, tilts and bodies are found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,6 +77,27 @@ def _port_regression(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Ad
     std = np.array([a.prior_std for a in adjustables])
     offset = np.array([a.offset for a in adjustables])
     return adjustables, Regression(scene.residual, rows, np.zeros(0), np.zeros((0, len(adjustables))), std, offset)
+
+
+def _damped(regression: Regression, adjustables: tuple[Adjustable, ...]) -> Regression:
+    """Return the regression with stiffness and damping drawn to where they are instead of to the file."""
+    std, offset = regression.prior_std.copy(), regression.prior_offset.copy()
+    ports = [i for i, a in enumerate(adjustables) if a.kind in ("stiffness", "damping")]
+    std[ports], offset[ports] = _DAMPED_STD, 0.0
+    return Regression(
+        regression.residual, regression.columns, regression.mean_residual, regression.mean_columns, std, offset
+    )
+
+
+def _idle(
+    regression: Regression, adjustables: tuple[Adjustable, ...], blocks: IntArray, fit: Fit, settings: Settings
+) -> bool:
+    """Return whether stiffness and damping could as well stay where they are: the run would hardly notice."""
+    held = _damped(regression.with_temper(1.0), adjustables).with_temper(regression.temper)
+    staying, moving = (
+        regression.misfit(regression.grams, blocks, f.coefficients) for f in (held.fit(held.grams, blocks), fit)
+    )
+    return staying - moving < 2.0 * settings.significance * regression.temper
 
 
 def step_factor(value: float) -> float:
@@ -149,7 +172,7 @@ def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: 
 
 
 def calibrate(
-    plant: Plant, data: Measurement, settings: Settings, blocks: IntArray | None = None, iterations: int = 8
+    plant: Plant, data: Measurement, settings: Settings, blocks: IntArray | None = None, iterations: int = 10
 ) -> Calibrated:
     """Fit stiffness and damping of every port by output error, all tolerances free within their priors.
 
@@ -159,19 +182,28 @@ def calibrate(
         Blocks of the fit; all where None.
     iterations
         Largest number of Gauss-Newton steps.
+
+    Notes
+    -----
+    How mounts that move together share their force is bilinear with the errors of their base sensors and the tilt of their
+    brackets. Steps are damped (Levenberg 1944) until those are found: what the run determines well moves all the same, the
+    rest stays near the file and does not run into a minimum of its own.
     """
     prior = file_parameters(plant)
     state = ModelState(prior[0].copy(), prior[1].copy())
     best: Calibrated | None = None
     frozen = True  # tolerances join once stiffness and damping are near: they must not soak up a linearisation error
+    damped = _DAMPED
     for number in range(iterations):
         scene = Scene(plant, data, state, settings)
         if number == iterations - 1:
-            frozen = False
+            frozen, damped = False, 0
         if frozen:
             adjustables, regression = _port_regression(scene, prior)
         else:
             table, adjustables, regression = build_regression(scene, prior)
+        if damped:
+            regression = _damped(regression, adjustables)
         used = np.arange(scene.blocks.count) if blocks is None else blocks
         dof = float(scene.block_dof[used].sum())
         fit = regression.fit(regression.grams, used)
@@ -181,10 +213,13 @@ def calibrate(
             fit = regression.fit(regression.grams, used)
         moves = [abs(v) for a, v in zip(adjustables, fit.coefficients) if a.kind in ("stiffness", "damping")]
         if not frozen:
+            small = max(moves, default=0.0) < 0.02
             best = Calibrated(scene, table, adjustables, regression, fit, used)
             turns = [abs(v) for a, v in zip(adjustables, fit.coefficients) if a.kind in TILT_KINDS]
-            if max(moves, default=0.0) < 0.02 and max(turns, default=0.0) < 0.1:
+            small = small and max(turns, default=0.0) < 0.1
+            if not damped and (small or _idle(regression, adjustables, used, fit, settings)):
                 break
+            damped = 0 if small else max(damped - 1, 0)
             plant = put_right(tilted(plant, adjustables, fit.coefficients), adjustables, fit.coefficients)
             plant = rebalanced(plant, adjustables, fit.coefficients, settings)
         frozen = frozen and max(moves, default=0.0) > 0.1
