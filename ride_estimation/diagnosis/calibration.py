@@ -166,8 +166,16 @@ def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: 
         dataclasses.replace(plant.vehicle, bodies=bodies), dict.fromkeys(plant.sensors, 3), tolerances.stiffness,
         tolerances.damping,
     )
+    # a moved CG gives levers to channels and mounts that had none: the data are those of the channels that had
+    keys = [(s.sensor, s.component) for s in moved.outputs]
+    wanted = [(s.sensor, s.component) for s in plant.outputs]
+    if moved.ports != plant.ports or not set(wanted) <= set(keys):
+        return plant
+    rows = [keys.index(k) for k in wanted]
     return dataclasses.replace(
-        moved, tilt_share=plant.tilt_share, reading_errors=plant.reading_errors, body_errors=errors, warnings=plant.warnings
+        moved, outputs=plant.outputs, out_acceleration=moved.out_acceleration[rows],
+        out_displacement=moved.out_displacement[rows], out_base=moved.out_base[rows], tilt_share=plant.tilt_share,
+        reading_errors=plant.reading_errors, body_errors=errors, warnings=plant.warnings
     )
 
 
