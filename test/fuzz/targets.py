@@ -340,7 +340,7 @@ def page_tags(text: str, folder: Path) -> list[tuple[str, tuple[str, ...]]]:
     page.text(text)
     page.verdict(text)
     page.warning(text)
-    page.table([text], [[text], [1.0]])
+    page.table(["name", text], [[text, text], [text, 1.0]])  # without any heading a table has no head
     page.write(folder / "page.html")
     tags: list[tuple[str, tuple[str, ...]]] = []
     parser = HTMLParser()
