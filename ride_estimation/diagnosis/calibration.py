@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEP_LIMITS = (0.4, 2.5)  # smallest and largest factor of one Gauss-Newton step
+_EXPLAINED = 1.5  # misfit per degree of freedom up to which CG and inertia are those of the body and not of a missing cause
 _DAMPED_STD = 0.02  # standard deviation of a damped step of ln k and ln c
 _DAMPED = 3  # largest number of damped steps in which errors of sensors, tilts and bodies are found
 
@@ -229,7 +230,9 @@ def calibrate(
                 break
             damped = 0 if small else max(damped - 1, 0)
             plant = put_right(tilted(plant, adjustables, fit.coefficients), adjustables, fit.coefficients)
-            plant = rebalanced(plant, adjustables, fit.coefficients, settings)
+            # where much is left the cause of it bends CG and inertia, and no fit of that cause could take it back
+            if regression.misfit(regression.grams, used, fit.coefficients) < _EXPLAINED * dof:
+                plant = rebalanced(plant, adjustables, fit.coefficients, settings)
         frozen = frozen and max(moves, default=0.0) > 0.1
         state = stepped(state, scene, adjustables, fit.coefficients)
     if best is None:
