@@ -56,7 +56,6 @@ Report = Callable[[float], None]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 _LEAST_BLOCKS = 4
-_CLEAR = 0.5  # share of noise and tolerated error that a cause explains on top of them, above which it is seen at once
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
 
@@ -300,16 +299,13 @@ def _elsewhere(soft: Fitted, scene: Scene, work: _Work) -> float:
 def _noticeable(work: _Work, base: Prediction, extended: Prediction) -> bool:
     """Return whether the accepted causes explain more of some channel than a model that counts as right may miss.
 
-    With little noise and a long run the score tests see errors of a thousandth, which every model has. What the fit explains
-    counts too, against noise and tolerated error together: a prediction of a steep law may miss what its fit holds.
+    With little noise and a long run the score tests see errors of a thousandth, which every model has. Judged where nothing
+    was fitted.
     """
     accepted = work.selection.accepted
     if accepted is None or not np.any(accepted.rows):
         return True
-    dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
-    if work.selector.base_misfit - accepted.misfit > _CLEAR * dof:
-        return True
-    inside = base.scene.inside_time
+    inside = base.scene.block_window(work.splits.judge)[:, None]
     parts = (base.residual(), extended.residual(), base.measured())
     before, after, signal = (np.sum((part * inside) ** 2, axis=0) for part in parts)
     return bool(np.any(before - after > work.settings.adequacy**2 * signal))

@@ -288,10 +288,14 @@ class Scene:
         self.predicted_spectrum = ideal + extra_output
         self.ideal_output = grid.signal(ideal)
 
-    @property
-    def inside_time(self) -> Array:
-        """Return the window of the analysed stretch, shape (N, 1)."""
-        return self._inside[:, None]
+    def block_window(self, blocks: NDArray[np.int64]) -> Array:
+        """Return one within some blocks and zero elsewhere and inside gaps, shape (N,)."""
+        ratio = self.grid.rate_hz / self.grid.decimated_rate_hz
+        length = round(self.blocks.index.shape[1] * ratio)
+        window = np.zeros(self.grid.samples)
+        for first in np.round(self.blocks.index[blocks, 0] * ratio).astype(int):
+            window[first : first + length] = 1.0
+        return window * self.data.valid
 
     def tapered(self, signal: Array) -> Array:
         """Return a signal with its ends faded in and out, shape (N, q)."""

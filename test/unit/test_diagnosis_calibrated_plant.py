@@ -108,8 +108,8 @@ def test_a_stiffness_the_run_determines_is_missed_elsewhere_and_not_where_it_is(
     assert loss_without(found.scene, 0, 1.3, blocks) > 100.0
 
 
-@pytest.mark.parametrize(("share", "drop", "counts"), [(0.003, 0.4, False), (0.003, 0.6, True), (0.005, 0.4, True)])
-def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(share, drop, counts):
+@pytest.mark.parametrize(("share", "counts"), [(0.003, False), (0.005, True)])
+def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(share, counts):
     rng = np.random.default_rng(4)
     signal, noise = rng.normal(size=(2, 4000, 3))
     effect = share * rng.normal(size=4000)
@@ -117,12 +117,11 @@ def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(sha
     left = 0.01 * noise
     before = left.copy()
     before[:, 1] += effect
-    scene = SimpleNamespace(inside_time=np.ones((4000, 1)))
+    scene = SimpleNamespace(block_window=lambda blocks: np.ones(4000))
     base = SimpleNamespace(scene=scene, residual=lambda: before, measured=lambda: signal)
     extended = SimpleNamespace(residual=lambda: left)
     work = SimpleNamespace(
-        selection=SimpleNamespace(accepted=SimpleNamespace(rows=np.ones((1, 1, 1)), misfit=100.0)), settings=Settings(),
-        selector=SimpleNamespace(base_misfit=100.0 * (1.0 + drop)), splits=SimpleNamespace(train=np.array([0])),
-        calibrated=SimpleNamespace(scene=SimpleNamespace(block_dof=np.array([100.0]))),
+        selection=SimpleNamespace(accepted=SimpleNamespace(rows=np.ones((1, 1, 1)))), settings=Settings(),
+        splits=SimpleNamespace(judge=np.array([0])),
     )
     assert _noticeable(work, base, extended) is counts
