@@ -154,7 +154,7 @@ class _Work:
         fit = self.selection.accepted
         if fit is None:
             return self.baseline
-        state = ModelState(fit.scene.state.stiffness, fit.scene.state.damping)
+        state = ModelState(fit.scene.state.stiffness, fit.scene.state.damping, held=fit.scene.state.held)
         return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.scene.scales)
 
 

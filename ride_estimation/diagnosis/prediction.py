@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-_PASSES = 10
+_PASSES = 12
+_HISTORY = 4  # passes a step is extrapolated from
 _LOST = 4.0  # change over the smallest one at which the fixed point runs away
 _SETTLED = 0.02  # relative change of the law forces at which the fixed point counts as reached
 
@@ -93,8 +94,10 @@ def predict(base: Scene, data: Measurement, model: Model, settings: Settings, bl
     plant = base.plant
     ports = {(p.mount, p.axis): i for i, p in enumerate(plant.ports)}
     state = model.stepped_state(ports)
-    scene = Scene(plant, data, state, settings, scales=model.scales, smooth=bool(model.fitted))
     fitted = list(model.fitted)
+    # a law may carry most of its mount: without its equivalent of the fitted run the first deflections would be far too large
+    start = dataclasses.replace(state, held=model.state.held) if fitted else state
+    scene = Scene(plant, data, start, settings, scales=model.scales, smooth=bool(fitted))
     if blocks is not None:
         fitted = [_refitted(scene, f, np.asarray(blocks, dtype=int)) for f in fitted]
     if fitted:
@@ -111,12 +114,13 @@ def _settled(
     """Return the scene whose effects are those of the laws along its own deflection.
 
     Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
-    iterated, and halved steps are taken when the change grows. Where the law is too stiff for that (a hard stop on a rougher
-    road) the scene whose effects were nearest to its laws is returned.
+    iterated, each step extrapolated from the last few (Anderson 1965, J. ACM 12). Where the law is too stiff for that (a hard
+    stop on a rougher road) the scene whose effects were nearest to its laws is returned.
     """
     before: tuple[Effect, ...] = ()
-    last, relaxation = np.inf, 1.0
     nearest, best = np.inf, scene
+    tried: list[Array] = []
+    missed: list[Array] = []
     for number in range(_PASSES):
         columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
         target = combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
@@ -128,15 +132,22 @@ def _settled(
                 nearest, best = change, scene
             if change < _SETTLED or not change < _LOST * nearest:
                 break
-            relaxation = max(0.5 * relaxation, 0.2) if change > last else relaxation
-            last = change
-            target = tuple(
-                Effect(e.where, e.index, known[e.where, e.index] + relaxation * (e.signal - known[e.where, e.index]))
-                for e in target
-            )
+            tried.append(np.concatenate([known[e.where, e.index] for e in target]))
+            missed.append(np.concatenate([e.signal for e in target]) - tried[-1])
+            step = _extrapolated(tried[-_HISTORY:], missed[-_HISTORY:])
+            target = tuple(Effect(e.where, e.index, part) for e, part in zip(target, np.split(step, len(target))))
         before = target
         scene = Scene(scene.plant, data, with_effects(scene, state, target), settings, scales=model.scales, smooth=False)
     return best
+
+
+def _extrapolated(tried: list[Array], missed: list[Array]) -> Array:
+    """Return the next trial of a fixed point from trials and what they missed it by: the mixture that would miss least."""
+    if len(tried) < 2:
+        return tried[-1] + missed[-1]
+    trials, misses = np.diff(np.array(tried), axis=0), np.diff(np.array(missed), axis=0)
+    share = np.linalg.lstsq(misses.T, missed[-1], rcond=1e-6)[0]
+    return np.asarray(tried[-1] + missed[-1] - share @ (trials + misses))
 
 
 def _relative_change(effects: tuple[Effect, ...], known: dict[tuple[Where, int], Array]) -> float:
