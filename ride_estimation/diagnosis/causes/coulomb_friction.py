@@ -60,7 +60,7 @@ class CoulombFriction(Cause):
         return [build(site) for site in sites(scene)]
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return the friction level [N] and the sliding distance to 63 % of it [m]."""
+        """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m]."""
         site = site_of(scene, fitted)
         out: list[Reported] = []
         for i, p in enumerate(site.ports):
@@ -72,7 +72,8 @@ class CoulombFriction(Cause):
             out.append(Reported(f"friction level{label}", level, std, "N"))
             reach = fitted.shape["reach"] * scene.scales[p][0]
             mean = float(reach * (share[0] + 4.0 * share[1]) / max(level, 1e-12))
-            out.append(Reported(f"sliding distance{label}", mean, 0.5 * mean, "m"))
+            if mean > 0.0:
+                out.append(Reported(f"sliding distance{label}", mean, 0.5 * mean, "m"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
