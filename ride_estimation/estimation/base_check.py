@@ -145,9 +145,9 @@ class BaseCheck:
         self._before = course[-lag:]
         joint = np.hstack([rigid, course[: len(rigid)], residual])
         # weighted by the residual: what was before a fault says nothing of how it follows from the motion
-        weight = float(np.mean(residual**2)) * len(self._project) / (self._spare * (self._noise + _SHARE**2 * self._size))
-        self._joint += gain * (weight * (joint.T @ joint) / len(joint) - self._joint)
         usual = self._noise + _SHARE**2 * self._size
+        weight = float(np.mean(residual**2)) * len(self._project) / (self._spare * usual)
+        self._joint += gain * (weight * (joint.T @ joint) / len(joint) - self._joint)
         ratio = float(np.trace(self._moments)) / (self._spare * usual)
         if self._size < _MOVING**2:
             return

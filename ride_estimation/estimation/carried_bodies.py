@@ -26,6 +26,7 @@ from scipy import linalg
 
 from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.block_math import cross
+from ride_estimation.estimation.motion_kernel import motion_at
 from ride_estimation.estimation.mount_law import ROLES
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slots import find_slots_of
@@ -210,9 +211,9 @@ class _Copy:
     @staticmethod
     def _frame(motion: Array, rate: Array, arm: Array) -> Array:
         """Return specific force and angular acceleration of the estimated body at a point, shape (K, 6)."""
-        arms = np.broadcast_to(arm, rate.shape)
-        place = motion[:, :3] + cross(motion[:, 3:], arms) + cross(rate, cross(rate, arms))
-        return np.hstack([place, motion[:, 3:]])
+        place = np.empty((len(rate), 1, 3))
+        motion_at(motion, rate, np.ascontiguousarray(arm)[None], place)
+        return np.hstack([place[:, 0], motion[:, 3:]])
 
 
 @compile_kernel

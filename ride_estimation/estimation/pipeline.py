@@ -267,11 +267,12 @@ class Pipeline:
         load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         inertial_covariance = self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1])
         # an error of the mass scales all forces alike and is no reason to doubt equilibrium
-        moving, whole = (
-            self._loads_for_mass.covariance(c, motion.motion[-1], motion.rate[-1])
-            for c in (motion.covariance - self._constant, motion.covariance)
-        )
-        own_covariance, self._forces.constant_load = moving + self._factor**2 * self._carried.covariance, whole - moving
+        own_covariance = whole = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        if self._constant.any():
+            moving = motion.covariance - self._constant
+            own_covariance = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
+        self._forces.constant_load = whole - own_covariance
+        own_covariance = own_covariance + self._factor**2 * self._carried.covariance
         deflection = self._observe_deflection(block, motion, support, dt)
         turn_rate = self._deflection.turn_rate(deflection)
         forces = self._forces.observe(deflection, support, own_covariance, turn_rate, dt)
