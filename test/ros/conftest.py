@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import os
 import tempfile
 import time
@@ -20,16 +21,22 @@ from rclpy.node import Node  # noqa: E402
 
 from ride_estimation.nodes.executors import make_executor  # noqa: E402
 
-DEADLINE_S = 10.0
+#: Longer than the 20 s after which DDS forgets a participant that left while it was being discovered: until then its half-known
+#: services make those of the same name look incomplete.
+DEADLINE_S = 40.0
 #: longest wait of one spin
 WAIT_S = 0.01
+
+
+#: every test begins its search one domain further: participants of the test before may still be leaving theirs
+_turn = itertools.count(os.getpid() * 7)
 
 
 @pytest.fixture
 def domain() -> Iterator[int]:
     """Own a DDS domain for the length of a test, also against other processes on this machine."""
-    for offset in range(100):
-        number = 1 + (os.getpid() * 7 + offset) % 100
+    for _ in range(100):
+        number = 1 + next(_turn) % 100
         lock = (Path(tempfile.gettempdir()) / f"ride_estimation_domain_{number}.lock").open("w")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -87,7 +94,11 @@ class Ros:
         if client_node is None:
             client_node = self.add(Node("caller", context=self.context, use_global_arguments=False))
         client = client_node.create_client(kind, service)
-        self.until(client.service_is_ready)
+        try:
+            self.until(client.service_is_ready)
+        except AssertionError as error:
+            known = [n for n, _ in client_node.get_service_names_and_types()], client_node.get_node_names()
+            raise AssertionError(f"{service} is not ready; services and nodes known: {known}") from error
         future = client.call_async(kind.Request() if request is None else request)
         self.until(future.done)
         client_node.destroy_client(client)

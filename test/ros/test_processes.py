@@ -87,7 +87,7 @@ def test_recorded_run_is_played_into_the_live_estimator(ros_single: Ros, start: 
     code, output = end(player, None)
     assert code == 0, output
     assert "played 1600 messages" in output
-    ros_single.until(lambda: min(accepted.values()) == 200, deadline_s=20.0)
+    ros_single.until(lambda: min(accepted.values()) == 200, deadline_s=60.0)
     assert len(accepted) == 8
     assert got, "estimates are published"
     assert end(estimator, signal.SIGINT)[0] == 0
