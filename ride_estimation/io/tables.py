@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.text_table import TextTable, read_text_table
 from ride_estimation.units import si_unit, split_suffix, suffixes_of
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """Read a CSV file with a header line.
+    """Read a CSV file with a header line, see :mod:`ride_estimation.io.text_table`.
 
     Raises
     ------
@@ -73,34 +73,25 @@ def read_table(path: Path) -> Table:
         Missing or empty file, no header, a cell that is no finite number (row and column are named), unequal rows, one quantity
         in two columns.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].startswith("#")]
-    except OSError as error:
-        raise InputDataError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputDataError(f"{path}: cannot be read as a table: {error}") from error
-    if len(rows) < 2:
+    found = read_text_table(path)
+    if len(found.rows) < 2:
         raise InputDataError(f"{path}: a header line and at least one row are needed")
-    header = [cell.strip() for cell in rows[0]]
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            raise InputDataError(f"{path}: row {number} has {len(row)} cells, the header has {len(header)}")
+    header = [cell.strip() for cell in found.rows[0]]
     columns, units = {}, {}
     for place, name in enumerate(header):
         short, unit, factor = split_suffix(name)
         if short in columns:
             raise InputDataError(f"{path}: two columns are called {short!r} when their units are left away")
-        values = [_number(path, number, name, row[place]) for number, row in enumerate(rows[1:], start=2)]
+        values = [_number(found, number, name, row[place]) for number, row in zip(found.lines[1:], found.rows[1:])]
         columns[short], units[short] = factor * np.array(values), si_unit(unit)
     return Table(path, columns, units)
 
 
-def _number(path: Path, row: int, name: str, cell: str) -> float:
+def _number(table: TextTable, row: int, name: str, cell: str) -> float:
     try:
-        value = float(cell)
+        value = table.number(cell)
     except ValueError as error:
-        raise InputDataError(f"{path}: row {row}, column {name}: {cell!r} is not a number") from error
+        raise InputDataError(f"{table.path}: row {row}, column {name}: {cell!r} is not a number") from error
     if not np.isfinite(value):
-        raise InputDataError(f"{path}: row {row}, column {name}: {cell!r} is not finite")
+        raise InputDataError(f"{table.path}: row {row}, column {name}: {cell!r} is not finite")
     return value

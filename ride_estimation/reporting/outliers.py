@@ -16,6 +16,8 @@ OUTLIER = 4.0
 #: least relative distance that matters to anybody
 SMALLEST_SHARE = 0.02
 LEAST_RUNS = 3
+#: how long a run is and how many warnings it has is read from the list of runs: neither is a number of the vehicle
+_NO_FINDING = ("duration", "warnings")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +48,7 @@ def find_outliers(runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[Outl
     """Return every metric of a run that is far from the median of all runs, given its own and their spread.
 
     The spread is robust (1.4826 times the median distance from the median), so that the outlier does not hide itself;
-    numbers that are not sure take no part. Length of a run is no finding.
+    numbers that are not sure take no part. Length of a run and number of its warnings are no findings.
 
     Parameters
     ----------
@@ -54,7 +56,7 @@ def find_outliers(runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[Outl
         Name and metrics of each run.
     """
     found = []
-    for name in dict.fromkeys(name for _, metrics in runs for name in metrics if name != "duration"):
+    for name in dict.fromkeys(name for _, metrics in runs for name in metrics if name not in _NO_FINDING):
         known = [(run, metrics[name]) for run, metrics in runs if name in metrics and metrics[name].sure]
         if len(known) < LEAST_RUNS:
             continue

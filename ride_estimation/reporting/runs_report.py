@@ -45,6 +45,9 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
             for r in runs
         ],
     )  # fmt: skip
+    warned = [[r.name, str(text)] for r in runs for text in r.result["warnings"]]
+    if warned:
+        page.table(["run", "warning"], warned)
     vehicles = {str(r.result["vehicle"].get("checksum", "")) for r in runs}
     if len(vehicles) > 1:
         page.warning("The vehicle files of the runs differ: parameters that rest on priors may differ for that alone.")

@@ -173,3 +173,35 @@ def test_two_time_bases_are_no_table(tmp_path: Path) -> None:
         write_measurement_file(tmp_path / "x.csv", [one, one], 0)
     with pytest.raises(InputDataError, match="allowed endings"):
         write_measurement_file(tmp_path / "x.xls", [one], 0)
+
+
+ROWS = [[0.01 * i, 0.5, -0.25 * i, 9.81] for i in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("separator", "comma", "encoding", "above", "end"),
+    [
+        (";", True, "cp1252", "", ";"),
+        ("\t", True, "utf-16", "", ""),
+        ("\t", False, "utf-8", "", ""),
+        (",", False, "utf-8-sig", "Logger 7\nSerial; none\n\n", ""),
+        (";", True, "utf-8", "Messung 12\nDatum: 1.5.2026\n", ""),
+    ],
+)
+def test_tables_as_loggers_write_them(
+    separator: str, comma: bool, encoding: str, above: str, end: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def cells(values: list[str]) -> str:
+        return separator.join(values) + end + "\n"
+
+    names = ["time [s]", *(f"cab_front_left.{a} [m/s²]" for a in "xyz")]
+    body = "".join(cells([f"{v:.4f}".replace(".", "," if comma else ".") for v in row]) for row in ROWS)
+    file = tmp_path / "run.csv"
+    file.write_bytes((above + cells(names) + body).encode(encoding))
+    found = read_measurement_file(file)
+    assert [(c.name, c.unit) for c in found.channels] == [(f"cab_front_left.{a}", "m/s²") for a in "xyz"]
+    assert np.array_equal(np.stack([found.channels[0].time_s, *(c.values for c in found.channels)], axis=1), np.array(ROWS))
+    # a broken cell is named by its line in the file, the lines above the header counted
+    file.write_bytes((above + cells(names) + body.replace("9", "q", 1)).encode(encoding))
+    with pytest.raises(InputDataError, match=f"row {above.count(chr(10)) + 2}, column cab_front_left.z: 'q"):
+        read_measurement_file(file)
