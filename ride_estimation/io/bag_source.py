@@ -58,6 +58,8 @@ class BagSource:
         Whether the raw bytes are CDR, so that they can be decoded in bulk.
     warnings
         What was wrong and could be worked around.
+    whole_mcap
+        The one MCAP file that holds everything and has a good end, None where there is none.
     """
 
     path: Path
@@ -67,6 +69,7 @@ class BagSource:
     deserialize: Callable[[bytes, str], Any]
     little_endian_cdr: bool
     warnings: tuple[str, ...] = ()
+    whole_mcap: Path | None = None
 
 
 def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
@@ -150,6 +153,8 @@ def _open_ros2(target: Path) -> BagSource:
     with Ros2Reader(target) as reader:
         types, counts = _contents(reader.connections)
 
+    whole = files[0] if len(files) == 1 and files[0].suffix == ".mcap" and mode != "message" else None
+
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
         if mode == "message":
             # message by message compression is undone here, with a limit; rosbags knows none
@@ -157,33 +162,30 @@ def _open_ros2(target: Path) -> BagSource:
             limit = allowance(sum(file.stat().st_size for file in files))
             for topic, stamp, packed in heapq.merge(*parts, key=lambda message: message[1]):
                 yield topic, stamp, unpack(packed, "zstd", limit)
-        elif len(files) == 1 and files[0].suffix == ".mcap":
-            yield from read_mcap(files[0], topics)
+        elif whole is not None:
+            yield from read_mcap(whole, topics)
         else:
             yield from _raw_messages(target, topics)
 
-    store = type_store(Stores.ROS2_JAZZY)
-    return BagSource(target, types, counts, messages, _cdr_reader(store.deserialize_cdr), True)
+    return BagSource(target, types, counts, messages, _cdr_reader, True, whole_mcap=whole)
 
 
-def _cdr_reader(deserialize: Callable[[bytes, str], Any]) -> Callable[[bytes, str], Any]:
-    """Return a deserializer that tolerates the bytes Fast DDS leaves behind a message that ends in empty sequences.
+def _cdr_reader(raw: bytes, kind: str) -> Any:
+    """Return the message object of CDR bytes.
 
-    It reserves the alignment of every sequence of doubles, also of empty ones (JointState without velocity and effort).
+    Tolerates the bytes Fast DDS leaves behind a message that ends in empty sequences: it reserves the alignment of every
+    sequence of doubles, also of empty ones (JointState without velocity and effort).
     """
-
-    def read(raw: bytes, kind: str) -> Any:
-        try:
-            return deserialize(raw, kind)
-        except SerdeError:
-            for spare in (4, 8, 12):
-                try:
-                    return deserialize(raw[:-spare], kind)
-                except SerdeError:
-                    continue
-            raise
-
-    return read
+    deserialize = type_store(Stores.ROS2_JAZZY).deserialize_cdr
+    try:
+        return deserialize(raw, kind)
+    except SerdeError:
+        for spare in (4, 8, 12):
+            try:
+                return deserialize(raw[:-spare], kind)
+            except SerdeError:
+                continue
+        raise
 
 
 def _contents(connections: Iterable[Any]) -> tuple[dict[str, str], Counter[str]]:
@@ -263,6 +265,5 @@ def salvaged(path: Path, file: Path, allowed: bool, reason: str) -> BagSource:
     def messages(topics: Collection[str]) -> Iterator[RawMessage]:
         yield from (m for m in found.messages if m[0] in topics)
 
-    store = type_store(Stores.ROS2_JAZZY)
     warning = f"the file is truncated or corrupt ({reason}); used are the {what} before the damage"
-    return BagSource(path, found.types, counts, messages, _cdr_reader(store.deserialize_cdr), True, (warning,))
+    return BagSource(path, found.types, counts, messages, _cdr_reader, True, (warning,))

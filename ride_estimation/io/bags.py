@@ -1,15 +1,16 @@
 # Copyright 2026 ride_estimation contributors
-"""Recorded runs: bags to :class:`~ride_estimation.signals.recording.Recording`, message by message, and back.
+"""Recorded runs: bags to :class:`~ride_estimation.signals.recording.Recording`, and message by message.
 
-``read_recording(path, vehicle)`` decodes whole topics at once; ``iterate_messages(path, topics)`` gives message objects in
-order of arrival, for a replay in lockstep with a node. Both follow :mod:`ride_estimation.io.messages`.
+``read_recording(path, vehicle)`` decodes whole topics at once (:mod:`ride_estimation.io.bags_bulk`);
+``iterate_messages(path, topics)`` gives message objects in order of arrival, for a replay in lockstep with a node. Both follow
+:mod:`ride_estimation.io.messages`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bag_source import READER_ERRORS, BagSource, bag_files, checksum_of, open_bag, salvaged
-from ride_estimation.io.cdr import DecodedTopic, decode_topic
+from ride_estimation.io.bags_bulk import Layout, MessageList, TopicMessages, read_whole_mcap
+from ride_estimation.io.cdr import DecodedTopic, has_fixed_layout
 from ride_estimation.io.messages import (
     GYRO_NOT_PROVIDED,
     INVALID_COVARIANCE,
@@ -35,14 +37,9 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-
-@dataclasses.dataclass
-class _Collected:
-    """Raw messages of one topic."""
-
-    order: list[int] = dataclasses.field(default_factory=list)
-    arrival: list[int] = dataclasses.field(default_factory=list)
-    raw: list[bytes] = dataclasses.field(default_factory=list)
+_IMU = "sensor_msgs/msg/Imu"
+#: first of the doubles of an Imu that belongs to its angular velocity and to its linear acceleration
+_ANGULAR, _LINEAR = 13, 25
 
 
 def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False) -> Recording:
@@ -126,66 +123,80 @@ def accepted(message_type: str) -> bool:
     return any(message_type in accepted_types(kind) for kind in ("accelerometer", "imu", "displacement", "speed", "force"))
 
 
-def _collect(source: BagSource, topics: Collection[str], salvage: bool) -> tuple[dict[str, _Collected], tuple[str, ...]]:
-    """Return the raw messages by topic, and what went wrong on the way if that is to be borne."""
-    collected = {topic: _Collected() for topic in topics if topic in source.types}
+def _layout(source: BagSource, topic: str, sensors: Sequence[Sensor]) -> Layout | None:
+    """Return how the messages of a topic are decoded in bulk, None where they are not."""
+    kind = source.types[topic]
+    if not (source.little_endian_cdr and len(sensors) == 1 and has_fixed_layout(kind)):
+        return None
+    if kind != _IMU:
+        return Layout(kind, 0)
+    return Layout(kind, _ANGULAR if sensors[0].kind == "imu" else _LINEAR)
+
+
+def _collect(
+    source: BagSource, by_topic: Mapping[str, Sequence[Sensor]], salvage: bool
+) -> tuple[dict[str, TopicMessages], tuple[str, ...]]:
+    """Return the messages by topic, and what went wrong on the way if that is to be borne."""
+    layouts = {topic: _layout(source, topic, sensors) for topic, sensors in by_topic.items() if topic in source.types}
+    if source.whole_mcap is not None:
+        whole = read_whole_mcap(source.whole_mcap, layouts)
+        if whole is not None:
+            return whole, ()
+    collected = {topic: MessageList() for topic in layouts}
     number = 0
+    warnings: tuple[str, ...] = ()
     try:
         for topic, arrival, raw in source.messages(tuple(collected)):
-            entry = collected[topic]
-            entry.order.append(number)
-            entry.arrival.append(arrival)
-            entry.raw.append(raw)
+            collected[topic].add(number, arrival, raw)
             number += 1
     except READER_ERRORS as error:
         reason = f"{error or type(error).__name__} after {number} messages"
         files = bag_files(source.path)
         if len(files) == 1 and files[0].suffix == ".mcap":
             rest = salvaged(source.path, files[0], salvage, reason)
-            again, _ = _collect(rest, topics, salvage)
+            again, _ = _collect(rest, by_topic, salvage)
             return again, rest.warnings
         what = f"the file is damaged ({reason})"
         if not salvage:
             raise InputDataError(f"{source.path}: {what}; the messages before the damage can be used with --salvage") from error
-        return collected, (f"{what}; used are the messages before",)
-    return collected, ()
+        warnings = (f"{what}; used are the messages before",)
+    return {topic: entry.finished(layouts[topic]) for topic, entry in collected.items()}, warnings
 
 
 def _channels(
-    source: BagSource, topic: str, sensors: Sequence[Sensor], entry: _Collected, ignored: Counter[str]
+    source: BagSource, topic: str, sensors: Sequence[Sensor], entry: TopicMessages, ignored: Counter[str]
 ) -> dict[str, Channel]:
     """Return the channels of one topic; refused samples are counted in ``ignored``."""
     message_type = source.types[topic]
     if make_converter(message_type, sensors) is None:
         kinds = accepted_types(sensors[0].kind)
         what = f"topic {topic}: type {message_type} cannot feed a sensor of kind {sensors[0].kind} (allowed: {', '.join(kinds)})"
-        ignored[what] += len(entry.raw)
+        ignored[what] += len(entry.order)
         return {}
-    decoded = decode_topic(message_type, entry.raw) if source.little_endian_cdr and len(sensors) == 1 else None
-    if decoded is None:
+    if entry.decoded is None:
         return _channels_one_by_one(source, message_type, sensors, entry, ignored)
-    channel, rest = _bulk_channel(message_type, sensors[0], entry, decoded, ignored)
-    if not len(rest):
+    channel = _bulk_channel(message_type, sensors[0], entry, entry.decoded, ignored)
+    if not entry.raw:
         return {sensors[0].name: channel}
-    others = _Collected([entry.order[i] for i in rest], [entry.arrival[i] for i in rest], [entry.raw[i] for i in rest])
-    extra = _channels_one_by_one(source, message_type, sensors, others, ignored)
+    extra = _channels_one_by_one(source, message_type, sensors, entry, ignored)
     return {sensors[0].name: _merged(channel, extra[sensors[0].name])}
 
 
 def _bulk_channel(
-    message_type: str, sensor: Sensor, entry: _Collected, decoded: DecodedTopic, ignored: Counter[str]
-) -> tuple[Channel, NDArray[np.int64]]:
-    """Return the channel of the messages decoded in bulk and the numbers of the others."""
+    message_type: str, sensor: Sensor, entry: TopicMessages, decoded: DecodedTopic, ignored: Counter[str]
+) -> Channel:
+    """Return the channel of the messages decoded in bulk."""
     fields = decoded.fields
     variance: Array | None = None
     keep = decoded.decoded.copy()
-    if message_type == "sensor_msgs/msg/Imu":
-        values = fields[:, 25:28]
-        variance, reasons = _judge_covariances(fields[:, 28:37], sensor.trust_despite_minus_one, sensor.noise_std**2)
+    if message_type == _IMU:
+        linear = fields[:, -12:]
+        values = linear[:, :3]
+        variance, reasons = _judge_covariances(linear[:, 3:], sensor.trust_despite_minus_one, sensor.noise_std**2)
         refused = {NOT_PROVIDED: reasons == 1, INVALID_COVARIANCE: reasons == 2}
         if sensor.kind == "imu":
-            values = np.hstack([values, fields[:, 13:16]])
-            spread, why = _judge_covariances(fields[:, 16:25], sensor.trust_despite_minus_one, sensor.gyro_noise_std**2)
+            values = np.hstack([values, fields[:, :3]])
+            spread, why = _judge_covariances(fields[:, 3:12], sensor.trust_despite_minus_one, sensor.gyro_noise_std**2)
             variance = _joined_variance(variance, spread, sensor)
             refused[GYRO_NOT_PROVIDED] = (why == 1) & (reasons == 0)
             refused[INVALID_COVARIANCE] = refused[INVALID_COVARIANCE] | ((why == 2) & (reasons == 0))
@@ -196,16 +207,15 @@ def _bulk_channel(
             keep &= ~mask
     else:
         values = fields[:, : sensor.channels]
-    channel = Channel(
+    return Channel(
         name=sensor.name,
         stamp_ns=decoded.stamp_ns[keep],
         values=np.ascontiguousarray(values[keep]),
-        arrival_ns=np.array(entry.arrival, dtype=np.int64)[keep],
+        arrival_ns=entry.arrival[keep],
         variance=None if variance is None else np.ascontiguousarray(variance[keep]),
         frame_id=decoded.frame_id,
-        order=np.array(entry.order, dtype=np.int64)[keep],
+        order=entry.order[keep],
     )
-    return channel, np.flatnonzero(~decoded.decoded)
 
 
 def _judge_covariances(covariance: Array, trusted: bool, noise: float) -> tuple[Array | None, NDArray[np.int64]]:
@@ -240,13 +250,14 @@ def _joined_variance(variance: Array | None, spread: Array | None, sensor: Senso
 
 
 def _channels_one_by_one(
-    source: BagSource, message_type: str, sensors: Sequence[Sensor], entry: _Collected, ignored: Counter[str]
+    source: BagSource, message_type: str, sensors: Sequence[Sensor], entry: TopicMessages, ignored: Counter[str]
 ) -> dict[str, Channel]:
-    """Return the channels of a topic through message objects."""
+    """Return the channels of the messages of a topic that were not decoded in bulk, through message objects."""
     convert = make_converter(message_type, sensors)
     rows: dict[str, list[tuple[int, int, int, tuple[float, ...], tuple[float, ...] | None]]] = {s.name: [] for s in sensors}
     frame = ""
-    for order, arrival, raw in zip(entry.order, entry.arrival, entry.raw):
+    for number, raw in entry.raw.items():
+        order, arrival = int(entry.order[number]), int(entry.arrival[number])
         try:
             message = source.deserialize(raw, message_type)
             samples = convert(message) if convert is not None else ()

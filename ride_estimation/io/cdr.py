@@ -1,19 +1,27 @@
 # Copyright 2026 ride_estimation contributors
-"""All messages of a topic decoded at once from their little-endian CDR bytes.
+"""Many messages of a topic decoded at once from their little-endian CDR bytes.
 
 Layout: 4 bytes encapsulation, ``int32 sec``, ``uint32 nanosec``, the ``frame_id`` string, then doubles aligned to 8 bytes
-counted from the end of the encapsulation. Messages whose bytes are laid out differently are left to the caller.
+counted from the end of the encapsulation. Messages whose bytes are laid out differently, or that a general reader might refuse,
+are left to the caller.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: encapsulation, stamp and length of the frame_id; what a message may be longer than its fields [bytes]
+_HEAD, _PADDING = 16, 3
+#: different names of frames that are looked at; messages with more are left to the caller
+_NAMES = 8
 
 #: doubles after the header
 _DOUBLES: Mapping[str, int] = {
@@ -36,9 +44,9 @@ class DecodedTopic:
     stamp_ns
         Header stamps, shape (N,) [ns]; zero where not decoded.
     fields
-        Doubles after the header, shape (N, K).
+        Doubles after the header from the first one wanted on, shape (N, K); zero where not decoded.
     frame_id
-        Of the first message.
+        The first that is not empty.
     """
 
     decoded: NDArray[np.bool_]
@@ -47,7 +55,12 @@ class DecodedTopic:
     frame_id: str
 
 
-def decode_topic(message_type: str, raw: Sequence[bytes]) -> DecodedTopic | None:
+def has_fixed_layout(message_type: str) -> bool:
+    """Return whether messages of a type can be decoded in bulk."""
+    return message_type in _DOUBLES
+
+
+def decode_topic(message_type: str, raw: Sequence[bytes], first: int = 0) -> DecodedTopic | None:
     """Decode messages of fixed layout, None where the type has none.
 
     Parameters
@@ -56,36 +69,75 @@ def decode_topic(message_type: str, raw: Sequence[bytes]) -> DecodedTopic | None
         As in ``sensor_msgs/msg/Imu``.
     raw
         Serialised messages.
+    first
+        First of the doubles after the header that is wanted.
     """
-    doubles = _DOUBLES.get(message_type)
-    if doubles is None or not raw:
+    if not has_fixed_layout(message_type) or not raw:
         return None
-    count = len(raw)
-    decoded = np.zeros(count, dtype=np.bool_)
-    stamps = np.zeros(count, dtype=np.int64)
-    fields = np.zeros((count, doubles))
-    frame = ""
-    lengths = np.fromiter((len(r) for r in raw), dtype=np.int64, count=count)
-    for length in np.unique(lengths):
-        members = np.flatnonzero(lengths == length)
-        table = np.frombuffer(b"".join([raw[int(i)] for i in members]), dtype=np.uint8).reshape(len(members), length)
-        if length < 16:
-            continue
-        text_lengths = np.ascontiguousarray(table[:, 12:16]).view("<u4")[:, 0]
-        for text_length in np.unique(text_lengths):
-            start = 4 + ((12 + int(text_length) + 7) & ~7)
-            if start + 8 * doubles > length:
-                continue
-            fit = (text_lengths == text_length) & (table[:, 0] == 0) & (table[:, 1] == 1)
-            rows = table[fit]
-            if not len(rows):
-                continue
-            at = members[fit]
-            seconds = np.ascontiguousarray(rows[:, 4:8]).view("<i4")[:, 0].astype(np.int64)
-            rest = np.ascontiguousarray(rows[:, 8:12]).view("<u4")[:, 0].astype(np.int64)
-            stamps[at] = seconds * 1_000_000_000 + rest
-            fields[at] = np.ascontiguousarray(rows[:, start : start + 8 * doubles]).view("<f8")
-            decoded[at] = True
-            if at[0] == 0:
-                frame = rows[0, 16 : 16 + int(text_length)].tobytes().rstrip(b"\0").decode("utf-8", "replace")
+    lengths = np.fromiter((len(r) for r in raw), dtype=np.int64, count=len(raw))
+    return decode_at(message_type, b"".join(raw), np.cumsum(lengths) - lengths, lengths, first)
+
+
+def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, first: int = 0) -> DecodedTopic:
+    """Decode messages of fixed layout where they lie.
+
+    Parameters
+    ----------
+    message_type
+        One that :func:`has_fixed_layout`.
+    data
+        Holds all messages.
+    at, lengths
+        Where each begins and how long it is, within ``data``, shape (N,), at least one [bytes].
+    first
+        As for :func:`decode_topic`.
+    """
+    count, doubles = len(at), _DOUBLES[message_type]
+    decoded, stamps = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
+    fields = np.zeros((count, doubles - first))
+    whole = np.flatnonzero(lengths >= _HEAD)
+    head = _rows(data, at[whole], _HEAD)
+    text = head[:, 12:16].copy().view("<u4")[:, 0].astype(np.int64)
+    start = 4 + ((12 + text + 7) & ~7)
+    spare = lengths[whole] - start - 8 * doubles
+    fit = (head[:, 0] == 0) & (head[:, 1] == 1) & (text > 0) & (spare >= 0) & (spare <= _PADDING)
+    readable, frame = _readable(data, at[whole[fit]] + _HEAD, text[fit])
+    chosen = np.flatnonzero(fit)[readable]
+    members, head = whole[chosen], head[chosen]
+    seconds = head[:, 4:8].copy().view("<i4")[:, 0].astype(np.int64)
+    stamps[members] = seconds * 1_000_000_000 + head[:, 8:12].copy().view("<u4")[:, 0]
+    fields[members] = _rows(data, at[members] + start[chosen] + 8 * first, 8 * (doubles - first)).view("<f8")
+    decoded[members] = True
     return DecodedTopic(decoded, stamps, fields, frame)
+
+
+def _readable(data: bytes, at: IntArray, lengths: IntArray) -> tuple[NDArray[np.bool_], str]:
+    """Return which texts, with the zero at their end, can be read, shape (N,), and the first that is not empty."""
+    good, left, first = np.zeros(len(at), dtype=np.bool_), np.ones(len(at), dtype=np.bool_), ""
+    for _ in range(_NAMES):
+        if not left.any():
+            break
+        place = int(np.argmax(left))
+        start, length = int(at[place]), int(lengths[place])
+        same = np.flatnonzero(left & (lengths == length))
+        rows = _rows(data, at[same], length)
+        same = same[(rows == rows[0]).all(axis=1)]
+        left[same] = False
+        text = data[start : start + length]
+        if text[-1] != 0:
+            continue
+        try:
+            name = text[:-1].decode()
+        except UnicodeDecodeError:
+            continue
+        good[same] = True
+        first = first or name
+    return good, first
+
+
+def _rows(data: bytes, at: IntArray, width: int) -> NDArray[np.uint8]:
+    """Return so many bytes from each place on, shape (N, width)."""
+    if not len(at):
+        return np.zeros((0, width), dtype=np.uint8)
+    overlapping: NDArray[Any] = np.ndarray((len(data) - width + 1, width), np.uint8, data, strides=(1, 1))
+    return np.asarray(overlapping[at])

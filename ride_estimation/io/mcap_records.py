@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import struct
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from ride_estimation.errors import InputDataError
@@ -16,12 +16,14 @@ from ride_estimation.io.bounded import SPARE_BYTES, allowance, unpack, unpack_wh
 
 #: how a file begins and ends
 MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
+_FOOTER, _SCHEMA, CHANNEL, MESSAGE, CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
 _FOOTER_SIZE = 37
 RECORD = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
+MESSAGE_HEAD = struct.Struct("<HIQQ")
 #: largest receive time [ns]: times are signed everywhere else
-_LATEST = 2**63 - 1
+LATEST = 2**63 - 1
+#: records outside chunks that are handed out together [bytes]
+_LOOSE = 1 << 20
 
 #: what damaged records raise
 DAMAGE = (struct.error, UnicodeDecodeError, KeyError, ValueError, EOFError, RuntimeError)
@@ -64,7 +66,32 @@ def read_mcap(path: Path, topics: Collection[str]) -> list[tuple[str, int, bytes
     """
     wanted: dict[int, str] = {}
     messages: list[tuple[str, int, bytes]] = []
+    for records in record_runs(path):
+        _pick(records, topics, wanted, messages)
+    messages.sort(key=lambda message: message[1])
+    if messages and messages[-1][1] > LATEST:
+        raise ValueError(f"a message was received at {messages[-1][1]} ns, which no clock shows")
+    return messages
+
+
+def record_runs(path: Path) -> Iterator[bytes]:
+    """Yield the records of a whole file up to the end of its data, many at a time, chunks unpacked.
+
+    Only channels and messages, and what else stands in chunks.
+
+    Parameters
+    ----------
+    path
+        A complete MCAP file (its end has been checked).
+
+    Raises
+    ------
+    ValueError, struct.error
+        The file is damaged.
+    """
     limit = allowance(path.stat().st_size)
+    loose: list[bytes] = []
+    size = 0
     with path.open("rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
             raise ValueError("does not begin as an MCAP file")
@@ -73,42 +100,51 @@ def read_mcap(path: Path, topics: Collection[str]) -> list[tuple[str, int, bytes
             code, length = RECORD.unpack(head)
             if code in (_DATA_END, _FOOTER):
                 break
-            if code not in (CHUNK, _CHANNEL, _MESSAGE):
+            if code not in (CHUNK, CHANNEL, MESSAGE):
                 stream.seek(length, 1)
                 continue
             body = stream.read(length)
             if len(body) != length:
                 raise ValueError(f"a record of {length} bytes is cut off after {len(body)}")
+            if code != CHUNK:
+                loose.append(head + body)
+                size += len(body)
+            if loose and (code == CHUNK or size > _LOOSE):
+                yield b"".join(loose)
+                loose, size = [], 0
             if code == CHUNK:
-                body = unpacked(body, limit)
-                limit -= len(body)
-            _pick(body if code == CHUNK else head + body, topics, wanted, messages)
-    messages.sort(key=lambda message: message[1])
-    if messages and messages[-1][1] > _LATEST:
-        raise ValueError(f"a message was received at {messages[-1][1]} ns, which no clock shows")
-    return messages
+                records = unpacked(body, limit)
+                limit -= len(records)
+                yield records
+    if loose:
+        yield b"".join(loose)
 
 
 def _pick(data: bytes, topics: Collection[str], wanted: dict[int, str], messages: list[tuple[str, int, bytes]]) -> None:
     """Add the messages of wanted channels in a run of records."""
     at, end = 0, len(data)
-    record, head, first = RECORD.unpack_from, _MESSAGE_HEAD.unpack_from, RECORD.size + _MESSAGE_HEAD.size
+    record, head, first = RECORD.unpack_from, MESSAGE_HEAD.unpack_from, RECORD.size + MESSAGE_HEAD.size
     while at < end:
         code, length = record(data, at)
         last = at + 9 + length
         if last > end:
             raise ValueError(f"a record of {length} bytes leaves its chunk")
-        if code == _MESSAGE:
+        if code == MESSAGE:
             key, _, stamp, _ = head(data, at + 9)
             topic = wanted.get(key)
             if topic is not None:
                 messages.append((topic, stamp, data[at + first : last]))
-        elif code == _CHANNEL:
-            body = memoryview(data)[at + 9 : last]
-            topic = _text(body, 4)[0]
+        elif code == CHANNEL:
+            key, topic = channel_of(memoryview(data)[at + 9 : last])
             if topic in topics:
-                wanted[struct.unpack_from("<H", body)[0]] = topic
+                wanted[key] = topic
         at = last
+
+
+def channel_of(body: memoryview) -> tuple[int, str]:
+    """Return number and topic of a channel record; raises one of :data:`DAMAGE` where it is none."""
+    topic, _ = _text(body, 4)
+    return int(struct.unpack_from("<H", body)[0]), topic
 
 
 def unpacked(body: bytes, limit: int = SPARE_BYTES) -> bytes:
@@ -202,14 +238,14 @@ def _record(code: int, body: memoryview, found: Salvaged) -> None:
     if code == _SCHEMA:
         (key,) = struct.unpack_from("<H", body)
         found.schemas[key] = _text(body, 2)[0]
-    elif code == _CHANNEL:
+    elif code == CHANNEL:
         key, schema = struct.unpack_from("<HH", body)
         topic, _ = _text(body, 4)
         found.topics[key] = topic
         found.types[topic] = found.schemas.get(schema, "")
-    elif code == _MESSAGE:
+    elif code == MESSAGE:
         key, _, stamp, _ = struct.unpack_from("<HIQQ", body)
-        if stamp > _LATEST:
+        if stamp > LATEST:
             raise ValueError(f"a message was received at {stamp} ns, which no clock shows")
         found.messages.append((found.topics[key], stamp, bytes(body[22:])))
 
