@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ride_estimation.reporting.page import Page
-from ride_estimation.reporting.pdf import write_pdf
 
 
 def clear_pages(folder: Path) -> None:
@@ -38,6 +37,8 @@ def write_page(page: Page, folder: Path, formats: Sequence[str]) -> list[str]:
         page.write(folder / "report.html")
         written.append("report.html")
     if "pdf" in formats:
+        from ride_estimation.reporting.pdf import write_pdf  # a third of a second, and few want it
+
         write_pdf(page, folder / "report.pdf")
         written.append("report.pdf")
     if "png" in formats:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ _DRIFT_SHARE = 0.5
 _DRIFT_LEAST_S = 20.0
 #: unexplained share of the variance below which one column is computed from another: rounding of single precision and text files
 _COMPUTED = 1e-9
+#: samples that are enough to show that a column is not computed from another
+_PART = 512
 
 
 def drift_findings(values: Array, time_s: Array) -> list[str]:
@@ -64,26 +67,51 @@ def derived_findings(values: Array) -> list[str]:
     found = []
     for i, j in itertools.combinations(range(values.shape[1]), 2):
         x, y = values[:, i], values[:, j]
-        if _same_but_for_scale(x, y):
+        if _related(_themselves, x, y):
             slope = float(np.polyfit(x - x.mean(), y, 1)[0])
             found.append(f"column {j + 1} is {slope:.3g} times column {i + 1}: computed, or one axis recorded twice")
             continue
         for first, second, a, b in ((i, j, x, y), (j, i, y, x)):
-            change = np.diff(a)
-            if any(_same_but_for_scale(u, v) for u, v in ((change, b[:-1]), (change, b[1:]), (np.gradient(a), b))):
+            if _related(_derivatives, a, b):
                 found.append(f"column {second + 1} is the derivative of column {first + 1}: computed, not measured")
     for i in range(values.shape[1]) if values.shape[1] >= 3 else ():
         others = np.delete(values[:, :3] if i < 3 else values, i, axis=1)
-        if _same_but_for_scale(np.sqrt((others**2).sum(axis=1)), values[:, i]):
+        if _related(_magnitude, others, values[:, i]):
             found.append(f"column {i + 1} is the magnitude of the others: computed, not measured")
     return found
 
 
-def _same_but_for_scale(x: Array, y: Array) -> bool:
-    """Return whether ``y = a + b x`` but for rounding."""
+_Pairs = list[tuple[Array, Array]]
+
+
+def _themselves(x: Array, y: Array) -> _Pairs:
+    return [(x, y)]
+
+
+def _derivatives(x: Array, y: Array) -> _Pairs:
+    change = np.diff(x)
+    return [(change, y[:-1]), (change, y[1:]), (np.gradient(x), y)]
+
+
+def _magnitude(x: Array, y: Array) -> _Pairs:
+    return [(np.sqrt((x**2).sum(axis=1)), y)]
+
+
+def _related(pairs: Callable[[Array, Array], _Pairs], x: Array, y: Array) -> bool:
+    """Return whether one of the pairs made of ``x`` and ``y`` is the same but for scale and offset and rounding."""
+    if len(y) > 4 * _PART:
+        # the best line leaves no more of a part than of the whole, so a part can rule it out; the last place may be one-sided
+        limit = _COMPUTED * float(y @ y)
+        if all(_left(u[:-1], v[:-1])[1] > limit for u, v in pairs(x[:_PART], y[:_PART])):
+            return False
+    return any(varies and rest <= _COMPUTED * total for varies, rest, total in (_left(u, v) for u, v in pairs(x, y)))
+
+
+def _left(x: Array, y: Array) -> tuple[bool, float, float]:
+    """Return whether both vary, what ``a + b x`` leaves of the sum of squares of ``y`` about its mean, and that sum."""
     u, v = x - x.mean(), y - y.mean()
     uu, vv = float(u @ u), float(v @ v)
     if uu <= 0.0 or vv <= 0.0:
-        return False
+        return False, 0.0, vv
     rest = v - (u @ v) / uu * u
-    return bool(rest @ rest <= _COMPUTED * vv)
+    return True, float(rest @ rest), vv

@@ -88,7 +88,7 @@ def judge_channel(channel: Channel, full_scale: float = float("inf")) -> Channel
     good = np.all(np.isfinite(channel.values), axis=1)
     values, stamps = channel.values[good], channel.stamp_ns[good]
     raw_steps = np.diff(channel.stamp_ns)
-    steps = np.diff(np.unique(stamps[stamps > 0])).astype(np.float64) * 1e-9
+    steps = np.diff(_ascending(stamps[stamps > 0])[0]).astype(np.float64) * 1e-9
     period = float(np.median(steps)) if steps.size else 0.0
     jitter = 1.4826 * float(np.median(np.abs(steps - period))) if steps.size else 0.0
     long = steps[steps > GAP_PERIODS * period] if period else steps[:0]
@@ -142,12 +142,19 @@ def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
     if q.spikes:
         found.append((f"{q.spikes} isolated spikes", "not used, with their neighbours, where no other sensor sees them"))
     good = np.all(np.isfinite(channel.values), axis=1)
-    stamps, places = np.unique(channel.stamp_ns[good], return_index=True)
+    stamps, places = _ascending(channel.stamp_ns[good])
     values = channel.values[good][places]
     if len(stamps):
         found += [(t, "none: used as it is") for t in drift_findings(values, (stamps - stamps[0]) * 1e-9)]
     found += [(t, NOTHING) for t in derived_findings(values)]
     return [with_action(text, done) for text, done in found]
+
+
+def _ascending(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64] | slice]:
+    """Return the different stamps in ascending order, and where each stands first."""
+    if np.all(stamps[1:] > stamps[:-1]):
+        return stamps, slice(None)
+    return np.unique(stamps, return_index=True)
 
 
 def with_action(finding: str, done: str) -> str:
