@@ -45,7 +45,7 @@ def main() -> int:
     )
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for seed in seeds:
-        usual = judged(seed, clean(seed), 5.0, LENGTH)
+        usual = judged((seed, ""), clean((seed, "")), 5.0, LENGTH)
         print(
             f"| clean run, world {seed} | | | {usual.not_finite} | {usual.force_ratio:.2f} | {usual.parameter_words} | "
             f"| {usual.wrong_stds:.1f} | {100 * usual.inside:.0f} | | |",

@@ -153,6 +153,8 @@ class CgMotionEstimator:
         self.variance = np.concatenate([np.full(3, s.noise_std**2) for s in self.sensors])
         self._along = np.sum(directions * points, axis=1)
         self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
+        #: which gyros tell angular rates: one whose unit or axes are wrong does not, see :mod:`gyro_check`
+        self._gyro_fit = np.ones(len(self.gyros), dtype=bool)
         self._cache: dict[tuple[bytes, float], Weights] = {}
         self._needed = int(np.sum(self._free))
         self._observed_tilt = bool(self._free[3] or self._free[4])
@@ -171,7 +173,8 @@ class CgMotionEstimator:
         """Forget attitude and rates; what the residuals told stays."""
         self._faults.interrupt()
         self._state = np.zeros((5, 3))
-        self._p_tilt = np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2]) if not self.gyros else np.diag([0.1**2, 0.0, _GYRO_BIAS**2])
+        gyros = bool(self._gyro_fit.any())
+        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2]) if gyros else np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2])
         self._p_yaw = self._p_tilt.copy()
         self._last_gyro: Array | None = None
         #: residuals while the angular rate is not known yet
@@ -187,6 +190,16 @@ class CgMotionEstimator:
             self.variance[3 * sensor : 3 * sensor + 3] = variance
             self._cache.clear()
             self._faults.set_variance(self.variance)
+
+    def leave_out_gyro(self, gyro: int) -> None:
+        """Take angular rates from the other gyros or else from the accelerometers; attitude and rates begin anew."""
+        self._gyro_fit[gyro] = False
+        self._cache.clear()
+        rate_std = 0.0 if self._gyro_fit.any() else _YAW_STD
+        self._faults = FaultTest(self.sensors, self._free_rows, self.points[: 3 * len(self.sensors) : 3], rate_std)
+        self._faults.set_variance(self.variance)
+        self._sums = ResidualSums.empty(3 * len(self.sensors))
+        self.reset()
 
     def weights(self, mask: BoolArray, dt: float) -> Weights:
         """Return the least squares for the channels that speak.
@@ -206,7 +219,7 @@ class CgMotionEstimator:
         if found is not None:
             return found
         channels = np.repeat(mask, 3)
-        gyro_ok = np.repeat(mask[list(self.gyros)], 3) if self.gyros else np.zeros(0, dtype=bool)
+        gyro_ok = np.repeat(mask[list(self.gyros)] & self._gyro_fit, 3) if self.gyros else np.zeros(0, dtype=bool)
         variance = np.concatenate([self.variance, np.repeat(2.0 * self._gyro_variance / dt**2, 3)])
         inverse = np.concatenate([channels, gyro_ok]) / variance
         prior = np.diag(np.where(self._free, np.repeat([UNKNOWN_ACCEL**-2, UNKNOWN_ANGULAR_ACCEL**-2], 3), 1e12))
@@ -244,7 +257,7 @@ class CgMotionEstimator:
             np.zeros((ticks, 3 * len(self.sensors))), np.ones(ticks, dtype=bool),
         )  # fmt: skip
         samples = np.ascontiguousarray(samples)
-        body_gyro = self._body_rates(gyro)
+        body_gyro = self.body_rates(gyro)
         covariance = np.zeros((6, 6))
         # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
         before = self._state.copy() if self.doubted and self._held < _HOLD else None
@@ -258,7 +271,7 @@ class CgMotionEstimator:
         tilt_variance = float(self._p_tilt[0, 0]) if self._observed_tilt else 0.0
         return dataclasses.replace(out, covariance=covariance, tilt_variance=tilt_variance)
 
-    def _body_rates(self, gyro: Array) -> Array:
+    def body_rates(self, gyro: Array) -> Array:
         """Return gyro rates in body axes, shape (K, G, 3)."""
         rates = np.zeros((len(gyro), len(self.gyros), 3))
         for g, i in enumerate(self.gyros):
@@ -275,7 +288,7 @@ class CgMotionEstimator:
             out.valid[where] = False
             self._faults.interrupt()
             return weights.covariance
-        gyro_mask = mask[list(self.gyros)] if self.gyros else np.zeros(0, dtype=bool)
+        gyro_mask = mask[list(self.gyros)] & self._gyro_fit if self.gyros else np.zeros(0, dtype=bool)
         use_gyro = bool(gyro_mask.any())
         mean_rate = gyro[:, gyro_mask].mean(axis=1) if use_gyro else np.zeros((len(y), 3))
         if self.gyros:
@@ -315,7 +328,7 @@ class CgMotionEstimator:
         tilt = min(max(2.0 * _SLOW_TIME * self._slow_square, 1e-3 * start), 30.0 * start) / dt
         gyro = float(np.mean(self._gyro_variance)) / max(len(self.gyros), 1) if self.gyros else 0.0
         alpha = 0.5 * float(weights.covariance[3, 3] + weights.covariance[4, 4])
-        bias = _GYRO_BIAS_DENSITY if self.gyros else _BIAS_DENSITY
+        bias = _GYRO_BIAS_DENSITY if self._gyro_fit.any() else _BIAS_DENSITY
         return np.array([alpha, _BIAS_DENSITY, tilt, _YAW_STD**2 * _YAW_TIME / dt, gyro, bias, _GYRO_BIAS**2])
 
     def predict(self, motion: Array, rate: Array) -> Array:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_check import BaseCheck
+from ride_estimation.estimation.base_faults import BaseFaults
 from ride_estimation.estimation.base_fill import BaseFill
 from ride_estimation.estimation.block_math import turn_channels
 from ride_estimation.estimation.bracket_tilt import BracketTilt
@@ -29,6 +30,7 @@ from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEst
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.force_kernel import follow_scaled
+from ride_estimation.estimation.gyro_check import GyroCheck
 from ride_estimation.estimation.health import Health, base_messages, residual_message, sensor_health, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
@@ -102,9 +104,13 @@ class Pipeline:
         self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._anchor.cells)
         self._gate = self._new_gate()
         self._swaps = self._new_swaps()
+        n = 3 * len(a.body_sensors)
+        self._gyros = GyroCheck(a.body_sensors, self._motion.gyros, self._motion.rows[:n], a.free)
         base = [s for s in a.base_sensors if s is not None]
         streams, starts, _, _ = self._layout.base_arrays
         self._bases = BaseCheck(base, streams.tolist(), starts.tolist())
+        self._base_faults = BaseFaults(base, streams.tolist(), starts.tolist(), vehicle.gravity)
+        self._force = np.array([0.0, 0.0, vehicle.gravity])
         self._excess, self._rate = 1.0, np.zeros(3)
         self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
         #: what a bias adds to the covariance of the motion, which nothing is learned from
@@ -234,7 +240,9 @@ class Pipeline:
         self._fill.reset()
         self._hints.reset()
         self._swaps.reset()
+        self._gyros.reset()
         self._bases.reset()
+        self._base_faults.reset()
         self._excess = 1.0
 
     # -- one block --------------------------------------------------------------------------------------------------------
@@ -247,8 +255,11 @@ class Pipeline:
         self._dt = dt
         ticks = len(block.values)
         block = self._put_right(block, dt)
+        if self._gyros.possible:
+            self._check_gyros(block, dt)
         self._watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
         verdict = self._bases.judged(block, self._gate.judge(block, self._rate, dt), dt)
+        verdict = self._lasting(block, verdict, dt)
         if verdict.valid is not block.valid:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
@@ -259,7 +270,7 @@ class Pipeline:
         self._motion.doubted = bool(verdict.suspects)
         motion = self._motion.observe(measured, gyro, there, dt)
         motion = self._doubted(motion, verdict, ticks * dt)
-        self._rate = motion.rate[-1]
+        self._rate, self._force = motion.rate[-1], motion.motion[:, :3].mean(axis=0)
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
@@ -334,6 +345,30 @@ class Pipeline:
         self._forces.take_tilt()
         self._apply()
 
+    def _lasting(self, block: Block, verdict: GateVerdict, dt: float) -> GateVerdict:
+        """Leave out base sensors that are wrong since long; what was learned with them is forgotten."""
+        before = set(self._base_faults.refused)
+        verdict = self._base_faults.judged(block, verdict, self._force, dt)
+        if set(self._base_faults.refused) - before:
+            self._parameters.restart()
+            self._deflection.reset()
+            self._kept, self._calm = [], []
+            self._go_back_to(self._begin)
+        return verdict
+
+    def _check_gyros(self, block: Block, dt: float) -> None:
+        """Leave out gyros whose rates the accelerometers contradict; what was learned with them is forgotten."""
+        layout = self._layout
+        rates = self._motion.body_rates(np.take(block.values, layout.gyro_columns, axis=1))
+        measured = np.take(block.values, layout.body_columns, axis=1)
+        found = self._gyros.observe(measured, rates, np.take(block.valid, layout.body_streams, axis=1), dt)
+        for gyro in found:
+            self._motion.leave_out_gyro(gyro)
+        if found:
+            self._restart("a gyro was left out")
+            self._kept, self._calm = [], []
+            self._go_back_to(self._begin)
+
     def _put_right(self, block: Block, dt: float) -> Block:
         """Exchange the readings of sensors whose topics are exchanged; what was learned from them until now is forgotten."""
         values, valid = self._swaps.exchange(block.values, block.valid)
@@ -341,6 +376,8 @@ class Pipeline:
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
             self._motion, self._next_look = self._new_motion(), 0.0
+            for gyro in self._gyros.found:
+                self._motion.leave_out_gyro(gyro)
             self._watch.look_again()
             self._restart(found)
             self._kept, self._calm = [], []
@@ -447,7 +484,7 @@ class Pipeline:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
-        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else ""
+        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._base_faults.doubt
         return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
 
     def identifiability(self) -> dict[str, Any]:
@@ -470,7 +507,8 @@ class Pipeline:
         }
         watch, refused = self._watch, self._gate.refused
         sensors = sensor_health(self._aligner.health(), watch.clipped.tolist(), watch.invalid.tolist(), ratio, refused)
-        messages = self._swaps.messages() + self._gate.messages() + self._bases.messages()
+        messages = self._swaps.messages() + self._gyros.messages() + self._gate.messages() + self._bases.messages()
+        messages += self._base_faults.messages()
         messages += [m for m in (residual_message(test, {n: sensors[n].rate_hz for n in ratio}),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
@@ -493,7 +531,8 @@ class Pipeline:
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
             "gate": self._gate.save(), "swapped": self._swaps.save(),
-            "tilt": self._tilting.save(), "carried": self._carried.save(),
+            "tilt": self._tilting.save(), "carried": self._carried.save(), "base_faults": self._base_faults.save(),
+            "gyros": self._gyros.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -506,10 +545,14 @@ class Pipeline:
         """
         check_state(state, self._sensors, self.arrangement.mount_names)
         self._due = None
+        self._gyros.load(state["gyros"])
+        for gyro in self._gyros.found:
+            self._motion.leave_out_gyro(gyro)
         self._motion.load(state["motion"])
         self._tilting.load(state["tilt"])
         if "carried" in state:
             self._carried.load(state["carried"])
+        self._base_faults.load(state["base_faults"])
         self._forces.take_tilt()
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])

@@ -30,8 +30,9 @@ Array = NDArray[np.float64]
 
 #: largest difference of sensors in good order: bias [m/s^2], gain [1], mounting angle [rad], place [m], delay [s]
 BIAS_TOLERANCE, GAIN_TOLERANCE, ANGLE_TOLERANCE, PLACE_TOLERANCE, DELAY_TOLERANCE = 0.05, 0.005, 0.005, 0.005, 5e-4
+TOLERANCES = (BIAS_TOLERANCE, GAIN_TOLERANCE, ANGLE_TOLERANCE, PLACE_TOLERANCE, DELAY_TOLERANCE)
 #: standard deviation of the errors of a sensor that is wrong, same order: what happens on vehicles
-_BIAS, _GAIN, _ANGLE, _PLACE, _DELAY = 0.5, 0.2, 0.2, 0.2, 0.02
+_WRONG = (0.5, 0.2, 0.2, 0.2, 0.02)
 #: parts of the errors of one sensor: name -> columns
 KINDS = {"gain": slice(3, 6), "mounting angle": slice(6, 9), "place": slice(9, 12), "delay": slice(12, 13)}
 _COLUMNS = 13
@@ -92,17 +93,20 @@ class FaultTest:
         Places from the CG, shape (S, 3).
     rate_std
         Standard deviation of slow errors of the angular rate [rad/s], 0 where gyros measure it.
+    tolerances
+        Largest bias, gain, mounting angle, place and delay by which sensors in good order differ.
     """
 
-    def __init__(self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float) -> None:
+    def __init__(
+        self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float, tolerances: Sequence[float] = TOLERANCES
+    ) -> None:
         self._names = tuple(s.name for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors])
         self._rows, self._points, self._rate_std = rows, points, rate_std
         self._size = _COLUMNS * len(self._names)
         # a limit as a standard deviation: rectangular distribution (GUM 4.3.7)
-        limits = [BIAS_TOLERANCE, GAIN_TOLERANCE, ANGLE_TOLERANCE, PLACE_TOLERANCE, DELAY_TOLERANCE]
-        self._unit = np.repeat(limits, (3, 3, 3, 3, 1)) / np.sqrt(3.0)
-        self._weight = (self._unit / np.repeat([_BIAS, _GAIN, _ANGLE, _PLACE, _DELAY], (3, 3, 3, 3, 1))) ** 2
+        self._unit = np.repeat(tolerances, (3, 3, 3, 3, 1)) / np.sqrt(3.0)
+        self._weight = (self._unit / np.repeat(_WRONG, (3, 3, 3, 3, 1))) ** 2
         self._whitening = np.zeros((0, len(rows)))
         self._information = np.zeros((self._size, self._size))
         self._score = np.zeros(self._size)
@@ -268,6 +272,18 @@ class FaultTest:
         if self._found is None:
             self._found = (self._judge(),)
         return self._found[0]
+
+    def errors(self, sensor: int) -> tuple[Array, Array]:
+        """Return what the readings of one sensor look like: errors of gain and mounting angle [rad], shapes (3,).
+
+        Zero where nothing is seen; others are taken to be within tolerance, no prior draws the numbers to zero.
+        """
+        if self._count == 0.0:
+            return np.zeros(3), np.zeros(3)
+        both = self._solved(self._noise())
+        parts = (KINDS["gain"], KINDS["mounting angle"])
+        found = [self._score_test(*both, _COLUMNS * sensor + np.arange(p.start, p.stop))[1][0] * self._unit[p] for p in parts]
+        return found[0], found[1]
 
     def _judge(self) -> Fault | None:
         if not self.possible or self._count < _LEAST * len(self._whitening):

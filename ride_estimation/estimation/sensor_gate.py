@@ -41,6 +41,8 @@ MEAN = "its mean disagrees with that of the body"
 
 #: shortest exact repetition that counts as stuck [s] and [ticks]; transducers repeat longer by their resolution [s]
 _FLAT_TIME, _FLAT_TICKS, _FLAT_TRANSDUCER = 0.03, 4, 0.5
+#: shortest exact repetition of a sensor that never said anything else [s]
+_DEAD_TIME = 1.0
 #: motion of the others, in units of the noise, that makes an exact repetition impossible
 _MOVING = 5.0
 #: a jump: this many times its own usual step plus this many times the largest step of the others plus noise
@@ -258,7 +260,9 @@ class SensorGate:
         if longest * dt >= _FLAT_TIME and longest >= _FLAT_TICKS:
             long = (scan.runs * dt >= _FLAT_TIME) & (scan.runs >= _FLAT_TICKS)
             for a in np.flatnonzero(long.any(axis=0)).tolist():
-                stuck = bool(self._varied[a]) and self._others_move(a, scan)
+                # resolution and standstill let a value repeat; a second of motion does not, nor does one that varied before
+                dead = float(scan.runs[:, a].max()) * dt > _DEAD_TIME
+                stuck = (bool(self._varied[a]) or dead) and self._others_move(a, scan)
                 if stuck or self._latched.get(a) == FLAT:
                     end = int(np.flatnonzero(long[:, a])[-1])
                     refused[max(end - int(scan.runs[end, a]), 0) : end + 1, a] = True

@@ -32,8 +32,10 @@ RATE = 100.0
 LENGTH, BEGIN, END = 68.0, 60.0, 62.0
 #: a parameter counts as known where the clean run's own standard deviation is at most this share of it: a hundredth is then two
 KNOWN = 0.005
-#: time from which the truth moves [s]
-MOVING = 1.0
+#: time from which the truth moves [s], and where it stands for long before
+MOVING, STANDING = 1.0, 25.0
+#: the sensor that measures angular rates too, in worlds that have one
+IMU = "cab_front_left"
 #: distance of two looks at what the estimator says [s], five times that when a second is over
 LOOK = 0.05
 #: window in which forces are called recovered [s]
@@ -51,6 +53,8 @@ class Message:
     covariance: float = 0.0
 
 
+#: a world by number, and what is different in it: nothing, ``standing`` for half of the run, an ``imu`` on the cab
+Key = tuple[int, str]
 Plant = Callable[["World", list[Message], np.random.Generator], list[Message]]
 
 
@@ -58,7 +62,7 @@ Plant = Callable[["World", list[Message], np.random.Generator], list[Message]]
 class World:
     """A cab on a road, what its sensors measure, and what the vehicle file says."""
 
-    seed: int
+    key: Key
     measurement: Measurement
     vehicle: Vehicle
 
@@ -70,7 +74,7 @@ class World:
     def measured_with(self, sensor: str, **changes: object) -> list[Message]:
         """Return the run as measured by a sensor that is not as the vehicle file says."""
         sensors = tuple(dataclasses.replace(s, **changes) if s.name == sensor else s for s in self.measurement.sensors)  # type: ignore[arg-type]
-        return as_messages(measured(self.measurement.run, sensors, self.seed))
+        return as_messages(measured(self.measurement.run, sensors, self.key[0]))
 
     def sensor(self, name: str) -> CabSensor:
         """Return a sensor by name."""
@@ -83,13 +87,20 @@ def measured(run: object, sensors: tuple[CabSensor, ...], seed: int) -> Measurem
 
 
 @functools.cache
-def world(seed: int) -> World:
+def world(key: Key) -> World:
     """Return a world: random cab on air springs, random road, four accelerometers on the cab and one at each mount base."""
+    seed, kind = key
     rng = np.random.default_rng(seed)
     cab = random_vehicle(rng, "air")
-    run = drive(cab, Road.random(rng), LENGTH, seed, step=1e-3)
-    data = measured(run, random_sensors(cab, rng), seed)
-    return World(seed, data, believed_vehicle(data, seed=seed))
+    road = Road.random(rng)
+    if kind == "standing":
+        road = dataclasses.replace(road, standing_s=STANDING)
+    run = drive(cab, road, LENGTH, seed, step=1e-3)
+    sensors = random_sensors(cab, rng)
+    if kind == "imu":
+        sensors = tuple(dataclasses.replace(s, kind="imu") if s.name == IMU else s for s in sensors)
+    data = measured(run, sensors, seed)
+    return World(key, data, believed_vehicle(data, seed=seed))
 
 
 def as_messages(data: Measurement) -> list[Message]:
@@ -147,9 +158,9 @@ class Beginning:
 
 
 @functools.cache
-def beginning(seed: int) -> Beginning:
+def beginning(key: Key) -> Beginning:
     """Return the clean run of a world until a second before passing faults begin."""
-    w = world(seed)
+    w = world(key)
     pipeline, blocks, arrived = Pipeline(w.vehicle), [], []
     converters = {name: make_converter("sensor_msgs/msg/Imu", (sensor,)) for name, sensor in w.vehicle.sensors.items()}
     count = sum(m.arrival_s < BEGIN - 1.0 for m in w.messages)
@@ -230,9 +241,10 @@ def sentences(pipeline: Pipeline, refused: Counter[str]) -> list[str]:
 def _as_imu(m: Message) -> SimpleNamespace:
     covariance = (m.covariance, *(0.0,) * 8)
     stamp = SimpleNamespace(sec=m.stamp_ns // 10**9, nanosec=m.stamp_ns % 10**9)
+    force, rate = (SimpleNamespace(**dict(zip("xyz", part))) for part in (m.values[:3], m.values[3:] or (0.0,) * 3))
     return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp), linear_acceleration=SimpleNamespace(x=m.values[0], y=m.values[1], z=m.values[2]),
-        linear_acceleration_covariance=covariance,
+        header=SimpleNamespace(stamp=stamp), linear_acceleration=force, linear_acceleration_covariance=covariance,
+        angular_velocity=rate, angular_velocity_covariance=(0.0,) * 9,
     )  # fmt: skip
 
 
@@ -279,17 +291,17 @@ class Outcome:
 
 
 @functools.cache
-def clean(seed: int) -> Behaviour:
+def clean(key: Key) -> Behaviour:
     """Return the behaviour on the clean run of a world."""
-    w = world(seed)
-    return behaviour(w.vehicle, w.messages, "", BEGIN, lambda t: t, beginning(seed))
+    w = world(key)
+    return behaviour(w.vehicle, w.messages, "", BEGIN, lambda t: t, beginning(key))
 
 
-def judged(seed: int, found: Behaviour, begin: float, end: float) -> Outcome:
+def judged(key: Key, found: Behaviour, begin: float, end: float) -> Outcome:
     """Compare a behaviour with truth and clean run of the same world; times are of arrival, forces count from 5 s on."""
-    usual = clean(seed)
-    error, std, time = _errors(seed, found)
-    base, _, base_time = _errors(seed, usual)
+    usual = clean(key)
+    error, std, time = _errors(key, found)
+    base, _, base_time = _errors(key, usual)
     allowed = 3.0 * np.abs(base[base_time > 5.0]).max(axis=0) + 5.0 * std
     after = time >= max(begin, 5.0)
     ratios = np.abs(error[after]) / allowed[after]
@@ -307,7 +319,7 @@ def judged(seed: int, found: Behaviour, begin: float, end: float) -> Outcome:
         parameter=worst[0],
         parameter_words=f"{worst[1]}, {len(known)} compared",
         parameter_stds=max(others, default=0.0),
-        wrong_stds=max(_wrong(seed, found), default=0.0),
+        wrong_stds=max(_wrong(key, found), default=0.0),
         inside=float(np.mean(np.abs(error[after]) < 2.0 * std[after])) if after.any() else np.nan,
     )
 
@@ -328,9 +340,9 @@ def _changes(found: Behaviour, usual: Behaviour) -> tuple[list[tuple[float, str]
     return known, others
 
 
-def true_parameters(seed: int) -> dict[str, float]:
+def true_parameters(key: Key) -> dict[str, float]:
     """Return the true stiffness and damping by the name of the estimate."""
-    cab = world(seed).measurement.run.vehicle
+    cab = world(key).measurement.run.vehicle
     tables = {"stiffness": cab.stiffness, "damping": cab.damping}
     return {
         f"{mount}.{axis}.{word}": float(table[m, a])
@@ -338,9 +350,9 @@ def true_parameters(seed: int) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _wrong(seed: int, found: Behaviour) -> list[float]:
+def _wrong(key: Key, found: Behaviour) -> list[float]:
     """Return the errors of all parameters that claim to be valid, in standard deviations they state."""
-    truth = true_parameters(seed)
+    truth = true_parameters(key)
     return [
         abs(value - truth[name]) / std
         for name, (value, std, status) in found.parameters.items()
@@ -348,9 +360,9 @@ def _wrong(seed: int, found: Behaviour) -> list[float]:
     ]
 
 
-def _errors(seed: int, found: Behaviour) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _errors(key: Key, found: Behaviour) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return force error, standard deviation and time of arrival of the ticks that may be published."""
-    data = world(seed).measurement
+    data = world(key).measurement
     row = np.round(found.time_s * RATE).astype(int)
     keep = found.valid & (row >= 0) & (row < len(data.time))
     return found.force[keep] - data.truth["mount_force"][row[keep]], found.std[keep], found.arrival_s[keep]

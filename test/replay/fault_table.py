@@ -13,13 +13,17 @@ import numpy as np
 from replay.fault_run import (
     BEGIN,
     END,
+    IMU,
     LENGTH,
     MOVING,
+    RATE,
+    STANDING,
     Behaviour,
     Message,
     Outcome,
     Plant,
     World,
+    as_messages,
     beginning,
     behaviour,
     judged,
@@ -27,6 +31,7 @@ from replay.fault_run import (
 )
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
+from worlds.cab import measure
 
 #: victims: an accelerometer on the cab and one at a mount base
 CAB, BASE = "cab_front_right", "chassis_rear_left"
@@ -53,7 +58,9 @@ class Fault:
     constant
         Whether the fault is there from the start; then it must be named within 10 s of motion, otherwise within 0.5 s.
     begin, end
-        When it is there [s].
+        When it is there [s]; negative: from the start of the motion and to the end where it is constant, else the usual time.
+    kind
+        Of the world, see :data:`replay.fault_run.Key`.
     true_time
         Seconds since the start from stamps, where stamps change.
     """
@@ -62,9 +69,16 @@ class Fault:
     plant: Plant
     expected: str
     constant: bool = False
-    begin: float = BEGIN
-    end: float = END
+    begin: float = -1.0
+    end: float = -1.0
     true_time: Callable[[np.ndarray], np.ndarray] = _same
+    kind: str = ""
+
+    @property
+    def time(self) -> tuple[float, float]:
+        """Return when it is there [s]."""
+        usual = (MOVING, LENGTH) if self.constant else (BEGIN, END)
+        return usual[0] if self.begin < 0.0 else self.begin, usual[1] if self.end < 0.0 else self.end
 
     @property
     def limit_s(self) -> float:
@@ -74,11 +88,11 @@ class Fault:
 
 def run_fault(fault: Fault, seed: int) -> tuple[Outcome, Behaviour]:
     """Return figures and behaviour of one fault in one world."""
-    w = world(seed)
+    key = (seed, fault.kind)
+    w, (begin, end) = world(key), fault.time
     messages = fault.plant(w, list(w.messages), np.random.default_rng([seed, 99]))
-    begin = MOVING if fault.constant else fault.begin
-    found = behaviour(w.vehicle, messages, fault.expected, begin, fault.true_time, beginning(seed))
-    return judged(seed, found, begin, LENGTH if fault.constant else fault.end), found
+    found = behaviour(w.vehicle, messages, fault.expected, begin, fault.true_time, beginning(key))
+    return judged(key, found, begin, end), found
 
 
 # -- plants ---------------------------------------------------------------------------------------------------------------
@@ -112,7 +126,7 @@ def _stamp(change: Callable[[int, int], int]) -> Callable[[Message, np.random.Ge
     return lambda m, rng, n: [dataclasses.replace(m, stamp_ns=change(m.stamp_ns, n))]
 
 
-def _stuck(sensor: str) -> Plant:
+def _stuck(sensor: str, begin: float = BEGIN, end: float = END) -> Plant:
     held: list[tuple[float, ...]] = []
 
     def change(m: Message, rng: np.random.Generator, n: int) -> list[Message]:
@@ -120,7 +134,7 @@ def _stuck(sensor: str) -> Plant:
             held[:] = [m.values]
         return [dataclasses.replace(m, values=held[0])]
 
-    return _passing(sensor, change)
+    return _of(sensor, change, begin, end)
 
 
 def _clipping(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
@@ -154,9 +168,52 @@ def _mounted(sensor: str, **changes: object) -> Plant:
     return lambda w, messages, rng: w.measured_with(sensor, **changes)
 
 
-def _tilted(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
-    turned = w.sensor(CAB).rotation @ Rotation.from_euler("x", 2.0, degrees=True).as_matrix()
-    return w.measured_with(CAB, true_rotation=turned)
+def _turned(sensor: str, degrees: float) -> Plant:
+    """Mount a sensor turned about its x axis."""
+    turn = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+    return lambda w, messages, rng: w.measured_with(sensor, true_rotation=w.sensor(sensor).rotation @ turn)
+
+
+def _always(sensor: str, change: Callable[[np.ndarray, int], np.ndarray]) -> Plant:
+    """Change the values of a sensor during the whole run."""
+    return _of(sensor, _values(change), 0.0, LENGTH)
+
+
+def _both(*plants: Plant) -> Plant:
+    """Take the messages of each sensor from the plant that changes it; plants change different sensors."""
+
+    def plant(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+        own = {id(m) for m in messages}
+        clean = {(m.sensor, m.stamp_ns, m.values): m for m in messages}
+        changed: dict[str, list[Message]] = {}
+        for one in plants:
+            found = [clean.get((m.sensor, m.stamp_ns, m.values), m) for m in one(w, messages, rng)]
+            for name in {m.sensor for m in found if id(m) not in own}:
+                changed[name] = [m for m in found if m.sensor == name]
+        kept = [m for m in messages if m.sensor not in changed]
+        return sorted([*kept, *(m for part in changed.values() for m in part)], key=lambda m: (m.arrival_s, m.sensor))
+
+    return plant
+
+
+def _turned_while_standing(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Somebody steps on the bracket of a sensor before the vehicle drives off."""
+    turned = {m.stamp_ns: m for m in _turned(CAB, 5.0)(w, messages, rng) if m.sensor == CAB}
+    return _of(CAB, lambda m, r, n: [turned[m.stamp_ns]], 10.0, LENGTH)(w, messages, rng)
+
+
+def _drift(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Let the gain rise by 15 % between 20 s and 40 s, as a sensor gets warm, and fall again until 60 s."""
+    share = np.maximum(1.0 - np.abs(np.arange(LENGTH * RATE) / RATE - 40.0) / 20.0, 0.0)
+    return _always(CAB, lambda v, n: v * (1.0 + 0.15 * share[min(n, len(share) - 1)]))(w, messages, rng)
+
+
+def _rounded(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
+    """Give a sensor that samples when it likes stamps of a clock that only knows hundredths of a second."""
+    data = measure(w.measurement.run, w.measurement.sensors, RATE, w.key[0], noise_share=0.01, jitter_s=0.002, phases_s=0.01)
+    own = [m for m in as_messages(data) if m.sensor == CAB]
+    own = [dataclasses.replace(m, stamp_ns=m.stamp_ns // _PERIOD_NS * _PERIOD_NS) for m in own]
+    return sorted([m for m in messages if m.sensor != CAB] + own, key=lambda m: m.arrival_s)
 
 
 def _misplaced(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
@@ -218,6 +275,42 @@ _LATE = rf"{CAB}.*(explains|delay|rigid body)|one of .*{CAB}|no single sensor"
 
 _BACK = "stamps jumped back|samples rejected: .*clock_behind"
 
+#: faults that are there from the start, at the base and on the cab, and such as hardly anybody thinks of
+_MORE: tuple[Fault, ...] = (
+    Fault("inverted axis z", _always(CAB, lambda v, n: v * [1, 1, -1]), _ANY_DOUBT, True),
+    Fault("inverted axis x", _always(CAB, lambda v, n: v * [-1, 1, 1]), _ANY_DOUBT, True),
+    Fault("30 deg tilt", _turned(CAB, 30.0), _ANY_DOUBT, True),
+    Fault("dead, reads nothing", _always(CAB, lambda v, n: 0.0 * v), rf"{CAB}.*(stuck|mean|rigid)", True),
+    Fault("dead, holds a value", _always(CAB, lambda v, n: np.array([0.1, -0.1, 9.8])), rf"{CAB}.*(stuck|rigid)", True),
+    Fault("base: gain 10 % high", _mounted(BASE, gain=1.1), BASE, True),
+    Fault("base: gain x 9.81", _mounted(BASE, gain=9.81), f"{BASE}.*(mean|full)", True),
+    Fault("base: inverted axis z", _always(BASE, lambda v, n: v * [1, 1, -1]), f"{BASE}.*mean", True),
+    Fault("base: inverted axis x", _always(BASE, lambda v, n: v * [-1, 1, 1]), BASE, True),
+    Fault("base: swapped axes x and y", _always(BASE, lambda v, n: v[[1, 0, 2]]), BASE, True),
+    Fault("base: swapped axes y and z", _always(BASE, lambda v, n: v[[0, 2, 1]]), f"{BASE}.*mean", True),
+    Fault("base: 2 deg tilt", _turned(BASE, 2.0), BASE, True),
+    Fault("base: 30 deg tilt", _turned(BASE, 30.0), f"{BASE}.*mean", True),
+    Fault("base: 20 ms late", _mounted(BASE, delay_s=0.02), BASE, True),
+    Fault("base: dead, reads nothing", _always(BASE, lambda v, n: 0.0 * v), f"{BASE}.*(stuck|mean)", True),
+    Fault("base: dead, holds a value", _always(BASE, lambda v, n: np.array([0.1, -0.1, 9.8])), f"{BASE}.*stuck", True),
+    Fault("two at once: gain 10 % high, another 20 ms late",
+          _both(_mounted(CAB, gain=1.1), _mounted("cab_rear_left", delay_s=0.02)), rf"{CAB}|cab_rear_left|no single", True),
+    Fault("two at once: stuck on cab and base", _both(_stuck(CAB), _stuck(BASE)), _not_used(CAB, "stuck")),
+    Fault("stuck while standing", _stuck(CAB, 10.0, 20.0), "", begin=10.0, end=20.0, kind="standing"),
+    Fault("gain x 9.81 while standing", _of(CAB, _values(lambda v, n: 9.81 * v), 10.0, 20.0),
+          _not_used(CAB, "(jumps|rigid body|mean|full)"), begin=10.0, end=20.0, kind="standing"),
+    Fault("turned by 5 deg while standing", _turned_while_standing, _ANY_DOUBT, True, begin=STANDING, kind="standing"),
+    Fault("gain drifts by 15 % and back", _drift, _ANY_DOUBT, True, begin=30.0),
+    Fault("silent for 2 s", _passing(CAB, lambda m, r, n: []), f"{CAB} has stopped"),
+    Fault("stamps rounded to 10 ms", _rounded, rf"{_LATE}|{CAB}: samples rejected: .*duplicate", True),
+    Fault("resumed after 10 minutes", _of("", _stamp(lambda s, n: s + 600 * _SECOND), BEGIN, LENGTH), "restart|gaps",
+          end=BEGIN + 0.5, true_time=lambda t: np.where(t > BEGIN + 300.0, t - 600.0, t)),
+    Fault("gyro in deg/s", _of(IMU, _values(lambda v, n: v * [1, 1, 1, *3 * [180.0 / np.pi]]), 0.0, LENGTH),
+          f"{IMU}.*angular rate", True, kind="imu"),
+    Fault("gyro with inverted pitch", _of(IMU, _values(lambda v, n: v * [1, 1, 1, 1, -1, 1]), 0.0, LENGTH),
+          f"{IMU}.*angular rate", True, kind="imu"),
+)  # fmt: skip
+
 TABLE: tuple[Fault, ...] = (
     Fault("sensor off from the start", _of(CAB, lambda m, r, n: [], 0.0, LENGTH), f"{CAB} is configured but contrib", True),
     Fault("sensor off midway", _of(CAB, lambda m, r, n: [], BEGIN, LENGTH), f"{CAB} has stopped", end=LENGTH),
@@ -239,7 +332,7 @@ TABLE: tuple[Fault, ...] = (
     Fault("inverted axis z midway", _passing(CAB, _values(lambda v, n: v * [1, 1, -1])), _not_used(CAB, "(jumps|rigid|mean)")),
     Fault("swapped topics, cab and base", _exchanged(CAB, "chassis_front_right"), rf"{CAB}|chassis_front_right", True),
     Fault("swapped topics, both on the cab", _exchanged(CAB, "cab_rear_left"), rf"{CAB}|cab_rear_left|no single sensor", True),
-    Fault("2 deg tilt", _tilted, _ANY_DOUBT, True),
+    Fault("2 deg tilt", _turned(CAB, 2.0), _ANY_DOUBT, True),
     Fault("50 mm wrong position", _misplaced, _ANY_DOUBT, True),
     Fault("gain 10 % high", _mounted(CAB, gain=1.1), _ANY_DOUBT, True),
     Fault("5 ms late", _mounted(CAB, delay_s=0.005), _LATE, True),
@@ -262,6 +355,7 @@ TABLE: tuple[Fault, ...] = (
     Fault("zero covariance", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=0.0)]), ""),
     Fault("covariance -1 with data", _passing(CAB, lambda m, r, n: [dataclasses.replace(m, covariance=-1.0)]),
           f"{CAB}: covariance_says_not_provided"),
+    *_MORE,
     Fault("half rate", _half_rate, f"{CAB} samples at 50 Hz where others do at 100 Hz", True),
     Fault("mixed rates", _mixed, "samples at 50 Hz where others do at 100 Hz", True),
 )  # fmt: skip
