@@ -54,14 +54,17 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
     Raises
     ------
     ValueError
-        More than that, a frame that is cut off, or an unknown compression.
+        More than that, a frame that is damaged or cut off, or an unknown compression.
     """
     parts: list[bytes] = []
     size = 0
     rest = packed
     while rest:
         frame = _unpacker(compression)
-        piece = frame.decompress(rest, limit - size + 1)
+        try:
+            piece = frame.decompress(rest, limit - size + 1)
+        except Exception as error:  # each library has its own: ZstdError, RuntimeError, OSError
+            raise ValueError(f"a compressed frame is damaged: {error}") from error
         size += len(piece)
         parts.append(piece)
         if size > limit:

@@ -89,7 +89,8 @@ def record_runs(path: Path) -> Iterator[bytes]:
     ValueError, struct.error
         The file is damaged.
     """
-    limit = allowance(path.stat().st_size)
+    whole = path.stat().st_size
+    limit = allowance(whole)
     loose: list[bytes] = []
     size = 0
     with path.open("rb") as stream:
@@ -100,6 +101,8 @@ def record_runs(path: Path) -> Iterator[bytes]:
             code, length = RECORD.unpack(head)
             if code in (_DATA_END, _FOOTER):
                 break
+            if length > whole:
+                raise ValueError(f"a record of {length} bytes in a file of {whole}")
             if code not in (CHUNK, CHANNEL, MESSAGE):
                 stream.seek(length, 1)
                 continue

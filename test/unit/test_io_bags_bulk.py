@@ -184,7 +184,7 @@ def test_records_outside_chunks_and_numbers_that_change_their_topic(tmp_path: Pa
         assert decoded.frame_id == "f"
 
 
-@pytest.mark.parametrize("what", ["short_head", "leaves_the_file", "no_clock", "channel"])
+@pytest.mark.parametrize("what", ["short_head", "leaves_the_file", "no_clock", "channel", "frame", "length"])
 def test_what_is_not_understood_is_left_to_the_general_reader(what: str, tmp_path: Path) -> None:
     good = message(1, START, payload(VECTOR.message_type, START, b"f", np.random.default_rng(7)))
     odd = {
@@ -192,6 +192,8 @@ def test_what_is_not_understood_is_left_to_the_general_reader(what: str, tmp_pat
         "leaves_the_file": good[:-8],
         "no_clock": message(1, 2**63 + 5, b""),
         "channel": record(4, b"\1\0\1\0\xff\xff\xff\xff/x\xff"),
+        "frame": record(6, struct.pack("<QQQII", 0, 0, 80, 0, 4) + b"zstd" + struct.pack("<Q", 20) + b"\x28\xb5\x2f\xfd" * 5),
+        "length": struct.pack("<BQ", 5, 2**62),
     }[what]
     file = tmp_path / "hand.mcap"
     file.write_bytes(MAGIC + channel(1, "/a") + good + odd + (b"" if what == "leaves_the_file" else good + END))
