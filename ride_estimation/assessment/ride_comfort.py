@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
@@ -245,9 +246,11 @@ class Exposure:
                 "measured on the floor, not seat: exposure and limits are defined where the vibration enters the body, and the "
                 "seat may lower or raise these values"
             )
-        crest = max(axis.crest_factor for axis in self.axes)
+        crest, name = max((axis.crest_factor, name) for axis, name in zip(self.axes, AXES))
         if crest > CREST_FACTOR_LIMIT:
-            found.append(f"crest factor {crest:.1f} above {CREST_FACTOR_LIMIT:g}: a_w understates the shocks, read VDV and MTVV")
+            found.append(
+                f"crest factor {crest:.1f} of {name} above {CREST_FACTOR_LIMIT:g}: a_w understates the shocks, read VDV and MTVV"
+            )
         if self.highest_hz < 80.0:
             found.append(f"the record holds nothing above {self.highest_hz:.3g} Hz; the assessment reaches to 80 Hz")
         if self.duration_s < 180.0:

@@ -18,6 +18,7 @@ from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
 from ride_estimation.diagnosis.result import Diagnosis
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.bench_records import read_bench_record, read_oscillator_record
@@ -97,7 +98,8 @@ def run(options: argparse.Namespace) -> int:
         if sum_of_other == checksum:
             raise ConfigurationError(f"--validate {path}: is the run that is fitted; only another one can judge the gain")
     others = [run for run, _ in loaded]
-    answer = _shown(lambda report: diagnose(vehicle, measured, others, settings, report))
+    chain = diagnose_travel if needs_travel(vehicle, measured) else diagnose
+    answer = _shown(lambda report: chain(vehicle, measured, others, settings, report))
     run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
     return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
 

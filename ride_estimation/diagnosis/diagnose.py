@@ -96,7 +96,7 @@ def diagnose(
         calibrated = calibrate(plant, data, settings, splits.train)
         _check_excitation(calibrated.scene, settings)
     except InputDataError as error:
-        return _insufficient(vehicle, str(error))
+        return insufficient(vehicle, str(error))
     report(0.15)
 
     def build(scene: Scene) -> list[Hypothesis]:
@@ -192,7 +192,8 @@ def _check_excitation(scene: Scene, settings: Settings) -> None:
         )
 
 
-def _insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
+def insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
+    """Return the answer that the data cannot tell, with the reason; the vehicle stays as it is."""
     return Diagnosis(
         INSUFFICIENT,
         f"The data cannot tell whether the model is right: {reason}.",

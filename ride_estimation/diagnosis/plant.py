@@ -52,6 +52,7 @@ class Signal:
     noise_std: float
     full_scale: float = float("inf")
     dc: bool = True
+    noise_slope: int = 0
 
     @property
     def name(self) -> str:
@@ -397,7 +398,8 @@ def build_plant(
     in_sensors = [s for s in sensors.values() if s.kind in _ACCELERATION_KINDS and s.body in bases]
     if not bodies or not in_sensors:
         raise InputDataError(
-            "no base motion was measured: an accelerometer on the chassis side of the mounts is needed to test the model"
+            "no base motion was measured: accelerometers on the chassis side of the mounts, or a vertical displacement "
+            "transducer at every mount of a body with accelerometers, are needed to test the model"
         )
     transducers = [s for s in sensors.values() if s.kind == "displacement" and s.mount in mounts]
     if not out_sensors and not transducers:
@@ -415,7 +417,8 @@ def build_plant(
     ports, port_map, port_base = _ports(vehicle, mounts, bodies, selectors, n, (default_k_std, default_c_std))
     outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, bodies, selectors, (n, size))
     inputs = tuple(
-        Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc") for s in in_sensors for i in range(3)
+        Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc", s.noise_slope)
+        for s in in_sensors for i in range(3)
     )
     warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
     return Plant(

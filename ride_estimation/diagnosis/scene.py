@@ -344,12 +344,13 @@ class Scene:
             return
         grid, r, plant = self.grid, self.response, self.plant
         std = self.noise_scale * np.array([s.noise_std for s in plant.inputs])
+        std = std * grid.omega[:, None] ** np.array([s.noise_slope for s in plant.inputs])
         twice = (-1.0 / grid.omega**2)[:, None, None]
         turned = plant.static_tilt() * twice
-        local = local_motion(plant, self.base_spectrum, r.base_from_input * std, grid.samples, self._smoothing)
+        local = local_motion(plant, self.base_spectrum, r.base_from_input * std[:, None, :], grid.samples, self._smoothing)
         output, deflection = tilt_paths(plant, r)
         #: standard deviation per sample of input noise and of the vertical motion that brackets do on their own, (F, nu + S)
-        self.disturbance = np.concatenate([np.broadcast_to(std, (len(grid.omega), len(std))), np.sqrt(local)], axis=1)
+        self.disturbance = np.concatenate([std, np.sqrt(local)], axis=1)
         #: how they reach the outputs and the deflections: static loads that turn with their bases included
         self.noise_transfer = np.concatenate([r.output_from_input + r.output_from_wrench @ turned, output], axis=2)
         self._deflection_noise = np.concatenate([r.deflection_from_input + r.deflection_from_wrench @ turned, deflection], axis=2)

@@ -145,7 +145,7 @@ def comfort(page: Page, assessment: RunAssessment) -> None:
     page.table(
         [
             "place", "a_w x [m/s²]", "a_w y [m/s²]", "a_w z [m/s²]", "a_v [m/s²]", "MTVV z [m/s²]", "crest factor z [-]",
-            "VDV z [m/s^1.75]", "A(8) [m/s²]", "VDV day [m/s^1.75]", "to action [min]", "to limit [min]",
+            "VDV z [m/s^1.75]", "A(8) [m/s²]", "VDV day [m/s^1.75]", "A(8) to action [min]", "A(8) to limit [min]",
         ],
         [
             [

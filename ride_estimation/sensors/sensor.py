@@ -57,6 +57,8 @@ class Sensor:
         Use the data although the driver publishes covariance[0] == -1.
     correction
         What is known to be wrong with the readings: delay, gain, bias.
+    noise_slope
+        Power of the angular frequency that the noise grows with: 2 for an acceleration that was made of a deflection.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Sensor:
     coupling: str = "dc"
     trust_despite_minus_one: bool = False
     correction: Correction = NO_CORRECTION
+    noise_slope: int = 0
 
     @property
     def channels(self) -> int:
