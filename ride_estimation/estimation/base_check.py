@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from ride_estimation.estimation.block_math import biquad_block
+from ride_estimation.estimation.base_kernel import follow_bases
 from ride_estimation.estimation.sensor_gate import GateVerdict
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
@@ -81,7 +81,9 @@ class BaseCheck:
         for i, s in enumerate(sensors):
             self._to_plane[3 * i : 3 * i + 3, 2 * i : 2 * i + 2] = s.rotation[:2].T
             self._to_plane[3 * i : 3 * i + 3] -= np.outer(s.rotation[2], lift[i])
-        self._noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
+        noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
+        #: noise variance, square of the share that frames bend anyway, spare equations
+        self._numbers = np.array([noise, _SHARE**2, self._spare])
         self.possible = count >= 3 and all(s.coupling == sensors[0].coupling for s in sensors)
         self.ticks: dict[int, int] = {}
         self.reset()
@@ -131,24 +133,12 @@ class BaseCheck:
         return dataclasses.replace(verdict, valid=valid)
 
     def _follow(self, block: Block, dt: float) -> None:
-        moving = self._passed(np.take(block.values, self._columns, axis=1) @ self._to_plane, dt)
-        duration = len(moving) * dt
-        gain = 1.0 - math.exp(-duration / _NOW)
-        residual = moving @ self._project
-        self._size += gain * (float(np.mean(moving**2)) - self._size)
-        self._moments += gain * (residual.T @ residual / len(residual) - self._moments)
-        rigid = moving - residual
-        lag = max(1, round(_EARLIER / dt))
-        if len(self._before) != lag:
-            self._before = np.tile(rigid[0], (lag, 1))
-        course = np.concatenate([self._before, rigid])
-        self._before = course[-lag:]
-        joint = np.hstack([rigid, course[: len(rigid)], residual])
-        # weighted by the residual: what was before a fault says nothing of how it follows from the motion
-        usual = self._noise + _SHARE**2 * self._size
-        weight = float(np.mean(residual**2)) * len(self._project) / (self._spare * usual)
-        self._joint += gain * (weight * (joint.T @ joint) / len(joint) - self._joint)
-        ratio = float(np.trace(self._moments)) / (self._spare * usual)
+        duration = len(block.values) * dt
+        b, a = self._ready(block, dt)
+        self._size, ratio = follow_bases(
+            block.values, self._columns, self._to_plane, self._project, b, a, self._state, self._before, self._numbers,
+            1.0 - math.exp(-duration / _NOW), self._size, self._moments, self._joint,
+        )  # fmt: skip
         if self._size < _MOVING**2:
             return
         self._age += duration
@@ -169,18 +159,17 @@ class BaseCheck:
         elif not was or self.refused is None:
             self.refused = self._blamed()
 
-    def _passed(self, plane: Array, dt: float) -> Array:
-        """Return the readings above the corner."""
+    def _ready(self, block: Block, dt: float) -> tuple[Array, Array]:
+        """Return the filter, at rest before the first block."""
         if self._filter is None or self._filter[0] != dt:
             b, a = signal.butter(2, min(2.0 * _CORNER_HZ * dt, 0.9), "highpass")
             self._filter = (dt, b, a)
             self._state = np.zeros((0, 0))
         _, b, a = self._filter
         if not self._state.size:
-            self._state = signal.lfilter_zi(b, a)[:, None] * plane[0]
-        found = np.empty_like(plane)
-        biquad_block(plane, b, a, self._state, found)
-        return found
+            self._state = signal.lfilter_zi(b, a)[:, None] * (block.values[0, self._columns] @ self._to_plane)
+            self._before = np.zeros((max(1, round(_EARLIER / dt)), len(self._project)))
+        return b, a
 
     def _blamed(self) -> int | None:
         """Return the sensor whose error explains the residual, None where several could."""

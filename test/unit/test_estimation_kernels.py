@@ -8,6 +8,7 @@ import pytest
 from scipy import signal
 
 from ride_estimation.estimation.balance_kernel import response_block
+from ride_estimation.estimation.base_kernel import follow_bases
 from ride_estimation.estimation.block_math import biquad_block, follow_moments
 from ride_estimation.estimation.bracket_tilt import take_readings
 from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
@@ -179,3 +180,30 @@ def test_fading_sums_of_products(rng):
     follow_moments(values, columns, 0.9, total, square)
     np.testing.assert_allclose(total, wanted, atol=ROUNDING)
     np.testing.assert_allclose(square, wanted_square, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("ticks", [3, 10])
+def test_sums_of_the_check_of_the_bases(rng, ticks):
+    n, lag, spare = 6, 5, 3.0
+    columns, to_plane, project = np.array([1, 2, 3, 5, 6, 7, 8, 9, 11]), rng.normal(size=(9, n)), rng.normal(size=(n, n))
+    project = project + project.T
+    b, a = signal.butter(2, 0.1, "highpass")
+    state, before, size = rng.normal(size=(2, n)), rng.normal(size=(lag, n)), 0.4
+    half = rng.normal(size=(3 * n, 3 * n))
+    joint = half + half.T
+    moments = joint[2 * n :, 2 * n :] / 7.0
+    values, numbers = rng.normal(size=(ticks, 12)), np.array([0.01, 0.05**2, spare])
+    moving, left = signal.lfilter(b, a, values[:, columns] @ to_plane, axis=0, zi=state)
+    residual = moving @ project
+    rigid = moving - residual
+    course = np.concatenate([before, rigid])
+    wanted_size = size + 0.1 * (np.mean(moving**2) - size)
+    usual = 0.01 + 0.05**2 * wanted_size
+    table = np.hstack([rigid, course[:ticks], residual])
+    weight = np.mean(residual**2) * n / (spare * usual)
+    wanted_joint = joint + 0.1 * (weight * table.T @ table / ticks - joint)
+    wanted_moments = moments + 0.1 * (residual.T @ residual / ticks - moments)
+    found = follow_bases(values, columns, to_plane, project, b, a, state, before, numbers, 0.1, size, moments, joint)
+    np.testing.assert_allclose(found, (wanted_size, np.trace(wanted_moments) / (spare * usual)), rtol=ROUNDING)
+    for own, wanted in ((state, left), (before, course[-lag:]), (moments, wanted_moments), (joint, wanted_joint)):
+        np.testing.assert_allclose(own, wanted, rtol=ROUNDING, atol=ROUNDING * np.abs(wanted).max())
