@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.deformation_filter import filter_bank
 from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
-from ride_estimation.jit import compile_kernel
+from ride_estimation.estimation.frame_kernel import filter_history, frame_block
 
 Array = NDArray[np.float64]
 
@@ -37,118 +37,6 @@ _WORTH = 0.9
 _TRUSTED, _FADE = 0.25, 2.0
 #: largest corner over the rate of the ticks, for the linear course between samples
 _RESOLVED = 0.05
-
-
-@compile_kernel
-def deformation_block(
-    acceleration: Array, first: int, stride: int, dt: float, forget: float, transition: Array, old_share: Array, new_share: Array,
-    state: Array, value: Array, rate: Array,
-) -> None:  # fmt: skip
-    """Pass the channels ``first, first + stride, ...`` through their filter.
-
-    Parameters
-    ----------
-    acceleration
-        Q times relative acceleration, shape (K, N).
-    dt, forget
-        Tick [s]; share of a new sample in the mean that is taken as bias.
-    transition, old_share, new_share
-        Filter with states ``int int e, int e, e, e'``, shapes (4, 4), (4,), (4,).
-    state
-        (6, N): states, bias, last acceleration; in place.
-    value, rate
-        Outputs (K, N).
-    """
-    new = np.zeros(4)
-    for n in range(first, acceleration.shape[1], stride):
-        for k in range(acceleration.shape[0]):
-            state[4, n] += forget * (acceleration[k, n] - state[4, n])
-            u = acceleration[k, n] - state[4, n]
-            old = state[5, n]
-            for i in range(4):
-                total = old_share[i] * old + new_share[i] * u
-                for j in range(4):
-                    total += transition[i, j] * state[j, n]
-                new[i] = total
-            for i in range(4):
-                state[i, n] = new[i]
-            state[5, n] = u
-            # the linear course between samples loses (omega dt)^2 / 12 of the value; put it back
-            value[k, n] = new[2] - dt * dt / 12.0 * u
-            rate[k, n] = new[3] - dt / 12.0 * (u - old)
-
-
-@compile_kernel
-def straighten(
-    relative: Array, turn: Array, turn_rate: Array, turn_map: Array, arms: Array, flat: Array, bent: Array, bent_rate: Array
-) -> None:
-    """Take what a finite rotation strains out of the relative acceleration.
-
-    It strains the mounts in second order like a deformation: ``-theta x (theta x r) / 2`` in body axes.
-
-    Parameters
-    ----------
-    relative
-        Relative acceleration, shape (K, M, 3).
-    turn, turn_rate
-        theta and its rate, shape (K, 3).
-    turn_map
-        Angular acceleration from the relative acceleration, shape (3, 3 M).
-    arms
-        r, shape (M, 3).
-    flat
-        Output, relative acceleration without that strain, shape (K, 3 M).
-    bent, bent_rate
-        Outputs, the strain and its rate, shape (K, 3 M).
-    """
-    spin, across, across_rate, round_arm = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for k in range(relative.shape[0]):
-        for a in range(3):
-            spin[a] = 0.0
-            for n in range(turn_map.shape[1]):
-                spin[a] += turn_map[a, n] * relative[k, n // 3, n % 3]
-        for i in range(arms.shape[0]):
-            for a in range(3):
-                b, c = (a + 1) % 3, (a + 2) % 3
-                across[a] = turn[k, b] * arms[i, c] - turn[k, c] * arms[i, b]
-                across_rate[a] = turn_rate[k, b] * arms[i, c] - turn_rate[k, c] * arms[i, b]
-                round_arm[a] = spin[b] * arms[i, c] - spin[c] * arms[i, b]
-            for a in range(3):
-                b, c = (a + 1) % 3, (a + 2) % 3
-                n = 3 * i + a
-                bent[k, n] = -0.5 * (turn[k, b] * across[c] - turn[k, c] * across[b])
-                bent_rate[k, n] = -0.5 * (
-                    turn_rate[k, b] * across[c] - turn_rate[k, c] * across[b]
-                    + turn[k, b] * across_rate[c] - turn[k, c] * across_rate[b]
-                )  # fmt: skip
-                flat[k, n] = relative[k, i, a] + 0.5 * (
-                    spin[b] * across[c] - spin[c] * across[b]
-                    + 2.0 * (turn_rate[k, b] * across_rate[c] - turn_rate[k, c] * across_rate[b])
-                    + turn[k, b] * round_arm[c] - turn[k, c] * round_arm[b]
-                )  # fmt: skip
-
-
-@compile_kernel
-def filter_history(samples: Array, b: Array, transition: Array, old_share: Array, new_share: Array, state: Array) -> Array:
-    """Pass samples (K, N) through one filter and return its innovations (K, N); ``state`` (4, N) in place."""
-    innovation = np.empty_like(samples)
-    new = np.zeros(4)
-    for n in range(samples.shape[1]):
-        old = samples[0, n] if len(samples) else 0.0
-        for k in range(samples.shape[0]):
-            u = samples[k, n]
-            for i in range(4):
-                total = old_share[i] * old + new_share[i] * u
-                for j in range(4):
-                    total += transition[i, j] * state[j, n]
-                new[i] = total
-            expected = 0.0
-            for i in range(4):
-                state[i, n] = new[i]
-                expected -= b[i] * new[i]
-            innovation[k, n] = u - expected
-            old = u
-    return innovation
 
 
 class FrameDeformation:
@@ -184,6 +72,8 @@ class FrameDeformation:
         """Start again from an undeformed frame."""
         self._state = np.zeros((6, len(self.projector)))
         self._time, self._step = 0.0, 0.0
+        #: transition, share of the old and of the new sample of the filter of every axis
+        self._filters = np.zeros((3, 4, 4)), np.zeros((3, 4)), np.zeros((3, 4))
         self._trusted, self._trust = False, 0.0
         self._chosen = np.full(3, -1)
         #: error variance of value and rate of a channel before projection, per axis
@@ -212,7 +102,8 @@ class FrameDeformation:
         return np.asarray(square.reshape(self._count, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9))
 
     def observe(
-        self, relative: Array, turn: Array, turn_rate: Array, stiffness: Array, damping: Array, dt: float
+        self, relative: Array, turn: Array, turn_rate: Array, swing: Array, swing_rate: Array, stiffness: Array, damping: Array,
+        dt: float,
     ) -> tuple[Array, Array]:  # fmt: skip
         """Return deformation and its rate at the ticks of a block, shape (K, M, 3) each.
 
@@ -221,7 +112,9 @@ class FrameDeformation:
         relative
             Relative acceleration of body and bracket without what gravity adds through tilt, shape (K, M, 3) [m/s^2].
         turn, turn_rate
-            Rotation of the body against the frame and its rate, shape (K, 3).
+            Rotation of the body against the brackets and its rate, shape (K, M, 3).
+        swing, swing_rate
+            Rotation of the frame that the brackets do not make and its rate, shape (K, 3).
         stiffness, damping
             Tangents of the mounts, shape (M, 3): what an error of value and rate costs.
         dt
@@ -231,25 +124,18 @@ class FrameDeformation:
         if dt != self._step:
             self._design(dt)
         self._time += ticks * dt
-        flat, bent, bent_rate = self._straightened(relative, turn, turn_rate)
-        value, rate = np.zeros_like(flat), np.zeros_like(flat)
+        shape = relative.shape
+        flat = np.empty((ticks, len(self.projector)))
+        value, rate = np.empty_like(flat), np.empty_like(flat)
         forget = 1.0 - math.exp(-dt / min(_BIAS_MEMORY, self._time))
-        for axis in (2, 0, 1):
-            if axis == 0 and self._trust > 0.0:
-                flat += self._trust * value[:, 2::3] @ self._tilt.T
-            deformation_block(flat, axis, 3, dt, forget, *self._filters[axis], self._state, value, rate)
+        frame_block(
+            relative, turn, turn_rate, swing, swing_rate, self._turn_map, self._arms, self.projector, self._tilt, self._trust, dt,
+            forget, *self._filters, self._state, flat, value, rate,
+        )  # fmt: skip
         self._trust = min(max(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0), 1.0)
         if self.learns and self._spectrum.add(flat):
             self._choose(stiffness, damping)
-        # bias and rounding leave the range of the projector only through the axes having filters of their own
-        value, rate = (value + bent) @ self.projector.T, (rate + bent_rate) @ self.projector.T
-        return value.reshape(relative.shape), rate.reshape(relative.shape)
-
-    def _straightened(self, relative: Array, turn: Array, turn_rate: Array) -> tuple[Array, Array, Array]:
-        """Return the projected acceleration without what a finite rotation strains, and that strain with its rate, (K, 3 M)."""
-        flat, bent, bent_rate = (np.empty((len(relative), len(self.projector))) for _ in range(3))
-        straighten(relative, turn, turn_rate, self._turn_map, self._arms, flat, bent, bent_rate)
-        return flat @ self.projector.T, bent, bent_rate
+        return value.reshape(shape), rate.reshape(shape)
 
     def covariance(self) -> tuple[Array, Array]:
         """Return the error covariances of value and rate, shape (3 M, 3 M) each."""
@@ -263,7 +149,13 @@ class FrameDeformation:
         frequencies, widths = self._spectrum.frequencies, self._spectrum.widths
         self._bank = filter_bank(tuple(frequencies.tolist()), tuple(widths.tolist()), _RESOLVED / dt)
         self._chosen[:] = -1
-        self._filters = [self._bank.discretised(len(self._bank.corner) - 1, dt)] * 3
+        for axis in range(3):
+            self._use(axis, self._bank.discretised(len(self._bank.corner) - 1, dt))
+
+    def _use(self, axis: int, discretised: tuple[Array, Array, Array]) -> None:
+        """Put a filter in force for an axis."""
+        for own, part in zip(self._filters, discretised):
+            own[axis] = part
 
     def _choose(self, stiffness: Array, damping: Array) -> None:
         """Choose the filter of every axis; the vertical one first, as what it leaves tilts the others."""
@@ -297,7 +189,7 @@ class FrameDeformation:
         best, now = int(np.argmin(cost)), int(self._chosen[axis])
         if now < 0 or cost[best] < _WORTH * cost[now]:
             self._chosen[axis] = now = best
-            self._filters[axis] = bank.discretised(now, dt)
+            self._use(axis, bank.discretised(now, dt))
             self._warm_up(axis)
         self.variance[axis], self.rate_variance[axis] = value[now], rate[now]
         whole = signal / (2.0 * np.pi * spectrum.frequencies) ** 4
@@ -317,7 +209,7 @@ class FrameDeformation:
         # channels from rest, then the response to each state at the start
         state = np.hstack([np.zeros((4, count)), np.eye(4)])
         samples = np.hstack([averages[:, axis::3] - bias, np.zeros((len(averages), 4))])
-        transition, old, new = self._bank.discretised(index, step)
+        transition, old, new = (np.ascontiguousarray(part) for part in self._bank.discretised(index, step))
         # averages held over their interval: its integral, the rate, is then exact
         innovation = filter_history(samples, b, transition, np.zeros(4), old + new, state)
         seen, own = innovation[:, count:], innovation[:, :count]
@@ -329,7 +221,8 @@ class FrameDeformation:
         edge = rest[0, axis::3] - bias if len(rest) else self._state[5, axis::3]
         now[:3] -= 0.5 * self._step * now[1:]
         now[3] -= 0.5 * self._step * edge
-        filter_history(rest[:, axis::3] - bias, b, *self._filters[axis], now)
+        transition, old, new = (part[axis] for part in self._filters)
+        filter_history(np.ascontiguousarray(rest[:, axis::3] - bias), b, transition, old, new, now)
         self._state[:4, axis::3] = now
 
     def save(self) -> dict[str, Any]:
@@ -349,7 +242,9 @@ class FrameDeformation:
         self._design(float(saved["step"]))
         self._spectrum.load(saved["spectrum"])
         self._chosen = np.array(saved["chosen"], dtype=int)
-        self._filters = [f if n < 0 else self._bank.discretised(int(n), self._step) for n, f in zip(self._chosen, self._filters)]
+        for axis, n in enumerate(self._chosen.tolist()):
+            if n >= 0:
+                self._use(axis, self._bank.discretised(n, self._step))
         self._state = np.array(saved["state"], dtype=float).reshape(self._state.shape)
         self.variance = np.array(saved["variance"], dtype=float)
         self.rate_variance = np.array(saved["rate_variance"], dtype=float)

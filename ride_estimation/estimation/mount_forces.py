@@ -224,8 +224,8 @@ class MountForceEstimator:
         if self._frame is None:
             return deflection.deflection, deflection.rate
         own = self._frame.observe(
-            deflection.relative, deflection.turn.mean(axis=1) - deflection.swing, turn_rate.mean(axis=1) - deflection.swing_rate,
-            self.law.stiffness, self.law.damping, dt,
+            deflection.relative, deflection.turn, turn_rate, deflection.swing, deflection.swing_rate, self.law.stiffness,
+            self.law.damping, dt,
         )  # fmt: skip
         value, rate = np.empty_like(own[0]), np.empty_like(own[1])
         with_deformation(deflection.deflection, self._frame.projector, own[0], self._transducer, value)

@@ -29,9 +29,9 @@ def make() -> FrameDeformation:
 
 
 def integrate(frame: FrameDeformation, acceleration: np.ndarray) -> np.ndarray:
-    still = np.zeros((10, 3))
+    still, quiet = np.zeros((10, 4, 3)), np.zeros((10, 3))
     blocks = acceleration.reshape(-1, 10, 4, 3)
-    return np.concatenate([frame.observe(b, still, still, STIFFNESS, DAMPING, DT)[0] for b in blocks])
+    return np.concatenate([frame.observe(b, still, still, quiet, quiet, STIFFNESS, DAMPING, DT)[0] for b in blocks])
 
 
 def twist(hertz: float, seconds: float) -> tuple[np.ndarray, np.ndarray]:
@@ -84,9 +84,9 @@ def test_stated_variance_is_the_error_of_a_random_twist() -> None:
     measured = acceleration[:, None, None] * sign + rng.normal(0.0, SIGMA, (40000, 4, 3))
     frame = make()
     blocks = measured.reshape(-1, 10, 4, 3)
-    still, ratio = np.zeros((10, 3)), []
+    still, quiet, ratio = np.zeros((10, 4, 3)), np.zeros((10, 3)), []
     for n, block in enumerate(blocks):
-        estimate = frame.observe(block, still, still, STIFFNESS, DAMPING, DT)[0]
+        estimate = frame.observe(block, still, still, quiet, quiet, STIFFNESS, DAMPING, DT)[0]
         error = estimate - value[10 * n : 10 * n + 10, None, None] * sign
         ratio.append(np.mean(error[:, :, 2] ** 2) / np.diag(frame.covariance()[0])[2::3].mean())
     assert 0.6 < np.sqrt(np.mean(ratio[1000:])) < 1.4
@@ -117,10 +117,11 @@ def test_finite_rotation_is_no_deformation() -> None:
     maps[:, 0, 2::3] = y / np.sum(y**2)
     frame = FrameDeformation(WRENCH, np.full(4, SIGMA**2), known_tilt(maps), 0.0, ARMS)
     turn, rate = np.column_stack([angle, 0 * angle, 0 * angle]), np.column_stack([omega, 0 * omega, 0 * omega])
-    estimate = np.concatenate(
-        [frame.observe(acceleration[i : i + 10], turn[i : i + 10], rate[i : i + 10], STIFFNESS, DAMPING, DT)[0]
-         for i in range(0, 5000, 10)]
-    )  # fmt: skip
+    turn, rate, quiet = np.repeat(turn[:, None], 4, axis=1), np.repeat(rate[:, None], 4, axis=1), np.zeros((10, 3))
+    estimate = np.concatenate([
+        frame.observe(acceleration[i : i + 10], turn[i : i + 10], rate[i : i + 10], quiet, quiet, STIFFNESS, DAMPING, DT)[0]
+        for i in range(0, 5000, 10)
+    ])
     wanted = (exact.reshape(-1, 12) @ frame.projector.T).reshape(-1, 4, 3)
     # a tenth of the strain: terms of third order and the constant taken as bias
     assert np.abs(estimate - wanted)[2500:].max() < 0.1 * np.abs(wanted).max()

@@ -12,7 +12,7 @@ from ride_estimation.estimation.base_kernel import follow_bases
 from ride_estimation.estimation.block_math import biquad_block, follow_moments
 from ride_estimation.estimation.bracket_tilt import take_readings
 from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
-from ride_estimation.estimation.frame_deformation import straighten
+from ride_estimation.estimation.frame_kernel import deformation_block, frame_block, straighten
 from ride_estimation.estimation.gate_kernel import median, median_root
 from ride_estimation.signals.interpolation import interpolate_streams, interpolate_ticks
 
@@ -207,3 +207,33 @@ def test_sums_of_the_check_of_the_bases(rng, ticks):
     np.testing.assert_allclose(found, (wanted_size, np.trace(wanted_moments) / (spare * usual)), rtol=ROUNDING)
     for own, wanted in ((state, left), (before, course[-lag:]), (moments, wanted_moments), (joint, wanted_joint)):
         np.testing.assert_allclose(own, wanted, rtol=ROUNDING, atol=ROUNDING * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("trust", [0.0, 0.6])
+def test_deformation_of_a_block_is_that_of_its_steps(rng, trust):
+    n = 3 * M
+    relative, turn, turn_rate = rng.normal(size=(3, K, M, 3))
+    swing, swing_rate = rng.normal(size=(2, K, 3))
+    turn_map, arms = rng.normal(size=(3, n)), rng.normal(size=(M, 3))
+    projector, tilt = rng.normal(size=(n, n)), rng.normal(size=(n, M))
+    filters = 0.3 * rng.normal(size=(3, 4, 4)), rng.normal(size=(3, 4)), rng.normal(size=(3, 4))
+    state = rng.normal(size=(6, n))
+    wanted_state = state.copy()
+    flat, value, rate = np.empty((3, K, n))
+    frame_block(
+        relative, turn, turn_rate, swing, swing_rate, turn_map, arms, projector, tilt, trust, 0.01, 0.2, *filters, state, flat,
+        value, rate,
+    )  # fmt: skip
+    straight, bent, bent_rate = np.empty((3, K, n))
+    mean, mean_rate = turn.mean(axis=1) - swing, turn_rate.mean(axis=1) - swing_rate
+    straighten(relative, mean, mean_rate, turn_map, arms, straight, bent, bent_rate)
+    wanted = straight @ projector.T
+    own, own_rate = np.zeros((2, K, n))
+    for axis in (2, 0, 1):
+        if axis == 0:
+            wanted += trust * own[:, 2::3] @ tilt.T
+        deformation_block(wanted, axis, 3, 0.01, 0.2, *(part[axis] for part in filters), wanted_state, own, own_rate)
+    for found, right in (
+        (flat, wanted), (state, wanted_state), (value, (own + bent) @ projector.T), (rate, (own_rate + bent_rate) @ projector.T)
+    ):
+        np.testing.assert_allclose(found, right, rtol=ROUNDING, atol=ROUNDING * np.abs(right).max())
