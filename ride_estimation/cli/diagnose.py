@@ -16,7 +16,7 @@ from ride_estimation.cli.progress import Progress
 from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
-from ride_estimation.diagnosis.result import Diagnosis
+from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
 from ride_estimation.errors import ConfigurationError, InputDataError
@@ -188,7 +188,9 @@ def _write(
     print(answer.sentence)
     for line in (*answer.remarks, *answer.warnings):
         print(f"  {line}")
-    print(f"written to {folder}: diagnosis.json, vehicle_extended.yaml{'' if options.no_report else ', report.html'}")
+    # an answer that says nothing about the vehicle writes it as it came: nothing was extended
+    unchanged = " (as given, nothing was found out about it)" if answer.verdict == INSUFFICIENT else ""
+    print(f"written to {folder}: diagnosis.json, vehicle_extended.yaml{unchanged}{'' if options.no_report else ', report.html'}")
     return 0
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.diagnose import diagnose, insufficient
 from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis, Evidence
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import edge_taper, make_grid
@@ -213,7 +213,13 @@ def diagnose_bench(
     ))
     tone = one_frequency(sample.displacement)
     causes = tuple(c for c in CAUSES if not (tone and c in _NEED_TWO_FREQUENCIES))
-    answer = diagnose(bench_vehicle(KelvinVoigt(k, c), noise), run, others, settings, progress, causes)
+    vehicle = bench_vehicle(KelvinVoigt(k, c), noise)
+    # the rest at both ends of the run is not in the record
+    lasts, needed = len(sample.force) / sample.rate_hz, settings.minimum_duration_s - 2.0 * _FADE_S
+    if lasts < needed:
+        answer = insufficient(vehicle, f"the record {sample.name} lasts {lasts:.1f} s; at least {needed:g} s are needed")
+    else:
+        answer = diagnose(vehicle, run, others, settings, progress, causes)
     warnings, remarks = answer.warnings, answer.remarks + _channel_remarks(answer)
     if tone and answer.verdict != INSUFFICIENT:
         words = (

@@ -398,6 +398,11 @@ def _gain(
         refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
         judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
         better = predict(scene, data, work.extended, settings, refit) if work.extended.fitted else probe
+        if not better.settled:
+            warnings.append(
+                f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
+            )
+            continue
         (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
         if work.extended.fitted and pooled_nrmse(e1, s0, judged) > pooled_nrmse(e0, s0, judged):
             warnings.append(

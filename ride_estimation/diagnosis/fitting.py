@@ -16,13 +16,14 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sig
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import ModelState, Scene
-from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, price, solve_signed
+from ride_estimation.diagnosis.screening import Projector, Pushed, Score, mean_rows, price, solve_signed
 from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
+_SHARES = (1.0, 0.4, 0.15)  # of such a step that are tried: the edge of a contact is no straight line
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
 
@@ -374,23 +375,29 @@ class FullFitter:
             refined = {s.name for s in h.shapes}
             if not fresh[index] or not any(name not in refined for name in shapes[index]):
                 continue
-            others = [c for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index for c in o.columns(scene, s)]
-            signs = [
-                sign for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index
-                for sign in o.column_signs(len(o.columns(scene, s)))
-            ]
+            others, signs = self._others(scene, projector, hypotheses, shapes, index)
             trials = _widened(h, shapes[index])
-            own = [h.columns(scene, t) for t in trials]
-            everything = [*others, *(c for columns in own for c in columns)]
-            normal, right = projector.reduce(scene.push(everything, single=True), mean_rows(self._cal.table, everything))
-            drops, first = [], len(others)
-            for columns in own:
-                part = np.array([*range(len(others)), *range(first, first + len(columns))])
-                drops.append(
-                    solve_signed(normal[np.ix_(part, part)], right[part], [*signs, *h.column_signs(len(columns))])[1]
-                )
-                first += len(columns)
+            drops = []
+            for trial in trials:
+                own = self._pushed(scene, projector, h.columns(scene, trial))
+                drops.append(solve_signed(*projector.join(own, *others), [*h.column_signs(len(own.size)), *signs])[1])
             shapes[index] = trials[int(np.argmax(drops))]
+
+    def _pushed(self, scene: Scene, projector: Projector, columns: Sequence[Column]) -> Pushed:
+        return projector.pushed(scene.push(columns, single=True), mean_rows(self._cal.table, columns))
+
+    def _others(
+        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: Sequence[Shapes], index: int
+    ) -> tuple[tuple[Pushed, ...], list[Sign]]:
+        """Return the columns of all hypotheses but one with their signs; nothing where there is no other."""
+        columns: list[Column] = []
+        signs: list[Sign] = []
+        for i, (h, shape) in enumerate(zip(hypotheses, shapes)):
+            if i != index:
+                own = h.columns(scene, shape)
+                columns += own
+                signs += h.column_signs(len(own))
+        return ((self._pushed(scene, projector, columns),) if columns else ()), signs
 
     def _search_shapes(
         self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
@@ -406,31 +413,29 @@ class FullFitter:
         for index, h in enumerate(hypotheses):
             if not h.shapes:
                 continue
-            others = [c for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index for c in o.columns(scene, s)]
-            other_signs = [
-                sign for i, (o, s) in enumerate(zip(hypotheses, shapes)) if i != index
-                for sign in o.column_signs(len(o.columns(scene, s)))
-            ]
+            others, signs = self._others(scene, projector, hypotheses, shapes, index)
 
             def solve(
                 trial: Shapes,
                 slopes: Sequence[Column] = (),
                 h: Hypothesis = h,
-                others: list[Column] = others,
-                signs: list[Sign] = other_signs,
+                others: tuple[Pushed, ...] = others,
+                signs: list[Sign] = signs,
             ) -> tuple[Array, float]:
                 own = h.columns(scene, trial)
-                columns = [*own, *others, *slopes]
-                normal, right = projector.reduce(scene.push(columns, single=True), mean_rows(self._cal.table, columns))
-                return solve_signed(normal, right, [*h.column_signs(len(own)), *signs, *[Sign.ANY] * len(slopes)])
+                fresh = self._pushed(scene, projector, [*own, *slopes])
+                normal, right = projector.join(fresh, *others)
+                return solve_signed(normal, right, [*h.column_signs(len(own)), *[Sign.ANY] * len(slopes), *signs])
 
             if searched[index]:
                 shapes[index] = _searched(h, shapes[index], lambda trial, solve=solve: solve(trial)[1])  # type: ignore[misc]
             for _ in range(_STEPS):
                 coefficients, current = solve(shapes[index])
                 slopes, sizes = _slopes(h, scene, shapes[index], coefficients)
-                moves = solve(shapes[index], slopes)[0][-len(slopes) :] * sizes
-                trial = _moved(h, shapes[index], moves)
-                if solve(trial)[1] <= current + 0.5:
+                count = len(coefficients) - len(signs)
+                moves = solve(shapes[index], slopes)[0][count : count + len(slopes)] * sizes
+                trials = [_moved(h, shapes[index], share * moves) for share in _SHARES]
+                better = next((trial for trial in trials if solve(trial)[1] > current + 0.5), None)
+                if better is None:
                     break
-                shapes[index] = trial
+                shapes[index] = better

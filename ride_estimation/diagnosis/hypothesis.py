@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from ride_estimation.diagnosis.scene import Scene
 
 Array = NDArray[np.float64]
+
+#: share of the energy of an effect that a law of the right cause but of another form than the real one leaves, 7 % of its size
+FORM = 0.005
+
 Shapes = Mapping[str, float]
 
 
@@ -55,6 +59,8 @@ class Hypothesis:
         Tells apart hypotheses of one cause and place, such as the side of a stop.
     essential
         Columns without which the hypothesis means nothing.
+    largest
+        Size of the first coefficient beyond which the hypothesis means nothing.
     """
 
     cause: str
@@ -68,10 +74,11 @@ class Hypothesis:
     ports: tuple[int, ...] = ()
     variant: str = ""
     essential: tuple[int, ...] = ()
+    largest: float = float("inf")
 
     def meaningful(self, coefficients: Array) -> bool:
-        """Return whether every essential column is used."""
-        return all(coefficients[i] != 0.0 for i in self.essential)
+        """Return whether every essential column is used and the first coefficient is no larger than it can be."""
+        return all(coefficients[i] != 0.0 for i in self.essential) and abs(coefficients[0]) <= self.largest
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -27,6 +27,7 @@ IntArray = NDArray[np.int64]
 _PASSES = 12
 _HISTORY = 4  # passes a step is extrapolated from
 _LOST = 4.0  # change over the smallest one at which the fixed point runs away
+_GUESS = 0.5  # relative change of the law forces above which what came out is a guess
 _SETTLED = 0.02  # relative change of the law forces at which the fixed point counts as reached
 
 
@@ -61,10 +62,17 @@ class Model:
 
 @dataclasses.dataclass(frozen=True)
 class Prediction:
-    """A predicted run: scene without accepted effects' tolerance part and the full predicted output spectrum (F, ny)."""
+    """A predicted run: scene without accepted effects' tolerance part and the full predicted output spectrum (F, ny).
+
+    Attributes
+    ----------
+    settled
+        Whether the law forces are those along the predicted deflections, as far as a prediction can be told from a guess.
+    """
 
     scene: Scene
     spectrum: ComplexArray
+    settled: bool = True
 
     def residual(self) -> Array:
         """Return the in-band residual in measured units, shape (N, ny)."""
@@ -100,18 +108,19 @@ def predict(base: Scene, data: Measurement, model: Model, settings: Settings, bl
     scene = Scene(plant, data, start, settings, scales=model.scales, smooth=bool(fitted))
     if blocks is not None:
         fitted = [_refitted(scene, f, np.asarray(blocks, dtype=int)) for f in fitted]
+    missed = 0.0
     if fitted:
-        scene = _settled(scene, data, state, model, fitted, settings)
+        scene, missed = _settled(scene, data, state, model, fitted, settings)
     adjustables, spectra, _ = baseline_spectra(scene, mean_table(scene), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     weights = np.array([values.get(a.name, 0.0) for a in adjustables])
-    return Prediction(scene, scene.predicted_spectrum + spectra @ weights)
+    return Prediction(scene, scene.predicted_spectrum + spectra @ weights, missed < _GUESS)
 
 
 def _settled(
     scene: Scene, data: Measurement, state: ModelState, model: Model, fitted: list[Fitted], settings: Settings
-) -> Scene:
-    """Return the scene whose effects are those of the laws along its own deflection.
+) -> tuple[Scene, float]:
+    """Return the scene whose effects are those of the laws along its own deflection, and by which share they still are not.
 
     Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
     iterated, each step extrapolated from the last few (Anderson 1965, J. ACM 12). Where the law is too stiff for that (a hard
@@ -138,7 +147,7 @@ def _settled(
             target = tuple(Effect(e.where, e.index, part) for e, part in zip(target, np.split(step, len(target))))
         before = target
         scene = Scene(scene.plant, data, with_effects(scene, state, target), settings, scales=model.scales, smooth=False)
-    return best
+    return best, nearest
 
 
 def _extrapolated(tried: list[Array], missed: list[Array]) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.frame import local_motion, tilt_paths
+from ride_estimation.diagnosis.injection import Injector
 from ride_estimation.diagnosis.kinematics import (
     BodyMotion,
     base_correction,
@@ -371,6 +372,7 @@ class Scene:
             self.whitener = whitening(self.noise_covariance, self.grid.band_weight)
         else:
             self.noise_covariance, self.whitener = like.noise_covariance, like.whitener
+        self._injector = Injector(self.grid, self.response, self.whitener)
         self.residual_spectrum = self.measured_spectrum - self.predicted_spectrum
         self.residual = self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
         share = float(np.sum(self.grid.band_weight**2) / (self.grid.decimated / 2))
@@ -436,7 +438,11 @@ class Scene:
         white: NDArray[Any] = self.whitener
         if single:
             white, output_spectrum = white.astype(np.complex64), output_spectrum.astype(np.complex64)
-        signal = self.grid.decimated_signal(white @ output_spectrum)
+        return self._dealt(white @ output_spectrum)
+
+    def _dealt(self, white: NDArray[Any]) -> Array:
+        """Return whitened spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""
+        signal = self.grid.decimated_signal(white)
         blocks, length = self.blocks.index.shape
         first = int(self.blocks.index[0, 0]) if blocks else 0
         if blocks and np.all(self.blocks.weight == 1.0) and self.blocks.index[-1, -1] == first + blocks * length - 1:
@@ -444,26 +450,9 @@ class Scene:
         picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None].astype(signal.dtype)
         return np.asarray(picked.reshape(blocks, -1, signal.shape[2]))
 
-    def output_of(self, column: Column) -> ComplexArray:
-        """Return the output spectrum of one column of effects, shape (F, ny)."""
-        r = self.response
-        out = np.zeros((len(self.grid.omega), len(self.plant.outputs)), dtype=complex)
-        for effect in column:
-            if effect.where is Where.MEAN:
-                continue
-            spectrum = self.grid.spectrum(effect.signal)
-            if effect.where is Where.OUTPUT:
-                out[:, effect.index] += spectrum
-                continue
-            matrix = {
-                Where.PORT: r.output_from_port, Where.WRENCH: r.output_from_wrench, Where.INPUT: r.output_from_input,
-            }[effect.where]
-            out += matrix[:, :, effect.index] * spectrum[:, None]
-        return out
-
     def push(self, columns: Sequence[Column], single: bool = False) -> Array:
         """Return the whitened rows of columns of effects, shape (B, L * ny, q); see :meth:`rows`."""
-        return self.rows(np.stack([self.output_of(c) for c in columns], axis=2), single)
+        return self._dealt(self._injector.whitened(columns, single))
 
     def derivative(self, signal: Array) -> Array:
         """Return the time derivative of a signal within the kept band, shape (N,)."""

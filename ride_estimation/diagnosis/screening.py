@@ -14,13 +14,15 @@ from ride_estimation.diagnosis.baseline import MeanTable
 from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.noise import temper_of
+from ride_estimation.diagnosis.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import Scene
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_BATCH = 48
+_BATCH = 48  # columns of one product
+_USUAL_COLUMNS = 2  # of a hypothesis at one place
 
 #: hypothesis, shape, and the hypotheses served by its columns with their first and last port
 _Job = tuple[Hypothesis, Shapes, list[tuple[Hypothesis, int, int]]]
@@ -55,6 +57,26 @@ def mean_rows(table: MeanTable, columns: Sequence[Column]) -> Array:
     return out
 
 
+@dataclasses.dataclass(frozen=True)
+class Pushed:
+    """Candidate rows prepared once for every normal matrix they are part of.
+
+    Attributes
+    ----------
+    flat, size
+        Rows of the fit blocks with unit norm, shape (n, Q), and their norms (Q,).
+    cross
+        Products with the baseline columns and the residual, shape (p + 1, Q).
+    means
+        Mean rows, weighted with the temper, shape (K, Q).
+    """
+
+    flat: Array
+    size: Array
+    cross: Array
+    means: Array
+
+
 class Projector:
     """Removes what the baseline explains and solves small candidate systems.
 
@@ -83,20 +105,31 @@ class Projector:
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         return np.asarray(scale * cho_solve(self._factor, scale * right))
 
-    def reduce(self, rows: Array, means: Array) -> tuple[Array, Array]:
-        """Return the normal matrix (Q, Q) and right side (Q,) of candidate rows after the baseline is removed."""
-        means = np.sqrt(self.regression.temper) * means
-        flat = np.ascontiguousarray(rows[self.blocks].reshape(-1, rows.shape[2]))
-        least = np.finfo(flat.dtype).tiny
+    def pushed(self, rows: Array, means: Array) -> Pushed:
+        """Return candidate rows, shape (B, R, Q), with what they share with the baseline."""
+        flat = rows[self.blocks].reshape(-1, rows.shape[2])
         size = np.sqrt(np.einsum("ij,ij->j", flat, flat, dtype=float))
-        flat = flat / np.maximum(size, least).astype(flat.dtype)
-        p = self.regression.count
+        flat /= np.maximum(size, np.finfo(flat.dtype).tiny).astype(flat.dtype)
         cross = (self._full.T @ flat.astype(np.float32, copy=False)).astype(float) * size
+        return Pushed(flat, size, cross, np.sqrt(self.regression.temper) * means)
+
+    def join(self, *parts: Pushed) -> tuple[Array, Array]:
+        """Return the normal matrix (Q, Q) and right side (Q,) of candidates together after the baseline is removed."""
+        p = self.regression.count
+        own = [[np.zeros((0, 0))] * len(parts) for _ in parts]
+        for i, a in enumerate(parts):
+            for j, b in enumerate(parts[: i + 1]):
+                own[i][j] = (a.flat.T @ b.flat).astype(float) * np.outer(a.size, b.size)
+                own[j][i] = own[i][j].T
+        cross, means = (np.hstack([getattr(part, name) for part in parts]) for name in ("cross", "means"))
         against = cross[:p] + self.regression.mean_columns.T @ means
-        own = (flat.T @ flat).astype(float) * np.outer(size, size)
-        normal = own + means.T @ means - against.T @ self._solve(against)
+        normal = np.block(own) + means.T @ means - against.T @ self._solve(against)
         right = cross[p] + means.T @ self.regression.mean_residual - against.T @ self._solution
         return normal, right
+
+    def reduce(self, rows: Array, means: Array) -> tuple[Array, Array]:
+        """Return the normal matrix (Q, Q) and right side (Q,) of candidate rows after the baseline is removed."""
+        return self.join(self.pushed(rows, means))
 
 
 def solve_signed(normal: Array, right: Array, signs: Sequence[Sign]) -> tuple[Array, float]:
@@ -136,17 +169,16 @@ def screen(
     """
     jobs = _jobs(hypotheses)
     choices = sum(len(members) for _, _, members in jobs)
+
+    def score(batch: Sequence[_Job]) -> list[Score]:
+        return _score_batch(scene, table, projector, batch, samples, choices)
+
     best: dict[int, Score] = {}
-    batch: list[tuple[_Job, list[Column]]] = []
-    total = 0
-    for number, job in enumerate(jobs):
-        columns = job[0].columns(scene, job[1])
-        if columns:
-            batch.append((job, columns))
-            total += len(columns)
-        if batch and (total >= _BATCH or number == len(jobs) - 1):
-            _score_batch(scene, table, projector, batch, samples, choices, best)
-            batch, total = [], 0
+    for scores in in_order(score, _batches(jobs), scene.settings.threads or usable_threads()):
+        for s in scores:
+            known = best.get(id(s.hypothesis))
+            if known is None or s.gain > known.gain:
+                best[id(s.hypothesis)] = s
     return sorted(_at_common_temper(scene, projector.regression.temper, best.values(), samples), key=lambda s: -s.penalised)
 
 
@@ -190,12 +222,28 @@ def _jobs(hypotheses: Sequence[Hypothesis]) -> list[_Job]:
     return jobs
 
 
+def _batches(jobs: Sequence[_Job]) -> list[list[_Job]]:
+    """Return the jobs in batches of about as many columns as pay in one product, taking two per port for all of them."""
+    out: list[list[_Job]] = []
+    total = _BATCH
+    for job in jobs:
+        if total >= _BATCH:
+            out.append([])
+            total = 0
+        out[-1].append(job)
+        total += _USUAL_COLUMNS * max(len(job[0].ports), 1)
+    return out
+
+
 def _score_batch(
-    scene: Scene, table: MeanTable, projector: Projector, batch: list[tuple[_Job, list[Column]]], samples: float, choices: int,
-    best: dict[int, Score],
-) -> None:
-    """Score the jobs of one batch and keep the best score of every hypothesis."""
+    scene: Scene, table: MeanTable, projector: Projector, jobs: Sequence[_Job], samples: float, choices: int
+) -> list[Score]:
+    """Return the scores of the jobs of one batch."""
+    batch = [(job, columns) for job in jobs if (columns := job[0].columns(scene, job[1]))]
     flat = [c for _, columns in batch for c in columns]
+    if not flat:
+        return []
+    out: list[Score] = []
     normal, right = projector.reduce(scene.push(flat, single=True), mean_rows(table, flat))
     offset = 0
     for (main, shape, members), columns in batch:
@@ -205,7 +253,6 @@ def _score_batch(
             q = part.stop - part.start
             coefficients, drop = solve_signed(normal[part, part], right[part], h.column_signs(q))
             gain = 0.5 * drop / projector.regression.temper if h.meaningful(coefficients) else 0.0
-            score = Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices))
-            if id(h) not in best or score.gain > best[id(h)].gain:
-                best[id(h)] = score
+            out.append(Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices)))
         offset += len(columns)
+    return out

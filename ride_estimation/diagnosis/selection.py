@@ -13,6 +13,7 @@ from ride_estimation.diagnosis.calibration import Calibrated
 from ride_estimation.diagnosis.fitting import FullFit, FullFitter
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.noise import temper_of
+from ride_estimation.diagnosis.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, screen, solve_signed
@@ -132,6 +133,7 @@ class Selector:
         self._dof = float(calibrated.scene.block_dof[self._blocks].sum())
         self._fitter = FullFitter(calibrated, splits, self._dof)
         self._progress = progress or (lambda share: None)
+        self._threads = settings.threads or usable_threads()
         self._rounds: list[Round] = []
         fit, regression = calibrated.fit, calibrated.regression
         self.base_misfit = regression.misfit(regression.grams, self._blocks, fit.coefficients)
@@ -241,8 +243,9 @@ class Selector:
         if accepted is not None and place is not None:
             found.append((accepted, place))
             short = [s for s in short if not _same_model(s, accepted.fitted[place])]
-        for s in short:
-            fit = self._fitter.fit([*kept, s], iterations=3 if accepted is None else 2, after=accepted)
+        passes = 3 if accepted is None else 2
+        fits = in_order(lambda s: self._fitter.fit([*kept, s], passes, accepted), short, self._threads)
+        for fit in fits:
             meaningful = all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
             if meaningful and (accepted is None or beyond_tolerance(fit)):
                 found.append((fit, len(kept)))
@@ -340,13 +343,11 @@ class Selector:
         while len(fit.fitted) > 1:
             temper = temper_of(fit.misfit / self._dof, fit.scene.inefficiency)
             enough = fit.log_likelihood(temper) - self._settings.significance
-            trials = []
-            for drop in range(len(fit.fitted)):
-                # a fit along the trajectory of the full model is a lower bound of what the others reach on their own
-                if fit.misfit_without(drop, self._blocks) > 2.0 * temper * (_CLEARLY * self._settings.significance) + fit.misfit:
-                    continue
-                rest = [f for i, f in enumerate(fit.fitted) if i != drop]
-                trials.append(self._fitter.fit(rest, iterations=2, after=fit))
+            # a fit along the trajectory of the full model is a lower bound of what the others reach on their own
+            needed = 2.0 * temper * (_CLEARLY * self._settings.significance) + fit.misfit
+            drops = [i for i in range(len(fit.fitted)) if fit.misfit_without(i, self._blocks) <= needed]
+            rests = [[f for i, f in enumerate(fit.fitted) if i != drop] for drop in drops]
+            trials = in_order(lambda rest, fit=fit: self._fitter.fit(rest, 2, fit), rests, self._threads)  # type: ignore[misc]
             best = max(trials, key=lambda t: t.log_likelihood(temper), default=None)
             if best is None or enough > best.log_likelihood(temper):
                 return fit

@@ -84,6 +84,8 @@ class Settings:
         Resamplings of blocks for intervals.
     seed
         Seed of the resampling.
+    threads
+        Number of threads that fit and score candidates; 0: one per core, four at most. The answer does not depend on it.
     """
 
     band_hz: tuple[float, float] = (0.4, 40.0)
@@ -100,4 +102,5 @@ class Settings:
     maximum_causes: int = 3
     bootstrap: int = 400
     seed: int = 1
+    threads: int = 0
     tolerances: Tolerances = dataclasses.field(default_factory=Tolerances)

@@ -12,13 +12,14 @@ from scipy.special import ndtr
 from ride_estimation.diagnosis.calibration import Calibrated
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
-from ride_estimation.diagnosis.hypothesis import Fitted, Reported
+from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Reported
 from ride_estimation.diagnosis.isolability import separation
 from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.selection import Candidate, Round, Selection
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.wording import quantity, title
+from ride_estimation.signals.recording import run_title
 
 IntArray = NDArray[np.int64]
 
@@ -27,8 +28,6 @@ _MOSTLY_NOISE = (
     " That much of the signal is noise because the vehicle hardly moves here: effects smaller than the noise would not show; "
     "drive over a rougher road."
 )
-#: share of the energy of an effect that a law of the right cause but of another form than the real one leaves, 7 % of its size
-_FORM = 0.005
 _NEAR = 1.5  # error over noise floor above which a clean verdict does not claim to reach the noise
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
@@ -110,7 +109,7 @@ def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: In
     gap = leader.log_likelihood - other.log_likelihood
     per_block = (other.fit.block_misfit - leader.fit.block_misfit)[blocks] / (2.0 * temper)
     sampled = float(np.sqrt(len(blocks)) * np.std(per_block, ddof=1)) if len(blocks) > 1 else 0.0
-    spread = float(np.hypot(sampled, _FORM * max(effect, 0.0)))
+    spread = float(np.hypot(sampled, FORM * max(effect, 0.0)))
     if spread <= 0.0 or gap <= 0.0:
         return 0.0
     below = float(ndtr(-gap / spread))
@@ -145,7 +144,7 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
     """Return the verdict in words, numbers first."""
     if verdict == INSUFFICIENT or gain is None:
         return "The data cannot tell whether the model is right."
-    judged = gain.validation[0]
+    judged, where = gain.validation[0], run_title(gain.validation[0].run)
     floor = 100.0 * judged.noise_floor
     if verdict == NO_DISCREPANCY:
         how = "down to the measurement noise"
@@ -158,13 +157,13 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
     named = "; ".join(_phrase(c) for c in causes)
     does = "reduces" if judged.extended < judged.baseline else "changes"
     effect = (
-        f"extending the model {does} the error on {judged.run} from {100 * judged.baseline:.1f} % to "
+        f"extending the model {does} the error on {where} from {100 * judged.baseline:.1f} % to "
         f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
     )
     if verdict == EXPLAINED:
         if all(c.id == "one_soft_mount" for c in causes):  # it is in the calibrated model: nothing is extended
             left = 100.0 * judged.extended
-            effect = f"the model calibrated with it leaves {left:.1f} % on {judged.run} (noise floor {floor:.1f} %)"
+            effect = f"the model calibrated with it leaves {left:.1f} % on {where} (noise floor {floor:.1f} %)"
         return f"{named[0].upper()}{named[1:]}; {effect}."
     if causes:
         return (

@@ -14,7 +14,7 @@ from ride_estimation.identification.sensitivities import AddedMass, Excitation, 
 from ride_estimation.sensors.layout import check_layout
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.assembly import assemble
-from ride_estimation.vehicles.modes import linearise, undamped_modes, unheld_motions
+from ride_estimation.vehicles.modes import MODE_NAMES, Mode, linearise, undamped_modes, unheld_motions
 from ride_estimation.vehicles.vehicle import Body, ForceReference, Vehicle
 
 _TRANSDUCER_NOISE = 2e-5  # m, a potentiometric or draw-wire transducer of 100 mm range
@@ -28,6 +28,7 @@ _ADDED_SHARE = 0.1  # added mass of the proposed second run over the mass of the
 _REFERENCE_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.042}
 #: a vehicle whose lowest mode is above this is not suspended [Hz]; earth-moving machines on tyres have 1 to 4 Hz
 _STIFFEST_RIDE = 25.0
+_PURE = 0.7  # share of the energy of a mode in one coordinate from which on it is called after that one alone
 _RUN_SENSORS = ("accelerometer", "imu", "displacement")
 
 
@@ -76,7 +77,7 @@ class SensorPlan:
     warnings
         What is wrong with the vehicle file for this purpose, in words.
     modes_hz
-        (label, frequency) of the undamped modes.
+        (words, frequency) of the undamped modes.
     options
         Best first.
     """
@@ -155,9 +156,18 @@ def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | 
     ratio_to, ratios = _ratios(vehicle, runs, names, {**declared, **gains}, present)
     return SensorPlan(
         present, declared, ratio_to, ratios, _layouts(vehicle), _warnings(vehicle, cells),
-        tuple((m.label, m.frequency_hz) for m in undamped_modes(linearise(assemble(vehicle)))),
+        tuple((_mode_words(m), m.frequency_hz) for m in undamped_modes(linearise(assemble(vehicle)))),
         tuple(sorted(options, key=lambda o: (-o.identifiable, -o.rank, o.median_relative_std))),
     )  # fmt: skip
+
+
+def _mode_words(mode: Mode) -> str:
+    """Return the label of a mode, with the coordinate that has the second largest share where that one is large."""
+    (_, first), *rest = sorted(mode.energy_share.items(), key=lambda item: -item[1])
+    if first >= _PURE or not rest:
+        return mode.label
+    _, coordinate = rest[0][0]
+    return f"{mode.label} with {MODE_NAMES[coordinate]}"
 
 
 def _as_mapping(known: Mapping[str, float] | Sequence[str]) -> dict[str, float]:
@@ -252,7 +262,7 @@ def _refused(vehicle: Vehicle) -> list[str]:
     name = "cab" if counts.get("cab") else max(counts, key=lambda b: counts[b])
     body = vehicle.bodies[name]
     check = check_layout([s for s in vehicle.sensors.values() if s.body == name], body.cg, body.coordinates)
-    return [] if check.complete else [f"replay and the live node refuse this layout: the motion of {name} is not determined"]
+    return [] if check.complete else [f"replay and the live node refuse this layout of {name}"]
 
 
 def _finite(result: Identifiability) -> list[str]:

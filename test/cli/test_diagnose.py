@@ -27,7 +27,9 @@ def test_a_standing_run_is_called_insufficient_and_everything_is_written(tmp_pat
     assert set(document) >= {"verdict", "causes", "gain", "residual", "warnings"}
     assert load_vehicle(tmp_path / "vehicle_extended.yaml").name == "truck_cab"
     assert "cannot tell" in (tmp_path / "report.html").read_text()
-    assert "cannot tell" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "cannot tell" in said
+    assert "vehicle_extended.yaml (as given" in said
 
 
 def test_a_band_upside_down_is_refused(tmp_path, capsys):

@@ -93,6 +93,9 @@ def test_the_band_begins_below_the_lowest_driven_frequency():
 def test_a_short_record_is_insufficient_and_lengths_must_agree():
     answer = diagnose_bench(record(1, seconds=6.0))
     assert answer.verdict == "insufficient_data"
+    # the least it asks for is what it takes
+    assert "lasts 6.0 s; at least 11 s are needed" in answer.sentence
+    assert diagnose_bench(record(1, seconds=11.0)).verdict != "insufficient_data"
     sample = record(1)
     with pytest.raises(InputDataError, match="one length"):
         diagnose_bench(BenchSample("torn", RATE, sample.displacement, sample.force[:-1]))

@@ -23,8 +23,34 @@ _COLUMNS = 3
 _NEAREST = 1.3
 
 
+#: deflection rms over which the rate of a stop grows by e: one that is nearly a square, and one that is a block
+_SQUARE, _STEEP = 5.0, 0.5
+_STEEPEST = 30.0  # argument of the exponential, where doubles would overflow long after any data
+_BEYOND = 1.1  # multiple of the largest deflection of the run up to which its stops are believed to go on hardening
+
+
 def _depth(x: Array, side: float, gap: float) -> Array:
     return np.maximum(side * x - gap, 0.0)
+
+
+def _hardening(depth: Array, scale: float, known: float) -> Array:
+    """Return the part of a stop's force that grows faster than its depth: ``2 s^2 (exp(d / s) - 1 - d / s)``, [m^2].
+
+    A bumper is compressed between a soft skirt and a block: anything from a square (``s`` large) to an exponential.
+
+    Parameters
+    ----------
+    depth
+        [m].
+    scale
+        Depth ``s`` over which the rate of the stop grows by e [m].
+    known
+        Depth beyond which the line goes on straight: no run tells how a stop hardens where it never was [m].
+    """
+    last = min(max(known, 0.0) / scale, _STEEPEST)
+    u = np.minimum(depth / scale, last)
+    beyond = np.maximum(depth / scale - last, 0.0) * np.expm1(last)
+    return np.asarray(2.0 * scale**2 * (np.expm1(u) - u + beyond))
 
 
 @final
@@ -41,14 +67,18 @@ class BumpStop(Cause):
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site and side."""
         out: list[Hypothesis] = []
+        reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(scene.deflection), axis=0))
         for site in sites(scene):
             for sides in ((-1.0,), (1.0,), (-1.0, 1.0)):
 
                 def columns(scene: Scene, shape: Shapes, s: Site = site, sd: tuple[float, ...] = sides) -> list[Column]:
-                    return _columns(scene, s, sd, float(shape["gap"]))
+                    return _columns(scene, s, sd, shape, reach)
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
-                grid = tuple({"gap": g} for g in (_NEAREST, 1.8, 2.4) if _reached(scene, site, sides, g))
+                grid = tuple(
+                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in (_NEAREST, 1.8, 2.4)
+                    if _reached(scene, site, sides, g)
+                )
                 bounds = (Shape("gap", 2.0, _NEAREST, 6.0),)
                 if grid:
                     out.append(
@@ -69,10 +99,8 @@ class BumpStop(Cause):
             gap = fitted.shape["gap"] * x_rms
             label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
             out.append(Reported(f"gap{label}", float(gap), 0.05 * float(gap), "m"))
-            a, b, _ = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
-            deepest = max(float(np.max(x)), float(-np.min(x))) - gap
-            deepest = max(deepest, 0.0)
-            force = float(a * deepest + b * deepest**2 / x_rms)
+            deepest = np.array([max(max(float(np.max(side * x)) for side in _sides(fitted)) - gap, 0.0)])
+            force = float(_elastic(fitted, i, deepest, x_rms, float(deepest[0]))[0])
             out.append(Reported(f"force at the deepest contact{label}", force, 0.1 * force, "N"))
         return tuple(out)
 
@@ -84,13 +112,12 @@ class BumpStop(Cause):
             x = scene.deflection[:, p]
             x_rms = scene.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
-            a, b, _ = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
             reach = 1.5 * float(np.max(np.abs(x)))
             grid = np.linspace(-reach, reach, 121)
             force = np.zeros_like(grid)
             for side in _sides(fitted):
                 depth = _depth(grid, side, gap)
-                force += side * (a * depth + b * depth**2 / x_rms)
+                force += side * _elastic(fitted, i, depth, x_rms, _BEYOND * float(np.max(np.abs(x))) - gap)
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ("the loss of the stop is not in the extended vehicle file",)
 
@@ -100,18 +127,29 @@ def _reached(scene: Scene, site: Site, sides: tuple[float, ...], gap: float) -> 
     return any(float(np.max(side * scene.deflection[:, p])) > gap * scene.scales[p][0] for p in site.ports for side in sides)
 
 
-def _columns(scene: Scene, site: Site, sides: tuple[float, ...], gap: float) -> list[Column]:
+def _elastic(fitted: Fitted, place: int, depth: Array, x_rms: float, known: float) -> Array:
+    """Return the force of a fitted stop at some depths, its loss left out [N]."""
+    linear, hard = fitted.coefficients[_COLUMNS * place : _COLUMNS * place + 2]
+    return np.asarray(linear * depth + hard * _hardening(depth, fitted.shape["hardening"] * x_rms, known) / x_rms)
+
+
+def _columns(
+    scene: Scene, site: Site, sides: tuple[float, ...], shape: Shapes, reach: tuple[float, ...]
+) -> list[Column]:
+    """Return linear part, hardening part and loss of every mount of a site; what loses is the part that carries most."""
+    gap = float(shape["gap"])
     out: list[Column] = []
     for p in site.ports:
         x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
         x_rms, v_rms = scene.scales[p]
-        linear, square, loss = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
+        linear, hard, loss = (np.zeros(len(x)) for _ in range(_COLUMNS))
         for side in sides:
             depth = _depth(x, side, gap * x_rms)
+            grown = _hardening(depth, float(shape["hardening"]) * x_rms, reach[p] - gap * x_rms) / x_rms
             linear += side * depth
-            square += side * depth**2 / x_rms
-            loss += depth * np.tanh(v / v_rms)
-        out += [(Effect(Where.PORT, p, signal),) for signal in (linear, square, loss)]
+            hard += side * grown
+            loss += (grown if shape["hardening"] < _SQUARE else depth) * np.tanh(v / v_rms)
+        out += [(Effect(Where.PORT, p, signal),) for signal in (linear, hard, loss)]
     return out
 
 

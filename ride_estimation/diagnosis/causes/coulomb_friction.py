@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.bent import BENT_ABOVE
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_parallel
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import friction_level
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
@@ -60,14 +60,17 @@ class CoulombFriction(Cause):
         return [build(site) for site in sites(scene)]
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m]."""
+        """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m].
+
+        The standard deviation of the level is that of its fit and, because no law of a library is the real one, 7 % of it.
+        """
         site = site_of(scene, fitted)
         out: list[Reported] = []
         for i, p in enumerate(site.ports):
             part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
             share = fitted.coefficients[part]
             level = float(share.sum())
-            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0)))
+            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + FORM * level**2))
             label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
             out.append(Reported(f"friction level{label}", level, std, "N"))
             reach = fitted.shape["reach"] * scene.scales[p][0]

@@ -19,6 +19,8 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
 
+_LARGEST_SHARE = 0.5  # of the mass of the body: what most of it hangs on is no part of the body but its mount
+
 
 @final
 class MissingDegreeOfFreedom(Cause):
@@ -47,7 +49,8 @@ class MissingDegreeOfFreedom(Cause):
                     return _columns(scene, b, AXES.index(a), shape)
 
                 signs = (Sign.POSITIVE, Sign.ANY, Sign.ANY, Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
-                out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs, essential=(0,)))
+                largest = _LARGEST_SHARE * scene.plant.vehicle.bodies[body].mass.value
+                out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs, essential=(0,), largest=largest))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:

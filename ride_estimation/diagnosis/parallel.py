@@ -1,0 +1,47 @@
+# Copyright 2026 ride_estimation contributors
+"""Independent pieces of work on several threads: numpy, BLAS and FFT leave the interpreter free while they compute.
+
+Threads need no copy of a run and no start of a process; results come in the order of the items, so that an answer does not
+depend on how many threads there are.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import os
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Value = TypeVar("Value")
+
+_MOST = 4  # every thread holds matrices of its own, some hundred megabytes for a run of a minute
+
+
+def usable_threads() -> int:
+    """Return how many threads make sense: one per core this process may use, four at most."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores, _MOST)
+
+
+def in_order(work: Callable[[Item], Value], items: Sequence[Item], threads: int) -> list[Value]:
+    """Return the value of every item, in the order of the items.
+
+    Parameters
+    ----------
+    work
+        Function of an item that changes nothing others see.
+    items
+        What to work on.
+    threads
+        Number of threads; 1 or less works here.
+
+    Raises
+    ------
+    Exception
+        What the first item in order raised.
+    """
+    if threads < 2 or len(items) < 2:
+        return [work(item) for item in items]
+    with concurrent.futures.ThreadPoolExecutor(min(threads, len(items))) as pool:
+        return list(pool.map(work, items))
