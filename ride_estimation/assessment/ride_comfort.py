@@ -243,8 +243,8 @@ class Exposure:
         found = []
         if "seat" not in self.location:
             found.append(
-                "measured on the floor, not seat: exposure and limits are defined where the vibration enters the body, and the "
-                "seat may lower or raise these values"
+                "measured on the floor, not seat (a sensor high up moves more than the floor): exposure and limits are defined "
+                "where the vibration enters the body, and the seat may lower or raise these values"
             )
         crest, name = max((axis.crest_factor, name) for axis, name in zip(self.axes, AXES))
         if crest > CREST_FACTOR_LIMIT:

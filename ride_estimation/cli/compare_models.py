@@ -27,7 +27,9 @@ from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, require_folder
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.reporting.numbers import plain
 from ride_estimation.signals.alignment import align
+from ride_estimation.signals.recording import run_title
 from ride_estimation.signals.spectra import spectrum_correlation
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -39,6 +41,7 @@ EXAMPLES = """\
 Array = NDArray[np.float64]
 
 _SPECTRUM_BLOCK_S = 5.0
+_UNNAMED_S = 0.5  # sensors do not begin and end at the same instant
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +63,10 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         require_folder(options.out)
     runs = [MeasuredRun(vehicle, align(read_recording(path, vehicle))) for path in (options.run, *options.validate)]
+    for path, run_ in zip((options.run, *options.validate), runs):
+        if run_.left_out_s > _UNNAMED_S:
+            begin, end = run_.used_s
+            print(f"{path}: {begin:.1f} to {end:.1f} s are used, the longest stretch without gaps")
     progress = Progress(1.0, "fitting mount models")
     candidates = (*CANDIDATES, *LITERATURE) if options.literature else CANDIDATES
     fitted = fit_candidates(vehicle, runs[0], candidates, progress.update)
@@ -125,8 +132,8 @@ def print_table(document: dict[str, Any]) -> None:
     """Print one line per model: error on every run, then the other scores on the last run."""
     names = document["runs"]
     last = "fitted run" if len(names) == 1 else names[-1]
-    print(f"error of the vertical body accelerations in % of their standard deviation; other scores on {last}")
-    head = "".join(f"{name[-14:]:>16}" for name in names)
+    print(f"error of the vertical body accelerations in % of their standard deviation; other scores on {run_title(last)}")
+    head = "".join(f"{run_title(name)[-14:]:>16}" for name in names)
     print(f"{'model':<30}{head}{'R2':>9}{'r':>9}{'spectrum-r':>12}{'damage':>9}")
     for model in document["models"]:
         scores = model["scores"]
@@ -137,7 +144,19 @@ def print_table(document: dict[str, Any]) -> None:
         print(f"{model['name']:<30}{errors}{s['r_squared']:>9.4f}{s['r']:>9.4f}{s['spectrum_r']:>12.4f}{damage:>9}{note}")
     best = min(document["models"], key=lambda m: m["scores"][-1]["rmse_percent"])
     voigt = document["models"][0]["scores"][-1]["rmse_percent"]
+    for model in dict.fromkeys((document["models"][0]["name"], best["name"])):
+        print(_parameters(next(m for m in document["models"] if m["name"] == model)))
     print(
-        f"best on {last}: {best['name']} with {best['scores'][-1]['rmse_percent']:.2f} %, Voigt {voigt:.2f} %; r and spectrum-r "
-        "are blind to gain and offset and cannot rank models"
+        f"best on {run_title(last)}: {best['name']} with {best['scores'][-1]['rmse_percent']:.2f} %, Voigt {voigt:.2f} %; r and "
+        "spectrum-r are blind to gain and offset and cannot rank models"
     )
+
+
+def _parameters(model: dict[str, Any]) -> str:
+    """Return what was fitted for a model, vertical mounts."""
+    mounts = "; ".join(
+        f"{mount} {plain(k)} N/m, {plain(model['damping_n_s_per_m'][mount])} N s/m"
+        for mount, k in model["stiffness_n_per_m"].items()
+    )
+    shape = "".join(f"; {name} {plain(value)}" for name, value in model["shape"].items())
+    return f"{model['name']}, along z: {mounts}{shape}"

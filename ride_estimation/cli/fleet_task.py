@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import time
@@ -98,12 +99,18 @@ def process_task(task: FleetTask) -> FleetRow:
         write_json(mark, wanted)
         return FleetRow(task.name, "done", "", dict(jsonable(document)), time.monotonic() - started)
     except RideEstimationError as error:
-        return FleetRow(task.name, "failed", " ".join(str(error).split()), {}, time.monotonic() - started)
+        return _failed(task, " ".join(str(error).split()), started)
     except Exception as error:
         # a fault of this program in one run: the table keeps it with its place, the other runs go on
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
-        return FleetRow(task.name, "failed", f"{type(error).__name__} at {where}: {error}", {}, time.monotonic() - started)
+        return _failed(task, f"{type(error).__name__} at {where}: {error}", started)
+
+
+def _failed(task: FleetTask, why: str, started: float) -> FleetRow:
+    with contextlib.suppress(OSError):  # a folder that holds nothing is no run to whoever names them all
+        Path(task.folder).rmdir()
+    return FleetRow(task.name, "failed", why, {}, time.monotonic() - started)
 
 
 def _kept(mark: Path) -> dict[str, Any] | None:

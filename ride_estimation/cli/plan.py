@@ -91,7 +91,10 @@ def _print_bounds(result: SensorPlan) -> None:
         for name, std in zip(present.names, present.relative_std):
             ratio = _percent(result.ratios.get(name, math.inf)) if result.ratio_to and name != result.ratio_to else ""
             print(f"{name:<40}{_percent(float(std)):>18}{ratio:>18}".rstrip())
-        print("(Cramer-Rao: white noise and a perfect model; errors of gain, place and alignment of the sensors come on top)")
+        print(
+            "(Cramer-Rao: white noise and a perfect model; errors of gain, place and alignment of the sensors come on top:\n"
+            "little along z, several times these bounds along x and y where the mounts are stiff)"
+        )
     for words in present.null_directions[:_SHOWN]:
         print(f"not identifiable: {words}")
     if len(present.null_directions) > _SHOWN:

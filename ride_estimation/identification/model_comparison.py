@@ -33,6 +33,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 Shape = Mapping[str, float]
 
+_SHORTEST_S = 10.0  # run that a model can be fitted to [s]
 CORNER_HZ = 0.5  # lower end of the compared band; base and body pass the same high-pass
 _SETTLING_S = 2.0  # left out at both ends: the filters start there
 PAPER_CENTRE, PAPER_QUALITY = 12.6, 0.5  # rad/s and 1, document 000 Table 5
@@ -159,14 +160,24 @@ class MeasuredRun:
     Raises
     ------
     InputDataError
-        Missing base or body accelerometers, run shorter than 10 s, samples that are not valid.
+        Missing base or body accelerometers, run shorter than 10 s, no stretch of 10 s without gaps.
+
+    Notes
+    -----
+    The longest stretch without a gap of any accelerometer is used, ``used_s`` says from when to when and
+    ``left_out_s`` how much was left out [s].
     """
 
     def __init__(self, vehicle: Vehicle, run: UniformRun) -> None:
         self.name = run.name
         self.rate_hz = run.rate_hz
-        if run.samples < 10.0 * run.rate_hz:
-            raise InputDataError(f"{run.name}: {run.samples / run.rate_hz:.1f} s are too short; at least 10 s are needed")
+        if run.samples < _SHORTEST_S * run.rate_hz:
+            raise InputDataError(
+                f"{run.name}: {run.samples / run.rate_hz:.1f} s are too short; at least {_SHORTEST_S:g} s are needed"
+            )
+        whole = run.samples
+        run, self.used_s = _without_gaps(vehicle, run)
+        self.left_out_s = (whole - run.samples) / run.rate_hz
         names = vehicle.mount_names
         acceleration = np.zeros((run.samples, len(names), 3))
         for index, mount in enumerate(vehicle.mounts.values()):
@@ -191,8 +202,6 @@ class MeasuredRun:
     def _base(vehicle: Vehicle, run: UniformRun, mount: str) -> Array:
         for sensor in vehicle.sensors.values():
             if sensor.mount == mount and sensor.kind in ("accelerometer", "imu") and sensor.name in run.data:
-                if not np.all(run.valid[sensor.name]):
-                    raise InputDataError(f"{run.name}: {sensor.name} has gaps; compare on a stretch without")
                 reading = run.data[sensor.name][:, :3] @ sensor.rotation.T
                 return np.asarray(reading - reading.mean(axis=0))
         raise InputDataError(f"{run.name}: no accelerometer at the base of mount {mount}: the model has no input there")
@@ -202,6 +211,34 @@ class MeasuredRun:
         response = model.run(elements)
         vertical = np.column_stack([(response.specific_force(n)[:, :3] @ self._rotations[n].T)[:, 2] for n in self.sensors])
         return np.asarray(vertical - vertical.mean(axis=0))[self.kept]
+
+
+def _without_gaps(vehicle: Vehicle, run: UniformRun) -> tuple[UniformRun, tuple[float, float]]:
+    """Return the longest stretch of a run in which every accelerometer is valid, and when it begins and ends [s].
+
+    Raises
+    ------
+    InputDataError
+        It is too short.
+    """
+    used = [n for n, s in vehicle.sensors.items() if n in run.data and s.kind in ("accelerometer", "imu")]
+    valid = np.logical_and.reduce([run.valid[n] for n in used]) if used else np.ones(run.samples, dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
+    begins, ends = edges[::2], edges[1::2]
+    longest = int(np.argmax(ends - begins)) if len(begins) else 0
+    begin, end = (int(begins[longest]), int(ends[longest])) if len(begins) else (0, 0)
+    if end - begin < _SHORTEST_S * run.rate_hz:
+        worst = min(used, key=lambda n: float(np.mean(run.valid[n])))
+        raise InputDataError(
+            f"{run.name}: at most {(end - begin) / run.rate_hz:.1f} s without gaps, {_SHORTEST_S:g} s are needed; most gaps "
+            f"are those of {worst}"
+        )
+    part = slice(begin, end)
+    cut = dataclasses.replace(
+        run, start_ns=run.start_ns + round(1e9 * begin / run.rate_hz), data={n: v[part] for n, v in run.data.items()},
+        valid={n: v[part] for n, v in run.valid.items()},
+    )  # fmt: skip
+    return cut, (begin / run.rate_hz, end / run.rate_hz)
 
 
 def fit_candidates(

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ride_estimation.io.run_metrics import Metric, run_metrics
 from ride_estimation.reporting.outliers import Outlier, find_outliers, run_sentence
@@ -119,6 +120,7 @@ def _strips(names: Sequence[str], runs: Sequence[tuple[str, Mapping[str, Metric]
         axes.set_title(name if len(name) < 46 else f"{name[:44]}...", fontsize=7)
         axes.set_ylabel(f"[{unit}]", fontsize=7)
         axes.set_xlabel("run [number]", fontsize=7)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.tick_params(labelsize=7)
         axes.grid(alpha=0.3)
     height = 2.3 * rows + 0.4

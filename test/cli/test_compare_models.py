@@ -1,6 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """End to end: ``ride-estimation compare-models`` on a quarter car recorded as bags."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -10,8 +11,12 @@ from worlds.quarter_car import QuarterCar, drive_quarter_car, measure_quarter_ca
 from worlds.roads import Road
 
 from ride_estimation.cli.main import main
+from ride_estimation.errors import InputDataError
+from ride_estimation.identification.model_comparison import MeasuredRun
 from ride_estimation.io.bag_writer import write_bag
+from ride_estimation.io.bags import read_recording
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Channel, Recording
 
 
@@ -41,6 +46,22 @@ def test_compare_models_prints_and_writes_the_table(bags, tmp_path, capsys):
     document = json.loads((tmp_path / "comparison.json").read_text())
     assert len(document["models"]) == 6
     assert document["models"][0]["scores"][1]["r_squared"] > 0.99
+
+
+def test_the_longest_stretch_without_gaps_is_used(bags):
+    vehicle = load_vehicle(bags[0])
+    run = align(read_recording(bags[1][0], vehicle))
+    whole = MeasuredRun(vehicle, run)
+    valid = {name: np.ones(run.samples, dtype=bool) for name in run.data}
+    valid["axle"][0] = valid["body"][200] = False  # one sensor begins later; a gap of the other at 2 s
+    gappy = {name: np.where(valid[name][:, None], values, np.nan) for name, values in run.data.items()}
+    part = MeasuredRun(vehicle, dataclasses.replace(run, data=gappy, valid=valid))
+    assert part.used_s == pytest.approx((2.01, run.samples / run.rate_hz))
+    assert part.left_out_s == pytest.approx(2.01)
+    assert np.isfinite(part.measured).all() and len(part.measured) == len(whole.measured) - 201
+    valid["body"][500::500] = False
+    with pytest.raises(InputDataError, match="most gaps are those of body"):
+        MeasuredRun(vehicle, dataclasses.replace(run, valid=valid))
 
 
 @pytest.mark.slow
