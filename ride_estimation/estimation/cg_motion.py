@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.arrangement import channel_geometry
+from ride_estimation.estimation.centripetal import centripetal_covariance, centripetal_terms
 from ride_estimation.estimation.motion_kernel import cg_block, follow_slow, predict_block, remove_gravity
 from ride_estimation.estimation.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.sensor import Sensor
 
@@ -57,6 +59,8 @@ _CENTRIPETAL = 0.08
 _RANK = 0.1
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
+#: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
+_LASTING = 10.0
 
 
 def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
@@ -89,12 +93,15 @@ def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Weights:
-    """Least squares for one set of channels that speak: weights (6, C), covariance (6, 6), rank of the rows."""
+    """Least squares for one set of channels that speak: weights (6, C), covariance (6, 6), rank of the rows, mean variance of
+    roll and pitch acceleration per unit variance of independent errors of the accelerometer channels.
+    """
 
     matrix: Array
     covariance: Array
     residual_variance: Array
     rank: int
+    turn_gain: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,6 +169,7 @@ class CgMotionEstimator:
         accelerometers = self.rows[: len(directions)]
         self._accelerometer_rows = np.ascontiguousarray(accelerometers)
         self._free_rows = np.ascontiguousarray(accelerometers[:, self._free])
+        self._centripetal = centripetal_terms(self.directions, self.points)
         self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
@@ -181,7 +189,8 @@ class CgMotionEstimator:
         self._early = ResidualSums.empty(3 * len(self.sensors))
         self._last_good = np.zeros(6)
         s = self._settings
-        self._slow = np.zeros(2)
+        self._slow = np.zeros(4)
+        self._lasting = LastingAcceleration()
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def set_variance(self, sensor: int, variance: Array) -> None:
@@ -231,7 +240,8 @@ class CgMotionEstimator:
         residual_variance = self.variance - np.einsum("ij,jk,ik->i", self.rows[:n], covariance, self.rows[:n])
         scaled = self.rows[np.concatenate([channels, gyro_ok])][:, self._free]
         rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if scaled.size else 0
-        weights = Weights(np.ascontiguousarray(matrix), covariance, np.maximum(residual_variance, 0.0), rank)
+        turn_gain = 0.5 * float(np.sum(matrix[3:5, :n] ** 2))
+        weights = Weights(np.ascontiguousarray(matrix), covariance, np.maximum(residual_variance, 0.0), rank, turn_gain)
         if len(self._cache) >= _MASKS:
             self._cache.clear()
         self._cache[key] = weights
@@ -306,8 +316,9 @@ class CgMotionEstimator:
         )  # fmt: skip
         self._last_good = motion[-1].copy()
         # how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)
-        gains = (-math.expm1(-len(y) * dt / _SLOW_TIME), -math.expm1(-len(y) * dt / _SLOW_MEMORY))
-        self._slow_square = float(follow_slow(motion, tilt, self._gravity, *gains, self._slow, self._slow_square))
+        slow, size, mean = (-math.expm1(-len(y) * dt / time) for time in (_SLOW_TIME, _SLOW_MEMORY, _LASTING))
+        self._lasting.observe(motion[:, :3], len(y) * dt)
+        self._slow_square = float(follow_slow(motion, tilt, self._gravity, slow, size, mean, self._slow, self._slow_square))
         if weights.rank != needed:
             out.valid[where] = False
         predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
@@ -320,7 +331,14 @@ class CgMotionEstimator:
             self._faults.observe(y, motion, rate, dt)
         else:
             self._faults.interrupt()
-        return weights.covariance
+        return weights.covariance + self._rate_doubt(weights, rate, use_gyro)
+
+    def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
+        """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
+        at, more = (2, float(np.mean(self._gyro_variance)) / len(self.gyros)) if use_gyro else (1, 0.0)
+        tilt, yaw = self._p_tilt[at, at] + more, self._p_yaw[at, at] + more
+        variance = np.where(self._free[3:], [tilt, tilt, yaw], 0.0)
+        return centripetal_covariance(weights.matrix, self._centripetal, rate, variance)
 
     def _filter_noise(self, weights: Weights, dt: float) -> Array:
         s = self._settings
@@ -329,6 +347,8 @@ class CgMotionEstimator:
         gyro = float(np.mean(self._gyro_variance)) / max(len(self.gyros), 1) if self.gyros else 0.0
         alpha = 0.5 * float(weights.covariance[3, 3] + weights.covariance[4, 4])
         bias = _GYRO_BIAS_DENSITY if self._gyro_fit.any() else _BIAS_DENSITY
+        # wrong angles and gains turn an acceleration that lasts into an angular acceleration: slow, not white
+        alpha = with_slow_error(alpha, self._lasting.error_variance * weights.turn_gain, tilt, dt)
         return np.array([alpha, _BIAS_DENSITY, tilt, _YAW_STD**2 * _YAW_TIME / dt, gyro, bias, _GYRO_BIAS**2])
 
     def predict(self, motion: Array, rate: Array) -> Array:
@@ -416,7 +436,7 @@ class CgMotionEstimator:
         return {
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
             "variance": self.variance.tolist(), "residuals": self._sums.save(), "faults": self._faults.save(),
-            "slow": self._slow.tolist(), "slow_square": self._slow_square,
+            "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
 
@@ -430,6 +450,7 @@ class CgMotionEstimator:
         self._faults.set_variance(self.variance)
         self._faults.load(saved["faults"])
         self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
+        self._lasting.load(saved["lasting"])
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
         self._last_good = np.array(saved["last_good"], dtype=float)
         self._cache.clear()

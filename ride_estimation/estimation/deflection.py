@@ -13,6 +13,7 @@ from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.bracket_tilt import BracketTilt
 from ride_estimation.estimation.cg_motion import MotionBlock
 from ride_estimation.estimation.motion_kernel import deflection_block
+from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -101,6 +102,7 @@ class DeflectionEstimator:
             self._p[:, a, 2, 2] = _BIAS_STD[a] ** 2
         self._mean_square = np.tile(_DEFLECTION_STD**2, (m, 1))
         self._started = False
+        self._lasting = LastingAcceleration()
         self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 4))
 
     def observe(
@@ -134,6 +136,7 @@ class DeflectionEstimator:
         if not self._started:
             self._begin(motion, base)
             self._mean_square = _MARGIN * expected_square
+        self._lasting.observe(motion.motion[:, :3], ticks * dt)
         swing, swing_rate = self._tilting.swing(base, dt)
         deflection_block(
             motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._tilting.maps,
@@ -177,6 +180,10 @@ class DeflectionEstimator:
             noise[:, a, 0] = self._base_variance + covariance[a, a]
         noise[:, :, 1] = _BIAS_DENSITY
         noise[:, :, 2] = np.maximum(self._mean_square, _LEAST**2) * _CORRELATION_TIME / dt
+        # sensors on both sides whose angles and gains are not quite those of the file
+        slow = 2.0 * self._lasting.error_variance
+        for i, a in np.ndindex(self._count, 3):
+            noise[i, a, 0] = with_slow_error(float(noise[i, a, 0]), slow, float(noise[i, a, 2]), dt)
         # an error of the tilt, as slow as the drift of the vertical deflections, is an acceleration in the horizontal axes
         gravity = self.arrangement.vehicle.gravity
         corner = np.mean(noise[:, 2, 0] / noise[:, 2, 2]) ** 0.25 / dt**0.5 if self._count else 1.0
@@ -191,7 +198,7 @@ class DeflectionEstimator:
         """Return the state as plain lists."""
         return {
             "state": self._state.tolist(), "p": self._p.tolist(), "mean_square": self._mean_square.tolist(),
-            "started": self._started,
+            "started": self._started, "lasting": self._lasting.save(),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -200,3 +207,4 @@ class DeflectionEstimator:
         self._p = np.array(saved["p"], dtype=float).reshape(self._count, 3, 3, 3)
         self._mean_square = np.array(saved["mean_square"], dtype=float).reshape(self._count, 3)
         self._started = bool(saved["started"])
+        self._lasting.load(saved["lasting"])

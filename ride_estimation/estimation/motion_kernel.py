@@ -153,20 +153,24 @@ def cg_block(
 
 @compile_kernel
 def follow_slow(
-    motion: Array, tilt: Array, gravity: float, gain: float, square_gain: float, slow: Array, square: float
+    motion: Array, tilt: Array, gravity: float, gain: float, square_gain: float, mean_gain: float, slow: Array, square: float
 ) -> float:
-    """Follow the difference between the tilt the specific force shows and the estimated one; return its mean square.
+    """Follow the difference between the tilt the specific force shows and the estimated one; return its variance.
+
+    Its mean over a long time is no acceleration but an error of the estimated tilt: it does not count.
 
     Parameters
     ----------
     motion, tilt
         Of a block, shapes (K, 6) and (K, 3).
     gain, square_gain
-        Shares of the block in the slow difference and in its mean square.
+        Shares of the block in the slow difference and in its variance.
+    mean_gain
+        Share of the block in the long-time mean of the slow difference.
     slow
-        Roll and pitch, shape (2,), in place.
+        Roll and pitch, then their long-time means, shape (4,), in place.
     square
-        Mean square so far.
+        Variance so far.
     """
     ticks = motion.shape[0]
     f0, f1, roll, pitch = 0.0, 0.0, 0.0, 0.0
@@ -177,7 +181,10 @@ def follow_slow(
         pitch += tilt[k, 1]
     slow[0] += gain * ((f1 / gravity - roll) / ticks - slow[0])
     slow[1] += gain * ((-f0 / gravity - pitch) / ticks - slow[1])
-    return float(square + square_gain * (0.5 * (slow[0] * slow[0] + slow[1] * slow[1]) - square))
+    slow[2] += mean_gain * (slow[0] - slow[2])
+    slow[3] += mean_gain * (slow[1] - slow[3])
+    roll, pitch = slow[0] - slow[2], slow[1] - slow[3]
+    return float(square + square_gain * (0.5 * (roll * roll + pitch * pitch) - square))
 
 
 @compile_kernel

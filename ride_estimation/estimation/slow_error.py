@@ -1,0 +1,85 @@
+# Copyright 2026 ride_estimation contributors
+"""Errors of integrated accelerations that are slow instead of white: what wrong angles and gains make of braking and bends.
+
+A filter that integrates acceleration of white noise of density Q and is held by a pseudo measurement of density R leaks away at
+``omega^4 = Q / R``. With sensors far quieter than they are well mounted that corner falls so low that an error of a few mm/s^2,
+a thousandth of a braking that lasts, is integrated for half a minute. An error of variance S that is slow against the corner
+has the density ``2 S / omega`` there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
+
+Array = NDArray[np.float64]
+
+#: standard deviation of what a channel reads wrongly per acceleration of its sensor: angle and gain
+_SHARE = math.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)
+#: times over which an acceleration counts as slow, after which it is part of gravity, and memory of its size [s]
+_SLOW, _LASTING, _MEMORY = 0.5, 30.0, 5.0
+
+
+class LastingAcceleration:
+    """Size of the acceleration that lasts longer than half a second, and what sensors in good order make of it."""
+
+    def __init__(self) -> None:
+        self._slow: Array | None = None
+        self._mean = np.zeros(3)
+        self._age = 0.0
+        self._square = 0.0
+
+    @property
+    def error_variance(self) -> float:
+        """Return the variance of the slow error of an accelerometer channel [(m/s^2)^2]."""
+        return _SHARE**2 * self._square / 3.0
+
+    def observe(self, accel: Array, duration: float) -> None:
+        """Take the specific force at the ticks of a block, shape (K, 3), which lasts so long [s]."""
+        now = accel.mean(axis=0)
+        if self._slow is None:
+            self._slow, self._mean = now, now.copy()
+        self._age += duration
+        self._slow = self._slow - math.expm1(-duration / _SLOW) * (now - self._slow)
+        self._mean = self._mean - math.expm1(-duration / min(_LASTING, self._age)) * (self._slow - self._mean)
+        away = self._slow - self._mean
+        size = float(away @ away)
+        # at once up, slowly down
+        self._square = max(size, self._square + math.expm1(-duration / _MEMORY) * (self._square - size))
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        slow = None if self._slow is None else self._slow.tolist()
+        return {"slow": slow, "mean": self._mean.tolist(), "age": self._age, "square": self._square}
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._slow = None if saved["slow"] is None else np.array(saved["slow"], dtype=float)
+        self._mean, self._age, self._square = np.array(saved["mean"], dtype=float), float(saved["age"]), float(saved["square"])
+
+
+def with_slow_error(white: float, slow: float, held: float, dt: float) -> float:
+    """Return the variance of an acceleration sample that stands for white noise and a slow error together.
+
+    Solves ``omega^4 = (Q + 2 S / omega) / R``.
+
+    Parameters
+    ----------
+    white
+        Variance of the white noise of a sample.
+    slow
+        Variance of the slow error.
+    held
+        Variance of a pseudo measurement of the double integral, at every tick.
+    dt
+        Tick [s].
+    """
+    if slow <= 0.0:
+        return white
+    omega = max(math.pow(white / held, 0.25), math.pow(2.0 * slow / (held * dt), 0.2))
+    return white + 2.0 * slow / (omega * dt)
