@@ -236,6 +236,10 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     causes = name_causes(work.calibrated, work.selection, soft, seen, settings, work.splits.train)
     causes = _tempered(causes, verdict, remaining)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
+    if work.selection.spent:
+        warnings.append(
+            f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"
+        )
     if scene.noise_scale > 1.25:
         warnings.append(
             f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; "

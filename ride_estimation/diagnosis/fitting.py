@@ -24,6 +24,7 @@ IntArray = NDArray[np.int64]
 
 _STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
 _SHARES = (1.0, 0.4, 0.15)  # of such a step that are tried: the edge of a contact is no straight line
+_CLOSE = 2  # best entries of a grid whose scales are varied before the best of all is chosen
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
 
@@ -195,14 +196,14 @@ def _moved(hypothesis: Hypothesis, shape: dict[str, float], moves: Array) -> dic
     return out
 
 
-def _widened(hypothesis: Hypothesis, current: Shapes) -> list[dict[str, float]]:
-    """Return the current shape and the grid of a hypothesis, each entry also with its scales down to half and up to double."""
+def _widened(hypothesis: Hypothesis, entries: Sequence[Shapes]) -> list[dict[str, float]]:
+    """Return shapes with their scales down to half and up to double."""
     scales = {s.name: s for s in hypothesis.shapes if s.step == 0.0}
-    out = [dict(current)]
-    for entry in hypothesis.grid:
-        for factor in (1.0, 0.5, 0.7, 1.4, 2.0):
+    out: list[dict[str, float]] = []
+    for entry in entries:
+        for factor in (0.5, 0.7, 1.4, 2.0):
             scaled = {n: min(max(factor * v, scales[n].lower), scales[n].upper) if n in scales else v for n, v in entry.items()}
-            if scaled not in out:
+            if scaled not in out and scaled != entry:
                 out.append(scaled)
     return out
 
@@ -376,12 +377,13 @@ class FullFitter:
             if not fresh[index] or not any(name not in refined for name in shapes[index]):
                 continue
             others, signs = self._others(scene, projector, hypotheses, shapes, index)
-            trials = _widened(h, shapes[index])
-            drops = []
-            for trial in trials:
+
+            def drop(trial: Shapes, h: Hypothesis = h, others: tuple[Pushed, ...] = others, signs: list[Sign] = signs) -> float:
                 own = self._pushed(scene, projector, h.columns(scene, trial))
-                drops.append(solve_signed(*projector.join(own, *others), [*h.column_signs(len(own.size)), *signs])[1])
-            shapes[index] = trials[int(np.argmax(drops))]
+                return solve_signed(*projector.join(own, *others), [*h.column_signs(len(own.size)), *signs])[1]
+
+            ranked = sorted([dict(shapes[index]), *(dict(g) for g in h.grid if g != shapes[index])], key=drop, reverse=True)
+            shapes[index] = max([ranked[0], *_widened(h, ranked[:_CLOSE])], key=drop)
 
     def _pushed(self, scene: Scene, projector: Projector, columns: Sequence[Column]) -> Pushed:
         return projector.pushed(scene.push(columns, single=True), mean_rows(self._cal.table, columns))

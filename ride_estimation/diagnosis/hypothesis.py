@@ -78,7 +78,7 @@ class Hypothesis:
 
     def meaningful(self, coefficients: Array) -> bool:
         """Return whether every essential column is used and the first coefficient is no larger than it can be."""
-        return all(coefficients[i] != 0.0 for i in self.essential) and abs(coefficients[0]) <= self.largest
+        return all(coefficients[i] != 0.0 for i in self.essential) and bool(np.all(np.abs(coefficients[:1]) <= self.largest))
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -80,6 +80,9 @@ class Settings:
         Number of causes that are fitted fully.
     maximum_causes
         Largest number of simultaneous causes.
+    most_fits
+        Full fits after which the search for causes and rivals ends with what it has; a budget in work and not in time gives the
+        same answer on every machine.
     bootstrap
         Resamplings of blocks for intervals.
     seed
@@ -100,6 +103,7 @@ class Settings:
     unknown_probability: float = 0.01
     candidates: int = 6
     maximum_causes: int = 3
+    most_fits: int = 40
     bootstrap: int = 400
     seed: int = 1
     threads: int = 0

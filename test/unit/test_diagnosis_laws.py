@@ -1,0 +1,60 @@
+# Copyright 2026 ride_estimation contributors
+"""Law causes: how a stop hardens, how large a sprung mass may be, what a stated deviation holds; the budget; names of runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from diagnosis_runs import quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis.causes.bump_stop import _hardening
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.hypothesis import Hypothesis
+from ride_estimation.diagnosis.result import EXPLAINED, Gain, NamedCause, ValidationGain
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.verdict import describe
+
+
+def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_where_the_run_never_was():
+    depth = np.linspace(0.0, 0.004, 2001)
+    # a scale far above the depth leaves the square: the next terms of the series are depth / (3 scale) and its square / 12
+    np.testing.assert_allclose(_hardening(depth, 1.0, 1.0), depth**2, rtol=0.004 / 3.0 + 0.004**2, atol=1e-15)
+    steep = _hardening(depth, 0.0005, 0.002)
+    u = depth / 0.0005
+    known = depth <= 0.002
+    np.testing.assert_allclose(steep[known], 2.0 * 0.0005**2 * (np.exp(u) - 1.0 - u)[known], rtol=1e-9, atol=1e-18)
+    slope = np.diff(steep) / np.diff(depth)
+    # convex up to what is known, then one slope: the last one
+    assert np.all(np.diff(slope[: known.sum() - 1]) > 0.0)
+    np.testing.assert_allclose(slope[known.sum() :], 2.0 * 0.0005 * np.expm1(4.0), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("mass", "means"), [(150.0, True), (250.0, False)])
+def test_a_coefficient_beyond_what_is_possible_means_nothing(mass, means):
+    h = Hypothesis("missing_degree_of_freedom", "cab", "z", lambda scene, shape: [], essential=(0,), largest=200.0)
+    assert h.meaningful(np.array([mass, 3.0])) is means
+
+
+def test_the_deviation_of_a_friction_level_holds_that_its_law_has_another_form():
+    # a friction that falls from 80 N at rest to 50 N: the library has no such law
+    run = quarter_car_run(17, seconds=24.0, law=lambda x, v: (50.0 + 30.0 * np.exp(-abs(v) / 0.02)) * np.tanh(v / 0.002))
+    answer = diagnose(quarter_car(), run)
+    assert [c.id for c in answer.causes] == ["coulomb_friction"]
+    level = next(p for p in answer.causes[0].parameters if p.name == "friction level")
+    assert 0.07 * level.value < level.std < 0.15 * level.value
+    assert 50.0 - 2.0 * level.std < level.value < 80.0 + 2.0 * level.std
+
+
+def test_a_search_that_ends_at_its_budget_says_so():
+    run = quarter_car_run(18, seconds=24.0, law=lambda x, v: 60.0 * np.tanh(v / 0.002))
+    answer = diagnose(quarter_car(), run, settings=Settings(most_fits=1))
+    assert any("budget of 1 full fits" in w for w in answer.warnings)
+
+
+def test_the_sentence_names_a_run_and_not_its_path():
+    cause = NamedCause("bump_stop", "strut", "z", (), 0.9, (), "", "", "")
+    judged = ValidationGain("/some/where/second_drive/bag", 0.1, 0.02, (0.07, 0.09), 0.01)
+    gain = Gain("", 0.1, 0.02, 0.01, (judged,))
+    sentence = describe(EXPLAINED, (cause,), gain, 0.0)
+    assert "the error on second_drive/bag from 10.0 %" in sentence
+    assert "/some" not in sentence
