@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -153,7 +153,8 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
     """Scale the stiffness of all mounts per axis so that the modes of a one-body vehicle meet measured ones.
 
     Least squares on log frequency with labels by energy share; document 000 tunes by hand. An axis that no measured mode depends
-    on, or that fewer modes than axes leave open, keeps the stiffness of the vehicle file.
+    on, that fewer modes than axes leave open, or that runs off without bringing them nearer, keeps the stiffness of the vehicle
+    file.
 
     Parameters
     ----------
@@ -185,18 +186,13 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
     if not np.any(free):
         raise InputDataError(f"the modes {', '.join(measured_hz)} depend on the stiffness of no axis")
 
-    def spread(inner: Array) -> Array:
-        full = np.zeros(len(axes))
-        full[free] = inner
-        return full
-
-    count = int(np.sum(free))
-    fits = (
-        optimize.least_squares(lambda inner: misfit(spread(inner)), np.full(count, start), bounds=(-7.0, 7.0), diff_step=1e-5)
-        for start in (0.0, 0.7, -0.7)
-    )
-    best = min(fits, key=lambda r: float(r.cost))
-    factors = dict(zip(axes, np.exp(spread(best.x)).tolist()))
+    found = _searched(misfit, free)
+    lost = free & (np.linalg.norm(slopes(found), axis=0) < LEAST_SLOPE)
+    if np.any(lost) and not np.all(lost[free]):
+        # stiffness that has run to where no mode depends on it brings them no nearer: it is not told either
+        free &= ~lost
+        found = _searched(misfit, free)
+    factors = dict(zip(axes, np.exp(found).tolist()))
     rows = compare_modes(measured_hz, labelled_frequencies(_scaled(vehicle, factors)))
     missed = [row for row in rows if abs(row.error_percent) > 100.0 * REACHED]
     if missed:
@@ -210,6 +206,22 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
         statement = f"all measured modes ({len(rows)}) are met within {100 * REACHED:.0f} %"
     untold = tuple(axis for axis, told in zip(axes, free) if not told)
     return StiffnessFit(factors, untold, rows, not missed, statement)
+
+
+def _searched(misfit: Callable[[Array], Array], free: NDArray[np.bool_]) -> Array:
+    """Return the logarithms of the factors that meet the modes best, zero where an axis is not free."""
+
+    def spread(inner: Array) -> Array:
+        full = np.zeros(len(free))
+        full[free] = inner
+        return full
+
+    count = int(np.sum(free))
+    fits = (
+        optimize.least_squares(lambda inner: misfit(spread(inner)), np.full(count, start), bounds=(-7.0, 7.0), diff_step=1e-5)
+        for start in (0.0, 0.7, -0.7)
+    )
+    return spread(min(fits, key=lambda r: float(r.cost)).x)
 
 
 def _told(slopes: Array) -> NDArray[np.bool_]:

@@ -12,7 +12,6 @@ from pathlib import Path
 from ride_estimation.errors import InputDataError
 
 _SEPARATORS = (";", "\t", ",")  # the comma last: beside another separator it is a decimal sign
-_LOOKED_AT = 200  # lines that tell the width of the table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +50,8 @@ def read_text_table(path: Path) -> TextTable:
     """Read a table separated by commas, semicolons or tabs.
 
     Empty lines and lines that begin with ``#`` are passed over, and so are lines above the header that are not as wide as
-    the table. Beside semicolons and tabs a comma is a decimal sign. Text is UTF-8, UTF-16 with its mark, or Windows-1252.
+    the table or mostly empty. Beside semicolons and tabs a comma is a decimal sign. Text is UTF-8, UTF-16 with its mark, or
+    Windows-1252.
 
     Raises
     ------
@@ -70,8 +70,8 @@ def read_text_table(path: Path) -> TextTable:
         raise InputDataError(f"{path}: cannot be read as a table: {error}") from error
     if len(rows) != len(numbered):
         raise InputDataError(f"{path}: cannot be read as a table: a quoted cell goes over the end of its line")
-    width = Counter(len(row) for row in rows[len(rows) // 2 :][:_LOOKED_AT]).most_common(1)[0][0]
-    first = next((i for i, row in enumerate(rows) if len(row) == width), 0)
+    width = Counter(map(len, rows)).most_common(1)[0][0]
+    first = next((i for i, row in enumerate(rows) if len(row) == width and 2 * sum(map(bool, row)) >= width), 0)
     rows, lines = rows[first:], [number for number, _ in numbered[first:]]
     for number, row in zip(lines, rows):
         if len(row) != width:

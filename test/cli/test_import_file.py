@@ -186,6 +186,7 @@ ROWS = [[0.01 * i, 0.5, -0.25 * i, 9.81] for i in range(5)]
         ("\t", False, "utf-8", "", ""),
         (",", False, "utf-8-sig", "Logger 7\nSerial; none\n\n", ""),
         (";", True, "utf-8", "Messung 12\nDatum: 1.5.2026\n", ""),
+        (",", False, "utf-8", "Run 7,,,\nBackhoe,,,\n", ""),
     ],
 )
 def test_tables_as_loggers_write_them(

@@ -108,3 +108,13 @@ def test_bad_input_is_refused():
         ms.fit_stiffness(cab(0.0, TABLE_4), {"hop": 3.0})
     with pytest.raises(InputDataError):
         ms.equivalent_stiffness(0.0, 1.0, 4)
+
+
+def test_an_axis_that_runs_off_is_not_told():
+    """Roll asks for more than any lateral stiffness gives: the fit would send it to infinity and no mode would notice."""
+    vehicle = cab(-0.45, np.array([[4e5, 3e5, 5e4]] * 4))
+    own = ms.labelled_frequencies(vehicle)
+    fit = ms.fit_stiffness(vehicle, {"bounce": own["bounce"], "roll": 1.6 * own["roll"]})
+    assert "y" in fit.untold
+    assert fit.factors["y"] == 1.0
+    assert not fit.reachable
