@@ -16,7 +16,8 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -67,6 +68,85 @@ def _compile(function: F, **options: Any) -> F:
 def _folder_of(function: Callable[..., Any]) -> str:
     parts = function.__module__.split(".")
     return parts[1] if parts[0] == "ride_estimation" and len(parts) > 2 else ""
+
+
+@contextmanager
+def recorded_calls() -> Iterator[set[tuple[str, str]]]:
+    """Collect which kernels Python calls and with what: ``module:function`` below the package and the arguments in the words of
+    :func:`compile_for`. Only first calls in a process are seen; nothing without numba.
+    """
+    found: set[tuple[str, str]] = set()
+    if not COMPILED:
+        yield found
+        return
+    from numba.core.dispatcher import Dispatcher
+
+    usual = Dispatcher._compile_for_args
+
+    def note(self: Any, *args: Any, **kws: Any) -> Any:
+        codes = [_code_of(self.typeof_pyval(a)) for a in args]
+        package, _, module = self.py_func.__module__.partition(".")
+        if package == "ride_estimation" and all(codes):
+            found.add((f"{module}:{self.py_func.__qualname__}", " ".join(codes)))
+        return usual(self, *args, **kws)
+
+    Dispatcher._compile_for_args = note
+    try:
+        yield found
+    finally:
+        Dispatcher._compile_for_args = usual
+
+
+def _code_of(kind: Any) -> str:
+    """Return the code of a type of numba: ``f i b`` for numbers, with dimensions and layout for arrays; empty for others."""
+    from numba.core import types
+
+    letters = {types.float64: "f", types.int64: "i", types.boolean: "b"}
+    if isinstance(kind, types.Array):
+        letter = letters.get(kind.dtype, "")
+        return f"{letter}{kind.ndim}{kind.layout}" if letter and kind.mutable and kind.aligned else ""
+    return letters.get(kind, "")
+
+
+def compile_for(function: Callable[..., Any], arguments: str) -> None:
+    """Compile a kernel for arguments, or load its compiled code; nothing without numba.
+
+    Parameters
+    ----------
+    function
+        What :func:`compile_kernel` made.
+    arguments
+        One code per argument, with spaces between: ``f``, ``i``, ``b`` for a float, an integer, a bool; for an array of those
+        with the number of dimensions and the layout behind, as in ``f2C``.
+    """
+    if not COMPILED:
+        return
+    from numba.core import types
+
+    scalars = {"f": types.float64, "i": types.int64, "b": types.boolean}
+    signature = tuple(scalars[c] if len(c) == 1 else types.Array(scalars[c[0]], int(c[1]), c[2]) for c in arguments.split())
+    function.compile(signature)  # type: ignore[attr-defined]
+
+
+def in_shares(sizes: Sequence[int], shares: int) -> list[list[int]]:
+    """Return the numbers of things of some sizes in as many shares of about the same sum, the largest first."""
+    found: list[list[int]] = [[] for _ in range(shares)]
+    sums = [0] * shares
+    for place in sorted(range(len(sizes)), key=lambda i: -sizes[i]):
+        least = sums.index(min(sums))
+        found[least].append(place)
+        sums[least] += sizes[place]
+    return found
+
+
+def machine_key() -> str:
+    """Return what compiled code depends on beside its sources: numba and the processor; empty without numba."""
+    if not COMPILED:
+        return ""
+    import llvmlite.binding
+    import numba
+
+    return f"{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
 
 
 @functools.cache

@@ -14,6 +14,7 @@ from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, assess_run
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
@@ -125,6 +126,7 @@ def run(options: argparse.Namespace) -> int:
     job = ReplayJob.of(options, ("none",) if options.no_report else options.format)
     diagnosis = read_diagnosis(options.diagnosis) if options.diagnosis else None
     require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
+    compile_ahead()
     folder = output_folder(options.out)
     progress: list[Progress] = []
 

@@ -27,6 +27,7 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.state_file import restore_state, save_results, save_state
@@ -354,9 +355,10 @@ class EstimatorNode(LifecycleNode):
 def prepared(make: Callable[[], Node]) -> Node:
     """Compile the kernels, then make the node: it appears in the graph when it can answer.
 
-    The first start after an installation compiles for half a minute; a manager that asks the node to configure would wait for
-    that, and give up. The bundled vehicle needs nearly the same kernels as any other.
+    The first start after an installation compiles for a while; a manager that asks the node to configure would wait for that, and
+    give up. The bundled vehicle needs nearly the same kernels as any other.
     """
+    compile_ahead()
     Session(load_vehicle(BUNDLED_VEHICLE), PipelineSettings()).warm_up()
     return make()
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 from collections import Counter
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from ride_estimation.errors import ConfigurationError, RideEstimationError
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.warm_up import warm_up
 from ride_estimation.io.messages import Converter, Sample, make_converter
 from ride_estimation.io.vehicle_file import body_layout
 from ride_estimation.nodes.cdr import Reader, make_reader
@@ -28,13 +28,6 @@ from ride_estimation.vehicles.vehicle import Body, Vehicle
 DECODE_ERRORS = (RuntimeError, ValueError, OverflowError, struct.error)
 #: what arithmetic on unforeseen numbers may raise (LinAlgError is a ValueError)
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
-
-#: length and rate of the made-up drive that compiles the kernels: long enough for the first estimate of the parameters
-WARM_UP_S = 10.0
-WARM_UP_RATE_HZ = 50.0
-WARM_UP_START_NS = 1_000_000_000_000
-#: vertical acceleration of the body and of the bases in it [m/s^2] and its frequencies [Hz]
-WARM_UP_ACCEL, WARM_UP_BASE_ACCEL, WARM_UP_HZ = 1.0, 0.6, (1.3, 3.1)
 
 #: different faults that are kept in words, so that a run of weeks cannot fill the memory with them
 MOST_FAULTS = 20
@@ -85,22 +78,7 @@ class Session:
 
     def warm_up(self) -> None:
         """Run a made-up drive through a throw-away pipeline, so that all kernels are compiled before the first message."""
-        pipeline = Pipeline(self.vehicle, self.pipeline.settings)
-        body = {s.name for s in pipeline.arrangement.body_sensors}
-        period_ns = round(1e9 / WARM_UP_RATE_HZ)
-        for k in range(round(WARM_UP_S * WARM_UP_RATE_HZ)):
-            wave = sum(math.sin(2.0 * math.pi * f * k / WARM_UP_RATE_HZ) for f in WARM_UP_HZ)
-            for sensor in self.vehicle.sensors.values():
-                size = WARM_UP_ACCEL if sensor.name in body else WARM_UP_BASE_ACCEL
-                # a little of its own in every sample, or it would count as stuck
-                sample = [1e-3 * math.sin(0.3 * k + channel) for channel in range(sensor.channels)]
-                if sensor.kind in ("accelerometer", "imu"):
-                    up = sensor.rotation[2] * (self.vehicle.gravity + size * wave)
-                    sample[:3] = [v + float(u) for v, u in zip(sample, up)]
-                pipeline.observe(sensor.name, WARM_UP_START_NS + k * period_ns, sample, None)
-        pipeline.finish()
-        pipeline.parameters()
-        pipeline.health()
+        warm_up(self.vehicle, self.pipeline.settings)
 
     def change_settings(self, settings: PipelineSettings) -> None:
         """Go on with other settings from what was learned so far; the time base begins anew."""

@@ -1,0 +1,73 @@
+# Copyright 2026 ride_estimation contributors
+"""First start after an installation: several processes compile the kernels into the folder of compiled code.
+
+:data:`~ride_estimation.estimation.kernel_list.KERNELS` lists what a drive of the bundled vehicle calls. Whatever is not listed
+or listed in vain costs time only: numba compiles what is missing when it is called. Nothing happens where compiled code cannot be
+kept, where there is one core only, or where it was all compiled before.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from ride_estimation.estimation.kernel_list import KERNELS
+from ride_estimation.jit import COMPILED, cache_folder, compile_for, in_shares, machine_key
+
+#: most processes, and the longest wait for them [s]
+_MOST, _LONGEST = 8, 180.0
+_DONE = "all_compiled_{}"
+
+
+def compile_ahead() -> int:
+    """Compile what is listed and is not compiled yet; return how many processes did it, 0 where there was nothing to do."""
+    cores = min(len(os.sched_getaffinity(0)), _MOST) if hasattr(os, "sched_getaffinity") else 1
+    folder = cache_folder("estimation")
+    if not COMPILED or cores < 2 or not os.access(folder, os.W_OK):
+        return 0
+    done = folder / _DONE.format(machine_key())
+    if done.exists():
+        return 0
+    package = str(Path(__file__).parents[2])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))}
+    others = [
+        subprocess.Popen(
+            [sys.executable, "-P", "-m", "ride_estimation.estimation.compile_ahead", str(share), str(cores)],
+            env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for share in range(1, cores)
+    ]  # fmt: skip
+    end = time.monotonic() + _LONGEST
+    try:
+        compile_share(0, cores)
+        good = [process.wait(max(end - time.monotonic(), 0.0)) == 0 for process in others]
+    except subprocess.TimeoutExpired:
+        good = [False]
+    finally:
+        for process in others:
+            process.kill()
+    if all(good):
+        done.touch()
+    return cores
+
+
+def compile_share(share: int, shares: int) -> None:
+    """Compile one of several shares of the list, which cost about the same."""
+    found = []
+    for name, arguments in KERNELS:
+        module, _, function = name.partition(":")
+        kernel = getattr(importlib.import_module(f"ride_estimation.{module}"), function, None)
+        if hasattr(kernel, "py_func"):
+            found.append((kernel, arguments))
+    # what compiling costs grows with the length of the function
+    sizes = [len(kernel.py_func.__code__.co_code) for kernel, _ in found]
+    for place in in_shares(sizes, shares)[share]:
+        compile_for(*found[place])
+
+
+if __name__ == "__main__":
+    compile_share(int(sys.argv[1]), int(sys.argv[2]))
