@@ -402,7 +402,10 @@ def _in_real_units(
         sentence = sentence.replace(old, new)
     remarks, warnings = [*answer.remarks, REMARK], [*answer.warnings, *skipped]
     if abs(shift) > 1e-3:
-        remarks.append(f"the CG of {balance.body.name} is taken {1000 * shift:+.0f} mm above its place: roll and pitch say so")
+        remarks.append(
+            f"the CG of {balance.body.name} is taken {1000 * shift:+.0f} mm above its place, where roll and pitch fit best: an "
+            "allowance for its tolerance, no finding"
+        )
     if balance.heights > _SAME_HEIGHT:
         warnings.append(
             f"the mounts are not at one height ({1000 * balance.heights:.0f} mm apart): what their sideways forces do to roll "

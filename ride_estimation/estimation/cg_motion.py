@@ -157,7 +157,8 @@ class CgMotionEstimator:
         self.directions = np.vstack([directions, np.zeros((extra, 3))])
         self.points = np.vstack([points, np.zeros((extra, 3))])
         self.rows = np.vstack([rows, *([np.hstack([np.zeros((3, 3)), np.eye(3)])] * len(self.gyros))])
-        self.variance = np.concatenate([np.full(3, s.noise_std**2) for s in self.sensors])
+        self._own_variance = np.concatenate([np.full(3, s.noise_std**2) for s in self.sensors])
+        self.variance = self._own_variance.copy()
         self._along = np.sum(directions * points, axis=1)
         self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
         #: which gyros tell angular rates: one whose unit or axes are wrong does not, see :mod:`gyro_check`
@@ -435,7 +436,8 @@ class CgMotionEstimator:
         """Return the state as plain lists."""
         return {
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
-            "variance": self.variance.tolist(), "residuals": self._sums.save(), "faults": self._faults.save(),
+            "variance": self.variance.tolist(), "own_variance": self._own_variance.tolist(),
+            "residuals": self._sums.save(), "faults": self._faults.save(),
             "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
@@ -445,7 +447,9 @@ class CgMotionEstimator:
         self._state = np.array(saved["state"], dtype=float)
         self._p_tilt = np.array(saved["p_tilt"], dtype=float)
         self._p_yaw = np.array(saved["p_yaw"], dtype=float)
-        self.variance = np.array(saved["variance"], dtype=float)
+        # variances that messages state are kept, those of the vehicle file are the ones of now: their scale may have been changed
+        before = np.array(saved["variance"], dtype=float)
+        self.variance = np.where(before == np.array(saved["own_variance"], dtype=float), self._own_variance, before)
         self._sums = ResidualSums.load(saved["residuals"])
         self._faults.set_variance(self.variance)
         self._faults.load(saved["faults"])
