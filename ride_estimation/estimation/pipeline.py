@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.anchors import MassAnchor
 from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.base_check import BaseCheck
-from ride_estimation.estimation.base_faults import BaseFaults
 from ride_estimation.estimation.base_fill import BaseFill
 from ride_estimation.estimation.block_math import turn_channels
 from ride_estimation.estimation.bracket_tilt import BracketTilt
@@ -30,11 +28,11 @@ from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEst
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.force_kernel import follow_scaled
-from ride_estimation.estimation.gyro_check import GyroCheck
-from ride_estimation.estimation.health import Health, base_messages, residual_message, sensor_health, sensor_messages
+from ride_estimation.estimation.health import Health, base_messages, residual_message, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
-from ride_estimation.estimation.input_watch import InputWatch
+from ride_estimation.estimation.input_checks import InputChecks
+from ride_estimation.estimation.learned_copies import LearnedCopies
 from ride_estimation.estimation.loads import InertialLoads
 from ride_estimation.estimation.motion_kernel import motion_at
 from ride_estimation.estimation.mount_forces import MountForceEstimator
@@ -42,11 +40,9 @@ from ride_estimation.estimation.mount_law import MountLaw
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameter_estimator import ParameterEstimator
 from ride_estimation.estimation.restoring import restarted
-from ride_estimation.estimation.rigid_check import RigidCheck
 from ride_estimation.estimation.saved_state import STATE_SCHEMA, check_state
-from ride_estimation.estimation.sensor_gate import GateVerdict, SensorGate
+from ride_estimation.estimation.sensor_gate import GateVerdict
 from ride_estimation.estimation.settings import PipelineSettings
-from ride_estimation.estimation.swapped_topics import SwappedTopics
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
 from ride_estimation.signals.batch_feed import BatchFeed
 from ride_estimation.signals.recording import Recording
@@ -54,8 +50,6 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: distance of two copies of what was learned [s]; the older is taken when a sensor turns out to be faulty
-_TAKE_BACK = 1.0
 #: time in which the doubt about the motion fades [s]
 _DOUBT_FADES = 1.0
 #: disagreement of the body sensors, in units of their tolerance, from which on nothing learned is called valid
@@ -102,26 +96,15 @@ class Pipeline:
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
         self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._anchor.cells)
-        self._gate = self._new_gate()
-        self._swaps = self._new_swaps()
-        n = 3 * len(a.body_sensors)
-        self._gyros = GyroCheck(a.body_sensors, self._motion.gyros, self._motion.rows[:n], a.free)
-        base = [s for s in a.base_sensors if s is not None]
-        streams, starts, _, _ = self._layout.base_arrays
-        self._bases = BaseCheck(base, streams.tolist(), starts.tolist())
-        self._base_faults = BaseFaults(base, streams.tolist(), starts.tolist(), vehicle.gravity)
+        self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion)
         self._force = np.array([0.0, 0.0, vehicle.gravity])
         self._excess, self._rate = 1.0, np.zeros(3)
         self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
         #: what a bias adds to the covariance of the motion, which nothing is learned from
         self._constant = np.zeros((6, 6))
-        self._kept: list[dict[str, Any]] = []
-        self._calm: list[dict[str, Any]] = []
-        self._next_copy = 0.0
-        self._taken_back = 0
+        self._copies = LearnedCopies()
         self._unknown: Counter[str] = Counter()
         self._restarts: Counter[str] = Counter()
-        self._watch = InputWatch(self._layout)
         self._ticks = 0
         self._invalid_ticks = 0
         self._dt = 0.0
@@ -137,13 +120,6 @@ class Pipeline:
         a = self.arrangement
         return CgMotionEstimator(a.body_sensors, a.body.cg, a.free, self.vehicle.gravity, self.settings)
 
-    def _new_swaps(self) -> SwappedTopics:
-        a = self.arrangement
-        base = [s for s in a.base_sensors if s is not None]
-        streams = [self._index[s.name] for s in (*a.body_sensors, *base)]
-        columns = [self._aligner.columns[i].start for i in streams]
-        return SwappedTopics(a.body_sensors, base, streams, columns, self._motion.rows[: 3 * len(a.body_sensors)])
-
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
         return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
@@ -157,15 +133,6 @@ class Pipeline:
         """Return what the model or a sensor is suspected of, see :mod:`hints`."""
         self._settle()
         return self._hints.hints()
-
-    def _new_gate(self) -> SensorGate:
-        m, a = self._motion, self.arrangement
-        n = 3 * len(a.body_sensors)
-        check = RigidCheck(m.rows[:n], m.directions[:n], m.points[:n], [s.noise_std for s in a.body_sensors])
-        return SensorGate(
-            self._sensors, [c.start for c in self._aligner.columns], self._layout.body_streams.tolist(),
-            [stream for _, stream, _, _ in self._layout.base], [stream for _, _, stream, _ in self._layout.transducers], check,
-        )  # fmt: skip
 
     # -- input ------------------------------------------------------------------------------------------------------------
 
@@ -222,7 +189,7 @@ class Pipeline:
         self._forces.take_tilt()
         self._parameters = ParameterEstimator(self.arrangement, self._tilting, self.settings)
         self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
-        self._kept, self._calm = [], []
+        self._copies.clear()
         self._apply()
         self._restart(reason)
         self._aligner = self._new_aligner()
@@ -236,13 +203,9 @@ class Pipeline:
         self._deflection.reset()
         self._forces.reset()
         self._parameters.restart()
-        self._gate.reset()
         self._fill.reset()
         self._hints.reset()
-        self._swaps.reset()
-        self._gyros.reset()
-        self._bases.reset()
-        self._base_faults.reset()
+        self._checks.reset()
         self._excess = 1.0
 
     # -- one block --------------------------------------------------------------------------------------------------------
@@ -251,22 +214,12 @@ class Pipeline:
         self._settle()
         if block.restart and self._ticks:
             self._restart(block.restart)
-        dt = block.step_ns * 1e-9
-        self._dt = dt
-        ticks = len(block.values)
-        block = self._put_right(block, dt)
-        if self._gyros.possible:
-            self._check_gyros(block, dt)
-        self._watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
-        verdict = self._bases.judged(block, self._gate.judge(block, self._rate, dt), dt)
-        verdict = self._lasting(block, verdict, dt)
-        if verdict.valid is not block.valid:
-            block = dataclasses.replace(block, valid=verdict.valid)
-        if verdict.began:
-            self._take_back(verdict)
-        measured = np.take(block.values, self._layout.body_columns, axis=1)
-        gyro = np.take(block.values, self._layout.gyro_columns, axis=1)
-        there = np.take(block.valid, self._layout.body_streams, axis=1)
+        dt = self._dt = block.step_ns * 1e-9
+        ticks, layout = len(block.values), self._layout
+        block, verdict = self._checked(block, dt)
+        measured = np.take(block.values, layout.body_columns, axis=1)
+        gyro = np.take(block.values, layout.gyro_columns, axis=1)
+        there = np.take(block.valid, layout.body_streams, axis=1)
         self._motion.doubted = bool(verdict.suspects)
         motion = self._motion.observe(measured, gyro, there, dt)
         motion = self._doubted(motion, verdict, ticks * dt)
@@ -274,31 +227,16 @@ class Pipeline:
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
-        inertial = self._loads.load(accel, motion.rate)
-        load_covariance = self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
-        inertial_covariance = self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1])
-        # an error of the mass scales all forces alike and is no reason to doubt equilibrium
-        own_covariance = whole = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
-        if self._constant.any():
-            moving = motion.covariance - self._constant
-            own_covariance = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
-        self._forces.constant_load = whole - own_covariance
-        own_covariance = own_covariance + self._factor**2 * self._carried.covariance
         deflection = self._observe_deflection(block, motion, support, dt)
         turn_rate = self._deflection.turn_rate(deflection)
-        forces = self._forces.observe(deflection, support, own_covariance, turn_rate, dt)
+        forces = self._forces.observe(deflection, support, self._load_covariance(motion), turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
-        for name, i, stream, start in self._layout.cells:
-            if block.valid[:, stream].all():
-                cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
-                self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
-        complete = bool(block.valid[:, self._layout.needed].all() and motion.valid.all())
+        self._observe_cells(block, forces.force, ticks * dt)
+        complete = bool(block.valid[:, layout.needed].all() and motion.valid.all())
         complete = complete and not verdict.suspects and not verdict.unusual
-        before = self._stamp
-        seen = HintBlock(
-            measured, motion.predicted, motion.motion[:, 3:], support, self._forces.missing,
-            complete and bool(there.all()),
-        )  # fmt: skip
+        before, predicted = self._stamp, motion.predicted
+        usable = complete and bool(there.all())
+        seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
 
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
@@ -308,17 +246,63 @@ class Pipeline:
         self._ticks += ticks
         self._invalid_ticks += ticks - int(np.count_nonzero(motion.valid))
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        predicted = motion.predicted
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
-            tilt=motion.tilt, inertial_load=inertial, support_load=support, load_covariance=load_covariance,
-            inertial_load_covariance=inertial_covariance, mount_force=forces.force, mount_force_std=forces.std,
-            mount_force_std_equilibrium=forces.std_equilibrium, mount_force_std_model=forces.std_model,
-            mount_deflection=forces.deflection, mount_rate=forces.rate, mount_deflection_std=forces.deflection_std,
-            measured={name: measured[:, own] for name, own in self._layout.own_columns},
-            predicted={name: predicted[:, own] for name, own in self._layout.own_columns},
+            tilt=motion.tilt, inertial_load=self._loads.load(accel, motion.rate), support_load=support,
+            load_covariance=self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1]),
+            inertial_load_covariance=self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1]),
+            mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
+            mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
+            mount_deflection_std=forces.deflection_std,
+            measured={name: measured[:, own] for name, own in layout.own_columns},
+            predicted={name: predicted[:, own] for name, own in layout.own_columns},
         )  # fmt: skip
+
+    def _checked(self, block: Block, dt: float) -> tuple[Block, GateVerdict]:
+        """Return the block with every sensor in its place and what may be used of it; what faulty sensors taught is forgotten."""
+        block, exchanged = self._checks.put_right(block, dt)
+        if exchanged:
+            self._motion, self._next_look = self._new_motion(), 0.0
+            self._leave_out(self._checks.gyros.found)
+            self._begin_anew(exchanged)
+        gyros = self._checks.contradicted_gyros(block, self._motion, dt)
+        if gyros:
+            self._leave_out(gyros)
+            self._begin_anew("a gyro was left out")
+        self._checks.watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
+        verdict, lasting = self._checks.judged(block, self._rate, self._force, dt)
+        if lasting:
+            self._parameters.restart()
+            self._deflection.reset()
+            self._forget()
+        if verdict.valid is not block.valid:
+            block = dataclasses.replace(block, valid=verdict.valid)
+        if verdict.began:
+            self._take_back(verdict)
+        return block, verdict
+
+    def _leave_out(self, gyros: Iterable[int]) -> None:
+        for gyro in gyros:
+            self._motion.leave_out_gyro(gyro)
+
+    def _load_covariance(self, motion: MotionBlock) -> Array:
+        """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
+        # an error of the mass scales all forces alike and is no reason to doubt equilibrium
+        whole = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        own = whole
+        if self._constant.any():
+            moving = motion.covariance - self._constant
+            own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
+        self._forces.constant_load = whole - own
+        return np.asarray(own + self._factor**2 * self._carried.covariance)
+
+    def _observe_cells(self, block: Block, force: Array, duration: float) -> None:
+        """Compare load cells with the estimated forces (K, M, 3)."""
+        for name, i, stream, start in self._layout.cells:
+            if block.valid[:, stream].all():
+                cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
+                self._anchor.observe_cell(name, cell, force[:, i] / self._factor, duration)
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
@@ -345,66 +329,28 @@ class Pipeline:
         self._forces.take_tilt()
         self._apply()
 
-    def _lasting(self, block: Block, verdict: GateVerdict, dt: float) -> GateVerdict:
-        """Leave out base sensors that are wrong since long; what was learned with them is forgotten."""
-        before = set(self._base_faults.refused)
-        verdict = self._base_faults.judged(block, verdict, self._force, dt)
-        if set(self._base_faults.refused) - before:
-            self._parameters.restart()
-            self._deflection.reset()
-            self._kept, self._calm = [], []
-            self._go_back_to(self._begin)
-        return verdict
+    def _forget(self) -> None:
+        """Forget what was learned in this run."""
+        self._copies.clear()
+        self._go_back_to(self._begin)
 
-    def _check_gyros(self, block: Block, dt: float) -> None:
-        """Leave out gyros whose rates the accelerometers contradict; what was learned with them is forgotten."""
-        layout = self._layout
-        rates = self._motion.body_rates(np.take(block.values, layout.gyro_columns, axis=1))
-        measured = np.take(block.values, layout.body_columns, axis=1)
-        found = self._gyros.observe(measured, rates, np.take(block.valid, layout.body_streams, axis=1), dt)
-        for gyro in found:
-            self._motion.leave_out_gyro(gyro)
-        if found:
-            self._restart("a gyro was left out")
-            self._kept, self._calm = [], []
-            self._go_back_to(self._begin)
-
-    def _put_right(self, block: Block, dt: float) -> Block:
-        """Exchange the readings of sensors whose topics are exchanged; what was learned from them until now is forgotten."""
-        values, valid = self._swaps.exchange(block.values, block.valid)
-        found = self._swaps.observe(values, valid, dt)
-        if found:
-            values, valid = self._swaps.exchange(block.values, block.valid)
-            self._motion, self._next_look = self._new_motion(), 0.0
-            for gyro in self._gyros.found:
-                self._motion.leave_out_gyro(gyro)
-            self._watch.look_again()
-            self._restart(found)
-            self._kept, self._calm = [], []
-            self._go_back_to(self._begin)
-        return block if values is block.values else dataclasses.replace(block, values=values, valid=valid)
-
-    def _keep_copy(self) -> None:
-        """Keep what was learned, to have the state of one to two seconds ago."""
-        if self._run_time >= self._next_copy:
-            self._next_copy = self._run_time + _TAKE_BACK
-            self._kept = [*self._kept[-1:], self._learned()]
-            self._calm = [*self._calm[-1:], self._deflection.save()]
+    def _begin_anew(self, reason: str) -> None:
+        """Begin a new time base without what was learned in this run."""
+        self._restart(reason)
+        self._forget()
 
     def _take_back(self, verdict: GateVerdict) -> None:
         """Return to what was learned before a sensor became faulty; deflections it spoiled start again from rest."""
         spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.arrangement.mounts)))
-        if spoiled and self._calm:
-            self._deflection.load(restarted(self._deflection.save(), self._calm[0], spoiled))
-            self._calm = self._calm[:1]
+        calm = self._copies.deflections() if spoiled else None
+        if calm is not None:
+            self._deflection.load(restarted(self._deflection.save(), calm, spoiled))
         self._parameters.restart()
-        if self._kept:
-            self._go_back_to(self._kept[0])
-            self._kept = self._kept[:1]
-            self._next_copy = self._run_time + _TAKE_BACK
-            self._taken_back += 1
+        learned = self._copies.take(self._run_time)
+        if learned is not None:
+            self._go_back_to(learned)
 
     def _motion_at_mounts(self, motion: MotionBlock) -> Array:
         """Return the specific force of the body at its mounts, shape (K, M, 3)."""
@@ -455,7 +401,7 @@ class Pipeline:
                 p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
-        self._keep_copy()
+        self._copies.keep(self._run_time, self._learned, self._deflection.save)
 
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""
@@ -484,19 +430,14 @@ class Pipeline:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
-        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._base_faults.doubt
+        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.base_faults.doubt
         return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
 
     def identifiability(self) -> dict[str, Any]:
         """Return what the data can and cannot tell, in words."""
         self._settle()
-        return describe(
-            self.arrangement,
-            self.parameters(),
-            self._anchor.anchored,
-            self._parameters.null_directions(),
-            self._parameters.notes(),
-        )
+        p = self._parameters
+        return describe(self.arrangement, self.parameters(), self._anchor.anchored, p.null_directions(), p.notes())
 
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""
@@ -505,15 +446,13 @@ class Pipeline:
         ratio = {
             s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)
         }
-        watch, refused = self._watch, self._gate.refused
-        sensors = sensor_health(self._aligner.health(), watch.clipped.tolist(), watch.invalid.tolist(), ratio, refused)
-        messages = self._swaps.messages() + self._gyros.messages() + self._gate.messages() + self._bases.messages()
-        messages += self._base_faults.messages()
+        sensors = self._checks.health(self._aligner.health(), ratio)
+        messages = self._checks.messages()
         messages += [m for m in (residual_message(test, {n: sensors[n].rate_hz for n in ratio}),) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
-        if self._taken_back:
-            messages.append(f"{self._taken_back} times what was learned in the last seconds was taken back for a faulty sensor")
+        if self._copies.taken:
+            messages.append(f"{self._copies.taken} times what was learned in the last seconds was taken back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,
@@ -530,9 +469,7 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
-            "gate": self._gate.save(), "swapped": self._swaps.save(),
-            "tilt": self._tilting.save(), "carried": self._carried.save(), "base_faults": self._base_faults.save(),
-            "gyros": self._gyros.save(),
+            "tilt": self._tilting.save(), "carried": self._carried.save(), **self._checks.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -545,20 +482,16 @@ class Pipeline:
         """
         check_state(state, self._sensors, self.arrangement.mount_names)
         self._due = None
-        self._gyros.load(state["gyros"])
-        for gyro in self._gyros.found:
-            self._motion.leave_out_gyro(gyro)
+        self._checks.load(state)
+        self._leave_out(self._checks.gyros.found)
         self._motion.load(state["motion"])
         self._tilting.load(state["tilt"])
         if "carried" in state:
             self._carried.load(state["carried"])
-        self._base_faults.load(state["base_faults"])
         self._forces.take_tilt()
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
         self._anchor.load(state["anchor"])
-        self._gate.load(state["gate"])
-        self._swaps.load(state["swapped"])
         self._run_time = float(state["run_time"])
         self._apply()
         self._forces.load(state["forces"])
