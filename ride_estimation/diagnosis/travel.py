@@ -30,6 +30,7 @@ from ride_estimation.diagnosis.noise import smoothed_power
 from ride_estimation.diagnosis.result import Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import FrequencyGrid, edge_taper, make_grid
+from ride_estimation.diagnosis.travel_kinematics import BodyMaps, without_second_order
 from ride_estimation.diagnosis.verdict import describe
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import COORDINATES, point_motion_matrix
@@ -57,6 +58,9 @@ REMARK = (
 _ACCELERATION_KINDS = ("accelerometer", "imu")
 _VERTICAL = ("z", "roll", "pitch")
 _SIDEWAYS = ("x", "y", "yaw")
+#: relative error of a right model here: how far a bracket tilts with the frame is not seen, and a third of the vertical force
+#: sideways, turned by three hundredths of a radian that nobody measured, is a hundredth of it
+_ADEQUACY = 0.01
 _FADE_S = 1.0  # fading of both ends, and rest beyond them [s]: see diagnosis.bench
 _SAME_HEIGHT = 0.02  # m, of mounts whose sideways forces need no sharing out
 _MISSED = 0.1  # share of the wrench that springs and dampers may miss while the height of the CG is looked for
@@ -83,6 +87,8 @@ class _Balance:
         Mass matrix of the vertical coordinates, the others free, (V, V).
     heights
         Difference of height among the mounts that carry sideways forces [m].
+    maps
+        What terms of second order need.
     """
 
     body: Body
@@ -95,6 +101,7 @@ class _Balance:
     lever: Array
     inertia: Array
     heights: float
+    maps: BodyMaps
 
 
 def needs_travel(vehicle: Vehicle, run: UniformRun) -> bool:
@@ -124,6 +131,7 @@ def diagnose_travel(
         ``insufficient_data`` with what is missing where the deflections do not determine the vertical forces.
     """
     settings = settings or Settings()
+    settings = dataclasses.replace(settings, adequacy=max(settings.adequacy, _ADEQUACY))
     duration = run.samples / run.rate_hz
     try:
         if duration < settings.minimum_duration_s:  # the rest at both ends that is added below is not in the run
@@ -218,7 +226,7 @@ def _maps(
     mass = full[np.ix_(free, free)]
     flat = [i for i, c in enumerate(free) if COORDINATES[c] in _SIDEWAYS]
     vertical = [i for i, c in enumerate(free) if COORDINATES[c] in _VERTICAL]
-    sideways, share = _sideways_maps(body, mounts, free, flat)
+    sideways, share, along, lift = _sideways_maps(body, mounts, free, flat)
     # wrench of the sideways forces from the wrench the motion asks for, and what it does to the body
     taken = sideways @ share @ mass[flat] @ motion
     change = np.linalg.solve(mass, taken)
@@ -228,30 +236,43 @@ def _maps(
         upward[i, 3 * i : 3 * i + 3] = s.rotation[2]
     lever = np.stack([point_motion_matrix(m.position - body.cg)[2] for m in upright], axis=1)[free][vertical]
     heights = [m.position[2] for m in mounts if {"x", "y"} & set(m.elements)]
+    maps = BodyMaps(
+        tuple(free), rows, motion, mass, np.asarray(body.inertia), np.array([s.rotation for s in sensors]),
+        np.array([s.position - body.cg for s in sensors]), share @ mass[flat] @ motion, along, lift,
+        np.array([m.position[:2] - body.cg[:2] for m in upright]),
+    )
     return _Balance(
         body, tuple(COORDINATES[free[i]] for i in vertical), sensors, upright, transducers, upward - at @ change,
         (mass @ motion - taken)[vertical], lever,
         np.linalg.inv(np.linalg.inv(mass)[np.ix_(vertical, vertical)]), float(np.ptp(heights)) if heights else 0.0,
+        maps,
     )  # fmt: skip
 
 
-def _sideways_maps(body: Body, mounts: tuple[Mount, ...], free: list[int], flat: list[int]) -> tuple[Array, Array]:
-    """Return how sideways mount forces act on the coordinates, and their share in the sideways wrench, (C, U) and (U, C')."""
-    columns, weights = [], []
-    for m in mounts:
-        for axis in ("x", "y"):
-            if axis in m.elements:
-                columns.append(point_motion_matrix(m.position - body.cg)[COORDINATES.index(axis)][free])
-                weights.append(max(linear_part(m.elements[axis])[0], 1e-9))
-    if not columns or not flat:
-        return np.zeros((len(free), 1)), np.zeros((1, len(flat)))
-    forces = np.array(columns).T
-    stiff = np.array(weights)[:, None] * forces[flat].T
-    return forces, stiff @ np.linalg.pinv(forces[flat] @ stiff)
+def _sideways_maps(
+    body: Body, mounts: tuple[Mount, ...], free: list[int], flat: list[int]
+) -> tuple[Array, Array, NDArray[np.int64], Array]:
+    """Return how the U sideways mount forces act on the coordinates (C, U), their share in the sideways wrench (U, C'), their
+    axes (U,) and how vertical forces at the same mounts act (C, U).
+    """
+    found = [(m, axis) for m in mounts for axis in ("x", "y") if axis in m.elements]
+    if not found or not flat:
+        return np.zeros((len(free), 1)), np.zeros((1, len(flat))), np.zeros(1, dtype=np.int64), np.zeros((len(free), 1))
+    along = np.array([COORDINATES.index(axis) for _, axis in found])
+    points = np.array([point_motion_matrix(m.position - body.cg)[:, free] for m, _ in found])
+    forces = points[np.arange(len(found)), along].T
+    weights = np.array([max(linear_part(m.elements[axis])[0], 1e-9) for m, axis in found])
+    stiff = weights[:, None] * forces[flat].T
+    return forces, stiff @ np.linalg.pinv(forces[flat] @ stiff), along, points[:, 2].T
 
 
-def _readings(vehicle: Vehicle, balance: _Balance, run: UniformRun) -> tuple[Array, Array, BoolArray]:
-    """Return accelerations (N, 3 S), deflections (N, M), corrections applied and gaps bridged, and where all are valid."""
+def _readings(
+    vehicle: Vehicle, balance: _Balance, run: UniformRun, settings: Settings
+) -> tuple[Array, Array, BoolArray]:
+    """Return accelerations without terms of second order (N, 3 S), deflections (N, M), and where all are valid.
+
+    Corrections are applied and gaps bridged.
+    """
     used = (*balance.sensors, *balance.transducers)
     run = corrected_run(run, {s.name: vehicle.sensors[s.name].correction for s in used})
     valid = np.ones(run.samples, dtype=bool)
@@ -262,8 +283,8 @@ def _readings(vehicle: Vehicle, balance: _Balance, run: UniformRun) -> tuple[Arr
         index = np.arange(len(data))
         columns[s.name] = np.stack([np.interp(index, index[good], c[good]) for c in data.T], axis=1)
         valid &= good
-    readings = np.hstack([columns[s.name] for s in balance.sensors])
-    return readings, np.hstack([columns[s.name] for s in balance.transducers]), valid
+    readings, deflection = (np.hstack([columns[s.name] for s in group]) for group in (balance.sensors, balance.transducers))
+    return without_second_order(balance.maps, readings, deflection, run.rate_hz, settings.band_hz), deflection, valid
 
 
 def _in_band(values: Array, rate_hz: float, settings: Settings) -> tuple[Array, FrequencyGrid]:
@@ -281,7 +302,7 @@ def _cg_height(balance: _Balance, vehicle: Vehicle, run: UniformRun, settings: S
     that a hidden law may have, which would be taken for a lever otherwise.
     """
     tolerance = settings.tolerances.cg if balance.body.cg_std is None else float(max(balance.body.cg_std[2], 1e-4))
-    readings, deflection, valid = _readings(vehicle, balance, run)
+    readings, deflection, valid = _readings(vehicle, balance, run, settings)
     step = 0.1 * tolerance
     by_height = (_balance(vehicle, run, step).wrench - _balance(vehicle, run, -step).wrench) / (2.0 * step)
     if not np.any(by_height) or np.count_nonzero(valid) < 2:
@@ -322,7 +343,7 @@ def _bent(deflection: Array, rate: Array) -> tuple[Array, ...]:
 
 def _transducer_noise(vehicle: Vehicle, balance: _Balance, run: UniformRun, settings: Settings) -> Array:
     """Return the noise of every transducer [m]: as stated, or what the upper third of the band holds, the larger one."""
-    _, deflection, valid = _readings(vehicle, balance, run)
+    _, deflection, valid = _readings(vehicle, balance, run, settings)
     travel, grid = _in_band(deflection * valid[:, None], run.rate_hz, settings)
     power = smoothed_power(grid.spectrum(travel), len(travel), 1)
     upper = (grid.frequency > 0.67 * grid.upper_hz) & (grid.frequency < grid.upper_hz)
@@ -373,7 +394,7 @@ def _as_base_motion(
     Deflections pass a Wiener filter (gain signal over signal and noise): what it leaves of the noise is not correlated with what
     it passes, so that noise in the regressors bends no stiffness, damping or delay.
     """
-    readings, deflection, valid = _readings(vehicle, balance, run)
+    readings, deflection, valid = _readings(vehicle, balance, run, settings)
     upward, _ = _in_band(readings @ balance.vertical.T / HEAVY, run.rate_hz, settings)
     travel, grid = _in_band(deflection, run.rate_hz, settings)
     spectrum = grid.spectrum(travel)
