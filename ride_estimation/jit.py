@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import importlib.util
 import os
 import re
@@ -79,8 +80,7 @@ def recorded_calls() -> Iterator[set[tuple[str, str]]]:
     if not COMPILED:
         yield found
         return
-    from numba.core.dispatcher import Dispatcher
-
+    Dispatcher: Any = _numba("core.dispatcher").Dispatcher
     usual = Dispatcher._compile_for_args
 
     def note(self: Any, *args: Any, **kws: Any) -> Any:
@@ -99,8 +99,7 @@ def recorded_calls() -> Iterator[set[tuple[str, str]]]:
 
 def _code_of(kind: Any) -> str:
     """Return the code of a type of numba: ``f i b`` for numbers, with dimensions and layout for arrays; empty for others."""
-    from numba.core import types
-
+    types = _numba("core.types")
     letters = {types.float64: "f", types.int64: "i", types.boolean: "b"}
     if isinstance(kind, types.Array):
         letter = letters.get(kind.dtype, "")
@@ -108,7 +107,11 @@ def _code_of(kind: Any) -> str:
     return letters.get(kind, "")
 
 
-def compile_for(function: Callable[..., Any], arguments: str) -> None:
+def _numba(module: str) -> Any:
+    return importlib.import_module(f"numba.{module}".rstrip("."))
+
+
+def compile_for(function: Any, arguments: str) -> None:
     """Compile a kernel for arguments, or load its compiled code; nothing without numba.
 
     Parameters
@@ -121,11 +124,10 @@ def compile_for(function: Callable[..., Any], arguments: str) -> None:
     """
     if not COMPILED:
         return
-    from numba.core import types
-
+    types = _numba("core.types")
     scalars = {"f": types.float64, "i": types.int64, "b": types.boolean}
     signature = tuple(scalars[c] if len(c) == 1 else types.Array(scalars[c[0]], int(c[1]), c[2]) for c in arguments.split())
-    function.compile(signature)  # type: ignore[attr-defined]
+    function.compile(signature)
 
 
 def in_shares(sizes: Sequence[int], shares: int) -> list[list[int]]:
@@ -143,10 +145,8 @@ def machine_key() -> str:
     """Return what compiled code depends on beside its sources: numba and the processor; empty without numba."""
     if not COMPILED:
         return ""
-    import llvmlite.binding
-    import numba
-
-    return f"{numba.__version__}-{llvmlite.binding.get_host_cpu_name()}"
+    processor = importlib.import_module("llvmlite.binding").get_host_cpu_name()
+    return f"{_numba('').__version__}-{processor}"
 
 
 @functools.cache

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from ride_estimation.estimation.kernel_list import KERNELS
 from ride_estimation.jit import COMPILED, cache_folder, compile_for, in_shares, machine_key
@@ -57,10 +58,10 @@ def compile_ahead() -> int:
 
 def compile_share(share: int, shares: int) -> None:
     """Compile one of several shares of the list, which cost about the same."""
-    found = []
+    found: list[tuple[Any, str]] = []
     for name, arguments in KERNELS:
         module, _, function = name.partition(":")
-        kernel = getattr(importlib.import_module(f"ride_estimation.{module}"), function, None)
+        kernel: Any = getattr(importlib.import_module(f"ride_estimation.{module}"), function, None)
         if hasattr(kernel, "py_func"):
             found.append((kernel, arguments))
     # what compiling costs grows with the length of the function
