@@ -118,13 +118,18 @@ def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Ef
     return tuple(Effect(where, index, signal) for (where, index), signal in total.items())
 
 
-def held_effects(scene: Scene) -> list[Effect]:
-    """Return what the linear response holds of law forces, along the deflection of a scene."""
-    if scene.state.held is None:
-        return []
+def held_effects(scene: Scene, every: bool = False) -> list[Effect]:
+    """Return what the linear response holds of law forces, along the deflection of a scene.
+
+    Parameters
+    ----------
+    every
+        Also for ports of which nothing is held.
+    """
+    held = np.zeros((2, len(scene.plant.ports))) if scene.state.held is None else scene.state.held
     return [
         Effect(Where.PORT, p, k * scene.deflection[:, p] + c * scene.deflection_rate[:, p])
-        for p, (k, c) in enumerate(scene.state.held.T) if k != 0.0 or c != 0.0
+        for p, (k, c) in enumerate(held.T) if every or k != 0.0 or c != 0.0
     ]
 
 

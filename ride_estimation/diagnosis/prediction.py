@@ -14,11 +14,12 @@ from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mea
 from ride_estimation.diagnosis.calibration import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.fitting import combined_effects, with_effects
+from ride_estimation.diagnosis.fitting import combined_effects, held_effects, with_effects
 from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
 from ride_estimation.diagnosis.screening import Projector, screen
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.waveform import port_forces
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -27,6 +28,7 @@ IntArray = NDArray[np.int64]
 _PASSES = 12
 _HISTORY = 4  # passes a step is extrapolated from
 _LOST = 4.0  # change over the smallest one at which the fixed point runs away
+_NEWTON_PASSES = 3  # of Newton's method on whole signals, full rotation renewed after each
 _GUESS = 0.5  # relative change of the law forces above which what came out is a guess
 _SETTLED = 0.02  # relative change of the law forces at which the fixed point counts as reached
 
@@ -124,15 +126,18 @@ def _settled(
 
     Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
     iterated, each step extrapolated from the last few (Anderson 1965, J. ACM 12). Where the law is too stiff for that (a hard
-    stop on a rougher road) the scene whose effects were nearest to its laws is returned.
+    stop on a rougher road) Newton steps are taken; the scene whose effects were nearest to its laws is returned.
     """
+    def laws(at: Scene) -> tuple[Effect, ...]:
+        columns = [c for f in fitted for c in f.hypothesis.columns(at, f.shape)]
+        return combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
+
     before: tuple[Effect, ...] = ()
-    nearest, best = np.inf, scene
+    first, nearest, best = scene, np.inf, scene
     tried: list[Array] = []
     missed: list[Array] = []
     for number in range(_PASSES):
-        columns = [c for f in fitted for c in f.hypothesis.columns(scene, f.shape)]
-        target = combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
+        target = laws(scene)
         if number:
             known = {(e.where, e.index): e.signal for e in before}
             target = tuple(e for e in target if (e.where, e.index) in known)
@@ -147,7 +152,25 @@ def _settled(
             target = tuple(Effect(e.where, e.index, part) for e, part in zip(target, np.split(step, len(target))))
         before = target
         scene = Scene(scene.plant, data, with_effects(scene, state, target), settings, scales=model.scales, smooth=False)
+    if nearest < _GUESS or not any(e.where is Where.PORT for e in before):
+        return best, nearest
+    scene = first
+    for _ in range(_NEWTON_PASSES):
+        scene = Scene(scene.plant, data, port_forces(scene, laws), settings, scales=model.scales, smooth=False)
+        change = _missed_laws(scene, laws(scene))
+        if change < _SETTLED:
+            return scene, change
     return best, nearest
+
+
+def _missed_laws(scene: Scene, target: tuple[Effect, ...]) -> float:
+    """Return the largest relative rms by which the port forces of a scene miss their laws."""
+    out = 0.0
+    for e in (e for e in target if e.where is Where.PORT):
+        held = next(f.signal for f in held_effects(scene, every=True) if f.index == e.index)
+        own = next((f.signal for f in scene.state.effects if (f.where, f.index) == (e.where, e.index)), np.zeros(1))
+        out = max(out, float(np.std(e.signal - held - own)) / max(float(np.std(e.signal)), 1e-300))
+    return out
 
 
 def _extrapolated(tried: list[Array], missed: list[Array]) -> Array:

@@ -471,6 +471,15 @@ class Scene:
         other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
         return other
 
+    def with_port_forces(self, ports: Sequence[int], forces: Array) -> Scene:
+        """Return the scene with deflections moved by further port forces, shape (N, ports); full rotation left out."""
+        spectrum = np.einsum("fij,fj->fi", self.response.deflection_from_port[:, :, list(ports)], self.grid.spectrum(forces))
+        other = copy.copy(self)
+        other.deflection_spectrum = self.deflection_spectrum + self.grid.low_flank[:, None] * self._filter.apply(spectrum)
+        other.deflection = self.grid.signal(other.deflection_spectrum)
+        other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
+        return other
+
     def port_index(self, mount: str, axis: str) -> int:
         """Return the row of a port."""
         return [(p.mount, p.axis) for p in self.plant.ports].index((mount, axis))

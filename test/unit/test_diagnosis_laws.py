@@ -13,6 +13,7 @@ from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.result import EXPLAINED, Gain, NamedCause, ValidationGain
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.verdict import describe
+from ride_estimation.diagnosis.waveform import _solved
 
 
 def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_where_the_run_never_was():
@@ -58,3 +59,18 @@ def test_the_sentence_names_a_run_and_not_its_path():
     sentence = describe(EXPLAINED, (cause,), gain, 0.0)
     assert "the error on second_drive/bag from 10.0 %" in sentence
     assert "/some" not in sentence
+
+
+def test_forces_of_a_stop_that_no_plain_iteration_reaches_are_the_closed_form():
+    rng = np.random.default_rng(6)
+    free = rng.standard_normal((400, 2))
+    stiffness, compliance, gap = np.array([50.0, 400.0]), 1.0, 0.5
+
+    def along(force: np.ndarray) -> np.ndarray:
+        # tension of a stop at a deflection that the tension shortens: plain iteration grows by 50 and 400 a step
+        return stiffness * np.maximum(free - compliance * force - gap, 0.0)
+
+    expected = stiffness * np.maximum(free - gap, 0.0) / (1.0 + stiffness * compliance)
+    got = _solved(along, np.zeros_like(free))
+    # the forces may miss their laws by a hundredth, so they miss the forces of equilibrium by less
+    assert np.linalg.norm(got - expected) < 0.01 * np.linalg.norm(expected)
