@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.jit import compile_kernel
+
 Array = NDArray[np.float64]
 
 
@@ -38,10 +40,33 @@ def centripetal_covariance(weights: Array, terms: Array, rate: Array, variance: 
     variance
         Of the components of d, which are independent, shape (3,).
     """
-    mapped = (weights @ terms).reshape(6, 3, 3)
-    # E (d d^T / 2)^2 of independent normal components: half their variance beside omega omega^T
-    size = rate.T @ rate / len(rate) + 0.5 * np.diag(variance)
     total = np.zeros((6, 6))
-    for axis in range(3):
-        total += variance[axis] * (mapped[:, axis] @ size @ mapped[:, axis].T)
+    _add_covariance(weights, terms, np.ascontiguousarray(rate), variance, total)
     return total
+
+
+@compile_kernel
+def _add_covariance(weights: Array, terms: Array, rate: Array, variance: Array, total: Array) -> None:
+    """Add the covariance of :func:`centripetal_covariance` to ``total`` (6, 6)."""
+    size, mapped, half = np.zeros((3, 3)), np.zeros((6, 9)), np.empty((6, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(rate.shape[0]):
+                size[i, j] += rate[k, i] * rate[k, j]
+            size[i, j] /= rate.shape[0]
+        # E (d d^T / 2)^2 of independent normal components: half their variance beside omega omega^T
+        size[i, i] += 0.5 * variance[i]
+    for i in range(6):
+        for c in range(weights.shape[1]):
+            for j in range(9):
+                mapped[i, j] += weights[i, c] * terms[c, j]
+    for axis in range(3):
+        for i in range(6):
+            for j in range(3):
+                half[i, j] = 0.0
+                for k in range(3):
+                    half[i, j] += mapped[i, 3 * axis + k] * size[k, j]
+        for i in range(6):
+            for j in range(6):
+                for k in range(3):
+                    total[i, j] += variance[axis] * half[i, k] * mapped[j, 3 * axis + k]

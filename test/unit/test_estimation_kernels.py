@@ -11,6 +11,7 @@ from ride_estimation.estimation.balance_kernel import response_block
 from ride_estimation.estimation.base_kernel import follow_bases
 from ride_estimation.estimation.block_math import biquad_block, follow_moments
 from ride_estimation.estimation.bracket_tilt import take_readings
+from ride_estimation.estimation.centripetal import centripetal_covariance
 from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.frame_kernel import deformation_block, frame_block, straighten
 from ride_estimation.estimation.gate_kernel import median, median_root
@@ -237,3 +238,12 @@ def test_deformation_of_a_block_is_that_of_its_steps(rng, trust):
         (flat, wanted), (state, wanted_state), (value, (own + bent) @ projector.T), (rate, (own_rate + bent_rate) @ projector.T)
     ):
         np.testing.assert_allclose(found, right, rtol=ROUNDING, atol=ROUNDING * np.abs(right).max())
+
+
+def test_covariance_of_the_centripetal_terms(rng):
+    weights, terms, rate, variance = rng.normal(size=(6, 12)), rng.normal(size=(12, 9)), rng.normal(size=(K, 3)), rng.random(3)
+    mapped = (weights @ terms).reshape(6, 3, 3)
+    size = rate.T @ rate / K + 0.5 * np.diag(variance)
+    wanted = sum(variance[a] * mapped[:, a] @ size @ mapped[:, a].T for a in range(3))
+    found = centripetal_covariance(weights, terms, rate, variance)
+    np.testing.assert_allclose(found, wanted, atol=ROUNDING * np.abs(wanted).max())
