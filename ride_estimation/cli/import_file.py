@@ -17,6 +17,9 @@ EXAMPLES = """\
   ride-estimation import-file run.mf4 --vehicle my_truck.yaml --channels channels.yaml --out run_bag
   ride-estimation import-file run.csv --vehicle my_truck.yaml --out run_bag     (columns named cab_front_left.x [m/s^2], ...)
 
+CSV: comma, semicolon or tab; decimal comma beside the latter two; "name [unit]" or a second line of units; lines above the
+header are passed over.
+
 a channel map says which channel is which component of which sensor:
   schema: ride_estimation/channels/1
   channels:
