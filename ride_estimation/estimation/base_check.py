@@ -39,7 +39,7 @@ _SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
 _OUTLIER = 4.0
 #: share of the residual one sensor must explain, and how much less every other must
 _EXPLAINED, _RIVAL = 0.7, 0.9
-#: share of the residual that must follow from the motion, of the sensor that is blamed or else of all together
+#: share of the rise of the residual that must follow from the motion, of the sensor that is blamed or else of all together
 _FOLLOWS = 0.7
 #: how much earlier that may be [s]: between and a little beyond, two samples of a motion of a few hertz tell the others
 _EARLIER = 0.02
@@ -151,13 +151,15 @@ class BaseCheck:
         self._doubted = self._doubted + duration if self.unusual else 0.0
         was = self.unusual
         self.unusual = bool(over > (_ENDS if was else _BEGINS) and ratio > _MATTERS**2 * (_ENDS / _BEGINS if was else 1.0))
-        self.unusual = self.unusual and (was or self._following()[1] > _FOLLOWS)
+        # what was there before follows from nothing
+        needed = _FOLLOWS * (1.0 - 1.0 / max(over, 1.0) ** 2)
+        self.unusual = self.unusual and (was or self._following()[1] > needed)
         if self._doubted > _LONGEST and self.refused is None:
             self._run, self.unusual = ratio, False
         if not self.unusual:
             self.refused = None
         elif not was or self.refused is None:
-            self.refused = self._blamed()
+            self.refused = self._blamed(needed)
 
     def _ready(self, block: Block, dt: float) -> tuple[Array, Array]:
         """Return the filter, at rest before the first block."""
@@ -171,15 +173,15 @@ class BaseCheck:
             self._before = np.zeros((max(1, round(_EARLIER / dt)), len(self._project)))
         return b, a
 
-    def _blamed(self) -> int | None:
-        """Return the sensor whose error explains the residual, None where several could."""
+    def _blamed(self, follows: float) -> int | None:
+        """Return the sensor whose error explains the residual and follows so much from the motion, None where several could."""
         total = float(np.trace(self._moments))
         part = [self._moments[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(self._sensors))]
         explained = np.array([float(np.sum(inverse * p)) for inverse, p in zip(self._inverse, part)]) / max(total, 1e-30)
         best = int(np.argmax(explained))
         rival = float(np.delete(explained, best).max())
         tells = explained[best] > _EXPLAINED and rival < _RIVAL * explained[best]
-        return best if tells and self._following()[0][best] > _FOLLOWS else None
+        return best if tells and self._following()[0][best] > follows else None
 
     def _following(self) -> tuple[Array, float]:
         """Return which share of the residual follows from the rigid motion, of every sensor (N,) and of all together."""

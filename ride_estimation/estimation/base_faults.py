@@ -40,10 +40,12 @@ _FRAME = (0.3, 0.1, 0.1, 0.1, 0.002)
 _CHUNK, _MOVING, _EXPLAINED = 1.0, 0.1, 0.4
 #: logarithm of the probability within tolerance below which an error is as large as the motion: a quarter of a turn
 _GROSS = -300.0
+#: averages before anything is judged, chunks before errors that are not gross are: their scatter has to be known
+_LEAST, _SETTLED = 90, 5
 #: chunks that are judged one by one, and time between two judgements later, as a share of all
 _FIRST, _LATER = 20, 0.1
 #: bias that sensors in good order have, as a share of gravity, and the agreement of the two witnesses, as a share of them
-_BIAS, _AGREE = 0.02, 0.4
+_BIAS, _AGREE = 0.03, 0.35
 #: least time of means [s], their memory [s]
 _MEAN_LEAST, _MEAN_MEMORY = 5.0, 60.0
 
@@ -83,7 +85,7 @@ class BaseFaults:
         if len(place) >= 4 and np.linalg.matrix_rank(np.column_stack([rows, twist]), tol=1e-3) == 7:
             rows = np.column_stack([rows, twist])
         self._inverse = np.linalg.pinv(rows, rcond=1e-6)
-        self._test = FaultTest(self._sensors, rows, points[::3], 0.0, _FRAME)
+        self._test = FaultTest(self._sensors, rows, points[::3], 0.0, _FRAME, _LEAST)
         self._test.set_variance(np.repeat([s.noise_std**2 for s in self._sensors], 3))
         self._chunks, self._next = 0, 0
         self._mean_time, self._mean = 0.0, np.zeros((len(place), 3))
@@ -169,6 +171,8 @@ class BaseFaults:
     def _judge(self) -> None:
         self.refused, self.doubted = {}, {}
         fault = self._test.judge()
+        if self._chunks < _SETTLED and (fault is None or fault.log_probability > _GROSS):
+            return
         if fault is not None and not fault.rivals and fault.explained > _EXPLAINED:
             place = next(i for i, s in enumerate(self._sensors) if s.name == fault.sensor)
             # errors as large as the motion are seen for certain, but their size is not: they bend the frame's motion themselves

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.arrangement import channel_geometry
 from ride_estimation.estimation.centripetal import centripetal_covariance, centripetal_terms
-from ride_estimation.estimation.motion_kernel import cg_block, follow_slow, predict_block, remove_gravity
+from ride_estimation.estimation.motion_kernel import LARGEST_RATE, cg_block, follow_slow, predict_block, remove_gravity
 from ride_estimation.estimation.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
-from ride_estimation.estimation.sensor_faults import FaultTest
+from ride_estimation.estimation.sensor_drift import motion_error, residual_of_errors
+from ride_estimation.estimation.sensor_faults import BIAS_TOLERANCE, FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.sensors.layout import motion_rows
@@ -53,6 +54,8 @@ _TEST_MEMORY = 60.0
 _HOLD = 0.5
 #: ticks of them that say something
 _LEAST_SUMS = 50.0
+#: time after which a sensor that does not speak or is refused counts as left out [s]
+_LEFT_OUT = 2.0
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
 _CENTRIPETAL = 0.08
 #: directions of an error of a sensor that show less than this share of the largest are left out
@@ -176,15 +179,18 @@ class CgMotionEstimator:
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
         self.doubted = False
         self._held = 0.0
+        #: sums of the residuals and their count at the last look
+        self._before: tuple[Array, float] = (np.zeros(3 * len(self.sensors)), 0.0)
+        self._drift = np.zeros((6, 6))
+        #: sensors that spoke last, and how long it is those [s]
+        self._mask: BoolArray = np.ones(len(self.sensors), dtype=bool)
+        self._same = 0.0
         self.reset()
 
     def reset(self) -> None:
         """Forget attitude and rates; what the residuals told stays."""
         self._faults.interrupt()
-        self._state = np.zeros((5, 3))
-        gyros = bool(self._gyro_fit.any())
-        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2]) if gyros else np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2])
-        self._p_yaw = self._p_tilt.copy()
+        self._begin_attitude()
         self._last_gyro: Array | None = None
         #: residuals while the angular rate is not known yet
         self._early = ResidualSums.empty(3 * len(self.sensors))
@@ -193,6 +199,13 @@ class CgMotionEstimator:
         self._slow = np.zeros(4)
         self._lasting = LastingAcceleration()
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
+
+    def _begin_attitude(self) -> None:
+        """Begin attitude and rates anew from the next specific force."""
+        self._state = np.zeros((5, 3))
+        gyros = bool(self._gyro_fit.any())
+        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2]) if gyros else np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2])
+        self._p_yaw = self._p_tilt.copy()
 
     def set_variance(self, sensor: int, variance: Array) -> None:
         """Use the variance that the messages of a sensor state [(m/s^2)^2], shape (3,)."""
@@ -320,19 +333,30 @@ class CgMotionEstimator:
         slow, size, mean = (-math.expm1(-len(y) * dt / time) for time in (_SLOW_TIME, _SLOW_MEMORY, _LASTING))
         self._lasting.observe(motion[:, :3], len(y) * dt)
         self._slow_square = float(follow_slow(motion, tilt, self._gravity, slow, size, mean, self._slow, self._slow_square))
-        if weights.rank != needed:
+        astray = not use_gyro and bool(np.abs(rate).max() >= LARGEST_RATE)
+        if weights.rank != needed or astray:
             out.valid[where] = False
         predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
         rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
-        complete = weights.rank == needed and bool(mask.all()) and not self.doubted
-        if complete and not rate_known:
-            self._early.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
-        if complete and rate_known:
-            self._sums.add(y, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
-            self._faults.observe(y, motion, rate, dt)
+        if astray:
+            self._begin_attitude()
+        tells = weights.rank == needed and not self.doubted and not astray and self._tells(mask, len(y) * dt)
+        if tells:
+            # of a sensor that is left out since long nothing is asked; the others go on being compared
+            said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
+            (self._sums if rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+        if tells and rate_known:
+            self._faults.observe(said, motion, rate, dt)
         else:
             self._faults.interrupt()
         return weights.covariance + self._rate_doubt(weights, rate, use_gyro)
+
+    def _tells(self, mask: BoolArray, duration: float) -> bool:
+        """Return whether the residuals of a set of sensors say something: all of them, or since long the same ones."""
+        if not np.array_equal(mask, self._mask):
+            self._mask, self._same = mask.copy(), 0.0
+        self._same += duration
+        return bool(mask.all()) or (self._same > _LEFT_OUT and 3 * int(mask.sum()) > self._needed)
 
     def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
         """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
@@ -404,7 +428,8 @@ class CgMotionEstimator:
         tuple
             Factor, at least 1; what moving residuals add, shape (6, 6); what their constant part adds, shape (6, 6).
         """
-        nothing = 1.0, np.zeros((6, 6)), np.zeros((6, 6))
+        drift = self._follow_drift(dt)
+        nothing = 1.0, np.zeros((6, 6)), drift
         spare = max(len(self._free_rows) - self._needed, 0)
         early = self._sums.count < _LEAST_SUMS
         sums = self._early if early else self._sums
@@ -418,16 +443,42 @@ class CgMotionEstimator:
         if share == 0.0 or not test.sensor:
             return nothing
         n = 3 * len(self.sensors)
-        weights = self.weights(np.ones(len(self.sensors), dtype=bool), dt).matrix[:, :n]
+        weights = self.weights(self._mask, dt).matrix[:, :n]
         s = next(i for i, sensor in enumerate(self.sensors) if sensor.name == test.sensor)
         part = slice(3 * s, 3 * s + 3)
-        of_error = (np.eye(n) - self._accelerometer_rows @ weights)[:, part]
+        of_error = residual_of_errors(self._accelerometer_rows, weights)[:, part]
         to_motion = weights[:, part] @ np.linalg.pinv(of_error, rcond=_RANK)
         mean, moving = sums.moments()
         birge = max(float(np.sum(np.diagonal(moving) / self.variance)) / spare, 1.0)
         added, one = to_motion @ moving @ to_motion.T, to_motion @ mean
         constant = np.outer(one, one) + float(mean @ mean) / spare * weights @ weights.T
-        return 1.0 + share * (math.sqrt(birge) - 1.0), share**2 * added, share**2 * constant
+        return 1.0 + share * (math.sqrt(birge) - 1.0), share**2 * added, share**2 * constant + drift
+
+    def _follow_drift(self, dt: float) -> Array:
+        """Return what constant parts of the residuals that moved since long add to the covariance of the motion, shape (6, 6).
+
+        A sensor that drifts turns into a constant motion that the error of the sensor which explains the change best tells. On a
+        constant angular acceleration attitude and rates would run away: the bias of that is as open as the change is large.
+        """
+        sums, before, nothing = self._sums, self._before, np.zeros((6, 6))
+        self._before = (sums.mean.copy(), sums.count)
+        fresh = sums.count - before[1]
+        spare = max(len(self._free_rows) - self._needed, 0)
+        if spare == 0 or before[1] < _LEAST_SUMS:
+            return nothing
+        if fresh <= 0.0:
+            return self._drift
+        change = (sums.mean - before[0]) / fresh - before[0] / before[1]
+        self._drift = nothing
+        if float(change @ change) < spare * BIAS_TOLERANCE**2:
+            return nothing
+        weights = self.weights(self._mask, dt).matrix[:, : len(change)]
+        moved = motion_error(change, self._accelerometer_rows, weights)
+        if not self._gyro_fit.any():
+            self._p_tilt[2, 2] = max(self._p_tilt[2, 2], float(np.max(moved[3:5] ** 2)))
+            self._p_yaw[2, 2] = max(self._p_yaw[2, 2], float(moved[5] ** 2))
+        self._drift = np.outer(moved, moved)
+        return self._drift
 
     def _sized(self) -> ResidualTest:
         return residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 
 #: largest rotation of the body against a bracket that is believed [rad]
 LARGEST_TURN = 0.3
+#: largest angular rate of a body on mounts that is believed where no gyro measures it [rad/s]: centripetal terms of an integral
+#: that went astray feed it, faster and faster
+LARGEST_RATE = 3.0
 
 
 @compile_kernel
@@ -144,7 +147,7 @@ def cg_block(
                 state[1, a] += 0.5 * dt * (old + new)
                 innovation = pseudo[a] - state[0, a]
                 state[0, a] += g0 * innovation
-                state[1, a] += g1 * innovation
+                state[1, a] = min(max(state[1, a] + g1 * innovation, -LARGEST_RATE), LARGEST_RATE)
                 state[2, a] += g2 * innovation
             state[3, a] = motion[k, 3 + a]
             rate[k, a] = state[1, a]

@@ -95,15 +95,18 @@ class FaultTest:
         Standard deviation of slow errors of the angular rate [rad/s], 0 where gyros measure it.
     tolerances
         Largest bias, gain, mounting angle, place and delay by which sensors in good order differ.
+    least
+        Averages needed before anything is judged.
     """
 
     def __init__(
-        self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float, tolerances: Sequence[float] = TOLERANCES
-    ) -> None:
+        self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float, tolerances: Sequence[float] = TOLERANCES,
+        least: int = _LEAST,
+    ) -> None:  # fmt: skip
         self._names = tuple(s.name for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors])
         self._rows, self._points, self._rate_std = rows, points, rate_std
-        self._size = _COLUMNS * len(self._names)
+        self._size, self._least = _COLUMNS * len(self._names), least
         # a limit as a standard deviation: rectangular distribution (GUM 4.3.7)
         self._unit = np.repeat(tolerances, (3, 3, 3, 3, 1)) / np.sqrt(3.0)
         self._weight = (self._unit / np.repeat(_WRONG, (3, 3, 3, 3, 1))) ** 2
@@ -286,7 +289,7 @@ class FaultTest:
         return found[0], found[1]
 
     def _judge(self) -> Fault | None:
-        if not self.possible or self._count < _LEAST * len(self._whitening):
+        if not self.possible or self._count < self._least * len(self._whitening):
             return None
         noise = self._noise()
         inflation = np.maximum(self._scatter[0] / np.maximum(self._scatter[1], 1e-300), 1.0)

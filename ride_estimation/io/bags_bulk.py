@@ -9,6 +9,7 @@ reader, which gives the same arrays message by message, or the error.
 from __future__ import annotations
 
 import dataclasses
+import operator
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -63,7 +64,15 @@ class MessageList:
         self._raw: list[bytes] = []
 
     def add(self, order: int, arrival: int, raw: bytes) -> None:
-        """Add a message."""
+        """Add a message.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A time of arrival that is none: a damaged table may hold anything.
+        """
+        if not -(1 << 63) <= operator.index(arrival) < 1 << 63:
+            raise ValueError(f"a time of arrival of {arrival}")
         self._order.append(order)
         self._arrival.append(arrival)
         self._raw.append(raw)

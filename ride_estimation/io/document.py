@@ -167,11 +167,10 @@ class Section:
         """Return the value as YAML gave it, None where absent."""
         self._used.add(key)
         self._known.add(key)
-        if key not in self._mapping:
-            if required:
-                self.note(key, f"missing{f' ({meaning})' if meaning else ''}")
-            return None
-        return self._mapping[key]
+        value = self._mapping.get(key)
+        if value is None and required:
+            self.note(key, f"{'empty' if key in self._mapping else 'missing'}{f' ({meaning})' if meaning else ''}")
+        return value
 
     def section(self, key: str, *, required: bool = False, meaning: str = "") -> Section | None:
         """Return a nested mapping."""

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from ride_estimation.io import bags
 from ride_estimation.io.bag_source import BagSource
-from ride_estimation.io.bags_bulk import Layout, read_whole_mcap
+from ride_estimation.io.bags_bulk import Layout, MessageList, read_whole_mcap
 from ride_estimation.io.cdr import decode_topic
 from ride_estimation.io.mcap_records import MAGIC, read_mcap, record_runs
 from ride_estimation.sensors.sensor import Sensor
@@ -210,3 +210,9 @@ def test_only_the_wanted_doubles_are_taken() -> None:
     assert whole is not None and part is not None
     assert whole.fields.shape == (5, 37) and part.fields.tobytes() == np.ascontiguousarray(whole.fields[:, 25:]).tobytes()
     assert decode_topic("sensor_msgs/msg/JointState", raw) is None
+
+
+@pytest.mark.parametrize("arrival", [None, b"\x17\x97", "1", 1 << 63])
+def test_a_time_of_arrival_that_is_none_is_damage(arrival: object) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        MessageList().add(0, arrival, b"")  # type: ignore[arg-type]
