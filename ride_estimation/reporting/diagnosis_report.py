@@ -75,7 +75,7 @@ def _gain(page: Page, diagnosis: Diagnosis) -> None:
         ["run", "calibrated linear model [%]", "extended model [%]", "noise floor [%]", "gain, 95 % interval [points]"],
         [
             [
-                v.run, f"{100 * v.baseline:.1f}", f"{100 * v.extended:.1f}", f"{100 * v.noise_floor:.1f}",
+                run_title(v.run), f"{100 * v.baseline:.1f}", f"{100 * v.extended:.1f}", f"{100 * v.noise_floor:.1f}",
                 f"{100 * v.ci95[0]:.1f} to {100 * v.ci95[1]:.1f}",
             ]
             for v in diagnosis.gain.validation
@@ -201,6 +201,10 @@ def _evidence(page: Page, evidence: Evidence) -> None:
     )
 
 
+def _printed(unit: str) -> str:
+    return unit.replace("^2", "²")
+
+
 def residual_spectrum(evidence: Evidence) -> Figure:
     """Draw residual and noise spectra."""
     figure = Figure(figsize=(9, 3.6))
@@ -214,7 +218,7 @@ def residual_spectrum(evidence: Evidence) -> Figure:
     ):
         axes.loglog(evidence.frequency_hz, np.convolve(values, kernel, mode="same"), style, lw=1.0, label=label)
     axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel(f"power per bin, all channels [({evidence.unit})^2]")
+    axes.set_ylabel(f"power per bin, all channels [({_printed(evidence.unit)})²]")
     axes.legend()
     axes.grid(alpha=0.3)
     return figure
@@ -259,8 +263,8 @@ def loops(evidence: Evidence) -> Figure:
     figure = Figure(figsize=(3.4 * columns, 2.5 * rows))
     for number, (name, (x, linear, total)) in enumerate(evidence.loops.items(), start=1):
         axes = figure.add_subplot(rows, columns, number)
-        axes.plot(1e3 * x, total, "C0", lw=0.6, label="with cause")
-        axes.plot(1e3 * x, linear, "C3", lw=0.6, label="linear part")
+        axes.plot(1e3 * x, linear, "C3", lw=1.4, alpha=0.5, label="linear part")
+        axes.plot(1e3 * x, total, "C0", lw=0.5, label="with cause")
         axes.set_title(name, fontsize=8)
         axes.tick_params(labelsize=7)
         axes.set_xlabel("deflection [mm]", fontsize=7)
@@ -283,7 +287,7 @@ def stretch(evidence: Evidence) -> Figure:
     axes.plot(time_s, extended, "C0", lw=0.8, label="extended model")
     axes.set_title(name, fontsize=9)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel(f"reading, mean removed [{evidence.unit}]")
+    axes.set_ylabel(f"reading, mean removed [{_printed(evidence.unit)}]")
     axes.legend(loc="upper right")
     axes.grid(alpha=0.3)
     return figure

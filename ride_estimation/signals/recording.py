@@ -88,9 +88,13 @@ class Recording:
 
 
 def run_title(path: str) -> str:
-    """Return the name of a recording as a heading: a folder called ``bag`` says nothing without the one above it."""
-    parts = PurePath(path).parts
-    return "/".join(parts[-2:]) if parts[-1:] == ("bag",) else "/".join(parts[-1:])
+    """Return the name of a recording as a heading: a folder called ``bag`` says nothing without the one above it.
+
+    What follows the path in brackets stays.
+    """
+    place, bracket, rest = path.rpartition(" (") if path.endswith(")") else (path, "", "")
+    parts = PurePath(place).parts
+    return ("/".join(parts[-2:]) if parts[-1:] == ("bag",) else "/".join(parts[-1:])) + bracket + rest
 
 
 def _rows(values: Array) -> list[tuple[float, ...]]:
