@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 #: corner of the sections [Hz], their settling time [s]; memory, least time of turning [s]
-_CORNER_HZ, _SETTLED, _MEMORY, _LEAST = 1.0, 0.5, 10.0, 0.8
+_CORNER_HZ, _SETTLED, _MEMORY, _LEAST = 1.0, 1.0, 10.0, 0.8
 #: size of the turning that says something: multiple of what noise makes of it
 _TURNING = 6.0
 #: independent values of a turning of a few hertz per second

@@ -1,0 +1,93 @@
+# Copyright 2026 ride_estimation contributors
+"""Base sensors that are wrong from the start are named; frames, roads, bumps and biases are no fault."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from worlds.adapters import believed_vehicle
+from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
+from worlds.roads import Road
+
+from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.base_faults import BaseFaults
+from ride_estimation.estimation.sensor_gate import GateVerdict
+from ride_estimation.signals.alignment import Block
+
+RATE, BLOCK, LENGTH, GRAVITY = 100.0, 10, 14.0, 9.80665
+VICTIM = "chassis_rear_left"
+
+
+@functools.cache
+def run(kind: str, seed: int) -> tuple[CabRun, tuple[CabSensor, ...]]:
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "air")
+    return drive(cab, Road.random(rng, kind), LENGTH, seed, step=1e-3), random_sensors(cab, rng)
+
+
+def watched(kind: str, seed: int, victim: str = VICTIM, mix: list[int] | None = None, **changes: object) -> BaseFaults:
+    """Feed the base sensors of a whole run, one of them changed, its axes mixed: 2 is y, -1 is x inverted."""
+    motion, sensors = run(kind, seed)
+    wrong = tuple(dataclasses.replace(s, **changes) if s.name == victim else s for s in sensors)  # type: ignore[arg-type]
+    data = measure(motion, wrong, RATE, seed, noise_share=0.01)
+    if mix:
+        data.data[victim] = data.data[victim][:, np.abs(mix) - 1] * np.sign(mix)
+    base = [s for s in arrange(believed_vehicle(data, seed=seed)).base_sensors if s is not None]
+    values = np.hstack([data.data[s.name] for s in base])
+    watch = BaseFaults(base, range(len(base)), range(0, 3 * len(base), 3), GRAVITY)
+    nothing = GateVerdict(np.ones((BLOCK, len(base)), dtype=bool), False, (), (), False, 1.0)
+    for k in range(0, len(values) - BLOCK, BLOCK):
+        block = Block(k * 10**7, 10**7, values[k : k + BLOCK], nothing.valid, "")
+        force = np.asarray(data.truth["specific_force"])[k : k + BLOCK].mean(axis=0)
+        verdict = watch.judged(block, nothing, force, 1.0 / RATE)
+        assert verdict.valid.all() == (not watch.refused)
+    return watch
+
+
+@pytest.mark.parametrize(
+    ("mix", "changes", "words"),
+    [([-1, 2, 3], {}, "sign"), ([2, 1, 3], {}, "gain"), (None, {"delay_s": 0.02}, "delay"), ([1, -2, 3], {}, "sign")],
+    ids=["inverted x", "swapped x and y", "late", "inverted y"],
+)
+def test_gross_fault_from_the_start_is_left_out(mix: list[int] | None, changes: dict[str, object], words: str) -> None:
+    watch = watched("any", 611, mix=mix, **changes)
+    (message,) = watch.messages()
+    assert message.startswith(f"{VICTIM} is not used")
+    assert words in message
+    assert not watch.doubt
+
+
+def test_gain_and_tilt_need_both_witnesses() -> None:
+    turned = np.eye(3) @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
+    assert f"{VICTIM}: its mean and its motion both look turned by 3.0 deg" in watched("any", 611, true_rotation=turned).doubt
+    assert f"{VICTIM}: its mean and its motion are both +10 % too large" in watched("any", 611, gain=1.1).doubt
+    # a bias as large as that of the tilt shows in the mean alone
+    bias = np.array([0.0, GRAVITY * np.sin(np.radians(3.0)), 0.0])
+    assert not watched("any", 611, bias=bias).messages()
+
+
+@pytest.mark.parametrize("kind", ["any", "bumps", "cobbles"])
+def test_no_road_is_a_fault(kind: str) -> None:
+    assert not watched(kind, 612).messages()
+
+
+def test_verdict_is_kept() -> None:
+    watch = watched("any", 611, mix=[-1, 2, 3])
+    again = watched("any", 611)
+    assert not again.refused
+    again.load(watch.save())
+    assert again.messages() == watch.messages()
+    assert again.save() == watch.save()
+
+
+def test_two_bases_have_nothing_to_spare() -> None:
+    motion, sensors = run("any", 611)
+    base = arrange(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8)).base_sensors
+    few = [s for s in base if s is not None][:2]
+    watch = BaseFaults(few, range(2), range(0, 6, 3), GRAVITY)
+    assert not watch.possible
+    assert watch.save() == {} and not watch.messages()
