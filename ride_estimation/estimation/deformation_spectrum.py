@@ -48,6 +48,7 @@ class DeformationSpectrum:
         self.widths = self._lines * resolution
         self._buffer: Array | None = None
         self._left: Array | None = None
+        self._means: list[Array] = []
         self._filled, self._fresh, self.averaged = 0, 0, 0.0
         #: density [(m/s^2)^2/Hz], shape (F, 3), and how much stronger the last seconds were
         self.density = np.zeros((len(self.frequencies), 3))
@@ -55,22 +56,31 @@ class DeformationSpectrum:
 
     def add(self, samples: Array) -> bool:
         """Take samples (K, 3 M) of the projected acceleration; return whether the spectrum is new."""
-        pending = samples if self._left is None else np.concatenate([self._left, samples])
+        pending = samples if self._left is None or not len(self._left) else np.concatenate([self._left, samples])
         whole = len(pending) // self._group
         self._left = pending[whole * self._group :].copy()
         if not whole:
             return False
-        means = pending[: whole * self._group].reshape(whole, self._group, -1).mean(axis=1)
-        if self._buffer is None:
-            self._buffer = np.zeros((self._length, samples.shape[1]))
-        kept = means[-self._length :]
-        self._buffer = np.concatenate([self._buffer[len(kept) :], kept])
+        groups = pending[: whole * self._group].reshape(whole, self._group, -1)
+        self._means.append(np.add.reduce(groups, axis=1) / self._group)
         self._filled = min(self._filled + whole, self._length)
         self._fresh += whole
         if self._fresh * self._step < _INTERVAL or self._filled * self._step < _SHORTEST:
             return False
-        self._renew(self._buffer)
+        self._gather()
+        if self._buffer is not None:
+            self._renew(self._buffer)
         return True
+
+    def _gather(self) -> None:
+        """Put the averages of the last blocks into the buffer."""
+        if not self._means:
+            return
+        means = np.concatenate(self._means)[-self._length :]
+        self._means = []
+        if self._buffer is None:
+            self._buffer = np.zeros((self._length, means.shape[1]))
+        self._buffer = np.concatenate([self._buffer[len(means) :], means])
 
     def _renew(self, buffer: Array) -> None:
         window = np.zeros(self._length)
@@ -91,6 +101,7 @@ class DeformationSpectrum:
 
     def history(self) -> tuple[Array, float, Array]:
         """Return what is remembered of the samples: averages (L, 3 M), their distance [s], ticks not yet averaged (K, 3 M)."""
+        self._gather()
         if self._buffer is None:
             return np.zeros((0, 0)), self._step, np.zeros((0, 0))
         left = np.zeros((0, self._buffer.shape[1])) if self._left is None else self._left
@@ -105,6 +116,7 @@ class DeformationSpectrum:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
+        self._gather()
         return {
             "buffer": None if self._buffer is None else self._buffer[self._length - self._filled :].tolist(),
             "left": None if self._left is None else self._left.tolist(), "fresh": self._fresh, "averaged": self.averaged,
@@ -113,7 +125,7 @@ class DeformationSpectrum:
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._buffer, self._left = None, None
+        self._buffer, self._left, self._means = None, None, []
         if saved["buffer"] is not None:
             kept = np.array(saved["buffer"], dtype=float)
             self._buffer = np.zeros((self._length, kept.shape[1]))

@@ -163,6 +163,9 @@ class MountForceEstimator:
         self._gain_slow = np.zeros((3 * count, 6))
         self._innovation = np.zeros(6)
         self._std = np.zeros((3, count, 3))
+        nothing = np.zeros((0, 0))
+        #: wrench, gain, mass and what :meth:`shared` made of them last
+        self._shared: tuple[Array, Array, float, Array] = (nothing, nothing, 0.0, nothing)
         #: stiffness and mass the static forces are those of
         self._static_of: tuple[Array | None, float] = (None, 0.0)
         self._update_static()
@@ -246,8 +249,12 @@ class MountForceEstimator:
 
     def shared(self, support: Array) -> Array:
         """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
-        dynamic = support - self._weight()
-        return np.asarray((dynamic @ self._gain_slow.T).reshape(len(support), self._count, 3))
+        # asked for several times per block
+        of, gain, mass, found = self._shared
+        if of is not support or gain is not self._gain_slow or mass != self.mass:
+            found = np.asarray(((support - self._weight()) @ self._gain_slow.T).reshape(len(support), self._count, 3))
+            self._shared = support, self._gain_slow, self.mass, found
+        return found
 
     def _judge(self) -> None:
         """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.
