@@ -174,3 +174,12 @@ def follow_moments(values: Array, columns: IntArray, keep: float, total: Array, 
         for n in range(size):
             for m in range(size):
                 square[n, m] += row[n] * row[m]
+
+
+def stretches(valid: NDArray[np.bool_], longest: int) -> list[int]:
+    """Return where stretches with the same sensors end, at most ``longest`` ticks each; shape of ``valid`` (K, S)."""
+    ticks = len(valid)
+    ends = set(range(longest, ticks, longest)) | {ticks}
+    if not valid.all():
+        ends |= set((np.flatnonzero((valid[1:] != valid[:-1]).any(axis=1)) + 1).tolist())
+    return sorted(ends - {0})

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.arrangement import channel_geometry
+from ride_estimation.estimation.block_math import stretches
 from ride_estimation.estimation.centripetal import centripetal_covariance, centripetal_terms
 from ride_estimation.estimation.motion_kernel import LARGEST_RATE, cg_block, follow_slow, predict_block, remove_gravity
+from ride_estimation.estimation.residual_doubt import motion_of_residuals, residual_doubt
 from ride_estimation.estimation.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
-from ride_estimation.estimation.sensor_drift import motion_error, residual_of_errors
+from ride_estimation.estimation.sensor_drift import motion_error
 from ride_estimation.estimation.sensor_faults import BIAS_TOLERANCE, FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
@@ -58,8 +60,6 @@ _LEAST_SUMS = 50.0
 _LEFT_OUT = 2.0
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
 _CENTRIPETAL = 0.08
-#: directions of an error of a sensor that show less than this share of the largest are left out
-_RANK = 0.1
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 #: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
@@ -120,15 +120,6 @@ class MotionBlock:
     tilt_variance: float
     predicted: Array
     valid: BoolArray
-
-
-def _stops(valid: BoolArray) -> list[int]:
-    """Return where stretches with the same sensors end, shape of ``valid`` (K, S)."""
-    ticks = len(valid)
-    ends = set(range(_LONGEST, ticks, _LONGEST)) | {ticks}
-    if not valid.all():
-        ends |= set((np.flatnonzero((valid[1:] != valid[:-1]).any(axis=1)) + 1).tolist())
-    return sorted(ends - {0})
 
 
 class CgMotionEstimator:
@@ -286,7 +277,7 @@ class CgMotionEstimator:
         # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
         before = self._state.copy() if self.doubted and self._held < _HOLD else None
         start = 0
-        for stop in _stops(valid):
+        for stop in stretches(valid, _LONGEST):
             covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
             start = stop
         self._held = self._held + ticks * dt if self.doubted else 0.0
@@ -411,12 +402,10 @@ class CgMotionEstimator:
     def disagreement(self, dt: float) -> tuple[float, Array, Array]:
         """Return what the residuals of the last minute ask of the covariance of the motion: a factor on the std, and an addition.
 
-        Where the sensors disagree more than noise and tolerances explain, the covariance is scaled by the mean squared residual
-        over the stated variance (Birge, Phys. Rev. 40, 207, 1932), and what an error of the sensor that explains the residuals
-        best does to the motion is added: residuals ``r = M y``, an error d of sensor s leaves ``M_s d``, so ``d d^T`` is
-        ``M_s^+ <r r^T> M_s^+T`` and the motion is off by ``W_s d``. From there to twice that disagreement it comes in gradually.
-        What is constant of the residuals is kept apart, as nothing is learned from constant parts of a motion. It may be the
-        error of one sensor or biases of all, which are then as large in the motion as in the spare equations: both are added.
+        Scaled and widened by what all residuals show, see :mod:`residual_doubt`. Where they are more than noise and tolerances
+        explain, what an error of the sensor that explains them best does to the motion is added; from there to twice that
+        disagreement it comes in gradually. What is constant of the residuals is kept apart, as nothing is learned from constant
+        parts of a motion.
 
         Parameters
         ----------
@@ -429,30 +418,29 @@ class CgMotionEstimator:
             Factor, at least 1; what moving residuals add, shape (6, 6); what their constant part adds, shape (6, 6).
         """
         drift = self._follow_drift(dt)
-        nothing = 1.0, np.zeros((6, 6)), drift
-        spare = max(len(self._free_rows) - self._needed, 0)
         early = self._sums.count < _LEAST_SUMS
         sums = self._early if early else self._sums
-        if spare == 0 or sums.count < _LEAST_SUMS:
-            return nothing
-        if sums.noise_ratio(self.variance) / spare <= MEANINGFUL:
-            return nothing
+        used = np.flatnonzero(np.repeat(self._mask, 3))
+        if len(used) <= self._needed or sums.count < _LEAST_SUMS:
+            return 1.0, np.zeros((6, 6)), drift
         stated = self.variance + _CENTRIPETAL**2 if early else self.variance
+        weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
+        mean, moving = sums.moments()
+        spare = len(used) - self._needed
+        factor, biases = residual_doubt(
+            mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare
+        )  # fmt: skip
+        constant = biases + drift
+        if sums.noise_ratio(self.variance) / max(len(self._free_rows) - self._needed, 1) <= MEANINGFUL:
+            return factor, np.zeros((6, 6)), constant
         test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])
         share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
         if share == 0.0 or not test.sensor:
-            return nothing
-        n = 3 * len(self.sensors)
-        weights = self.weights(self._mask, dt).matrix[:, :n]
-        s = next(i for i, sensor in enumerate(self.sensors) if sensor.name == test.sensor)
-        part = slice(3 * s, 3 * s + 3)
-        of_error = residual_of_errors(self._accelerometer_rows, weights)[:, part]
-        to_motion = weights[:, part] @ np.linalg.pinv(of_error, rcond=_RANK)
-        mean, moving = sums.moments()
-        birge = max(float(np.sum(np.diagonal(moving) / self.variance)) / spare, 1.0)
-        added, one = to_motion @ moving @ to_motion.T, to_motion @ mean
-        constant = np.outer(one, one) + float(mean @ mean) / spare * weights @ weights.T
-        return 1.0 + share * (math.sqrt(birge) - 1.0), share**2 * added, share**2 * constant + drift
+            return factor, np.zeros((6, 6)), constant
+        sensor = [s.name for s in self.sensors].index(test.sensor)
+        to_motion = motion_of_residuals(self._accelerometer_rows, weights, sensor)
+        one = to_motion @ mean
+        return factor, share**2 * (to_motion @ moving @ to_motion.T), share**2 * np.outer(one, one) + constant
 
     def _follow_drift(self, dt: float) -> Array:
         """Return what constant parts of the residuals that moved since long add to the covariance of the motion, shape (6, 6).

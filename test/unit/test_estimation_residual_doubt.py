@@ -1,0 +1,63 @@
+# Copyright 2026 ride_estimation contributors
+"""What the spare equations say about noise and biases, against drawn errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ride_estimation.estimation.residual_doubt import motion_of_residuals, residual_doubt
+
+STATED = 0.02**2
+SPARE = 6
+
+
+def layout(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of four triaxial sensors at random places, shape (12, 6), and their least squares."""
+    places = rng.uniform(-1.0, 1.0, (4, 3))
+    blocks = []
+    for x, y, z in places:
+        # a_i = a + alpha x r_i
+        blocks.append(np.hstack([np.eye(3), np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])]))
+    rows = np.vstack(blocks)
+    return rows, np.linalg.pinv(rows)
+
+
+def judged(rng: np.random.Generator, rows: np.ndarray, weights: np.ndarray, noise: float, bias: np.ndarray, ticks: int = 4000):
+    """Return factor and covariance by biases for drawn noise, independent from tick to tick."""
+    errors = bias + noise * rng.standard_normal((ticks, 12))
+    residuals = errors - errors @ weights.T @ rows.T
+    return residual_doubt(residuals.mean(axis=0), residuals.var(axis=0), np.full(12, STATED), weights, float(ticks), SPARE)
+
+
+def test_noise_as_stated_adds_nothing_and_more_noise_scales_by_as_much():
+    rng = np.random.default_rng(1)
+    rows, weights = layout(rng)
+    factor, biases = judged(rng, rows, weights, 0.02, np.zeros(12))
+    # chance of 1 000 independent ticks
+    assert factor == 1.0 and np.trace(biases) < 1e-2 * STATED * np.trace(weights @ weights.T)
+    factor, _ = judged(rng, rows, weights, 0.06, np.zeros(12))
+    # 24 000 squares: one per cent
+    assert factor == pytest.approx(3.0, rel=0.03)
+
+
+def test_biases_of_all_sensors_are_as_large_in_the_motion_as_said():
+    rng = np.random.default_rng(2)
+    rows, weights = layout(rng)
+    normalised = []
+    for _ in range(300):
+        bias = 0.1 * rng.standard_normal(12)
+        factor, covariance = judged(rng, rows, weights, 0.02, bias, ticks=200)
+        assert factor == 1.0
+        normalised.append(np.einsum("i,ij,j->", weights @ bias, np.linalg.inv(covariance), weights @ bias) / 6.0)
+    # a ratio of two estimates of the same variance with six degrees of freedom each: F(6, 6), whose median is one
+    assert np.median(normalised) == pytest.approx(1.0, abs=0.25)
+
+
+def test_error_of_one_sensor_is_read_from_its_residuals():
+    rng = np.random.default_rng(3)
+    rows, weights = layout(rng)
+    error = np.zeros(12)
+    error[3:6] = [0.3, -0.2, 0.5]
+    residuals = error - rows @ (weights @ error)
+    assert np.allclose(motion_of_residuals(rows, weights, 1) @ residuals, weights @ error, atol=0.02 * np.linalg.norm(error))
