@@ -74,6 +74,12 @@ class FullFit:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
         return -0.5 * (self.misfit / temper + self.penalty) - self.price
 
+    def slim(self, scene: Scene, regression: Regression) -> FullFit:
+        """Return what is told of a fit that lost its round, on a scene and a regression that are kept anyhow."""
+        return dataclasses.replace(
+            self, scene=scene, regression=regression, rows=self.rows[:, :, :0].copy(), means=self.means[:, :0].copy()
+        )
+
     def part(self, place: int) -> slice:
         """Return which effect columns are those of one hypothesis."""
         counts = [len(f.coefficients) for f in self.fitted]

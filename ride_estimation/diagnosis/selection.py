@@ -270,6 +270,9 @@ class Selector:
                 found.append((fit, len(kept)))
         temper = min((temper_of(f.misfit / self._dof, f.scene.inefficiency) for f, _ in found), default=1.0)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), i) for f, i in found), key=lambda c: -c.log_likelihood)
+        # the trajectory of a fit takes a hundred megabytes; of those that lost only the numbers are asked for
+        lost = [dataclasses.replace(c, fit=c.fit.slim(self._cal.scene, self._cal.regression)) for c in candidates[1:]]
+        candidates = [*candidates[:1], *lost]
         own = 1.0
         if candidates and kept:
             own = self._own_share(scene, projector, scores, kept, candidates[0])
