@@ -374,6 +374,49 @@ def _advance_gyro(p: Array, dt: float, gyro_variance: float, bias_density: float
 
 
 @compile_kernel
+def _turn_against_brackets(state: Array, dt: float, tilt_maps: Array, swing: Array, turn: Array) -> None:
+    """Write the rotation of the body against every bracket at the next tick (M, 3), from where the deflections go."""
+    mounts = tilt_maps.shape[0]
+    for i in range(mounts):
+        for a in range(3):
+            total = swing[a]
+            for j in range(mounts):
+                for b in range(3):
+                    total += tilt_maps[i, a, 3 * j + b] * (state[0, j, b] + dt * state[1, j, b])
+            # a faulty sensor must not turn the cab over: beyond this the tilt would feed itself
+            turn[i, a] = min(max(total, -LARGEST_TURN), LARGEST_TURN)
+
+
+@compile_kernel
+def _relative_acceleration(
+    motion: Array, rate: Array, arm: Array, theta: Array, base: Array, deflection: Array, speed: Array, u: Array
+) -> None:
+    """Write ``D''`` of one mount at one tick (3,); see :func:`deflection_block`."""
+    w0, w1, w2 = rate[0], rate[1], rate[2]
+    ww = w0 * w0 + w1 * w1 + w2 * w2
+    r0, r1, r2 = arm[0], arm[1], arm[2]
+    wr = w0 * r0 + w1 * r1 + w2 * r2
+    a3, a4, a5 = motion[3], motion[4], motion[5]
+    u[0] = motion[0] + a4 * r2 - a5 * r1 + w0 * wr - ww * r0
+    u[1] = motion[1] + a5 * r0 - a3 * r2 + w1 * wr - ww * r1
+    u[2] = motion[2] + a3 * r1 - a4 * r0 + w2 * wr - ww * r2
+    # R f = f - theta x f + theta x (theta x f) / 2
+    c0 = theta[1] * base[2] - theta[2] * base[1]
+    c1 = theta[2] * base[0] - theta[0] * base[2]
+    c2 = theta[0] * base[1] - theta[1] * base[0]
+    u[0] -= base[0] - c0 + 0.5 * (theta[1] * c2 - theta[2] * c1)
+    u[1] -= base[1] - c1 + 0.5 * (theta[2] * c0 - theta[0] * c2)
+    u[2] -= base[2] - c2 + 0.5 * (theta[0] * c1 - theta[1] * c0)
+    # V' = u - omega x V, D' = V - omega x D; carried as D'' with the rate of D
+    d0, d1, d2 = deflection[0], deflection[1], deflection[2]
+    v0, v1, v2 = speed[0], speed[1], speed[2]
+    wd = w0 * d0 + w1 * d1 + w2 * d2
+    u[0] -= 2.0 * (w1 * v2 - w2 * v1) + a4 * d2 - a5 * d1 + w0 * wd - ww * d0
+    u[1] -= 2.0 * (w2 * v0 - w0 * v2) + a5 * d0 - a3 * d2 + w1 * wd - ww * d1
+    u[2] -= 2.0 * (w0 * v1 - w1 * v0) + a3 * d1 - a4 * d0 + w2 * wd - ww * d2
+
+
+@compile_kernel
 def deflection_block(
     motion: Array, rate: Array, base: Array, base_ok: NDArray[np.bool_], arms: Array, tilt_maps: Array, swing: Array,
     gravity: float, dt: float, state: Array, p: Array, noise: Array, displaced: Array, displaced_ok: NDArray[np.bool_],
@@ -388,20 +431,14 @@ def deflection_block(
     ----------
     motion, rate
         CG specific force and angular acceleration (K, 6), angular rate (K, 3).
-    base
-        Specific force of the brackets in bracket axes, shape (K, M, 3).
-    base_ok
-        Shape (K, M); a bracket without sample coasts, its acceleration variance must be chosen accordingly.
-    arms, tilt_maps
-        (M, 3) and (M, 3, 3 M).
+    base, base_ok
+        Specific force of the brackets in bracket axes (K, M, 3); a bracket without sample (K, M) coasts with its own variance.
+    arms, tilt_maps, gravity
+        (M, 3), (M, 3, 3 M), [m/s^2].
     swing
         Rotation of the frame that the brackets do not make, shape (K, 3) [rad].
-    gravity
-        [m/s^2].
-    state
-        (4, M, 3): value, rate, bias, last relative acceleration; in place.
-    p
-        Covariance per channel, shape (M, 3, 3, 3), in place.
+    state, p
+        In place: value, rate, bias, last relative acceleration (4, M, 3); covariance per channel (M, 3, 3, 3).
     noise
         (M, 3, 4): acceleration variance, bias density, variance of the pseudo measurement of the value, acceleration
         variance while the base is silent.
@@ -411,47 +448,12 @@ def deflection_block(
         Outputs (K, M, 3): deflection [m], its rate, relative acceleration without what gravity adds through the relative tilt in
         first order, rotation of cab against bracket [rad].
     """
-    mounts = arms.shape[0]
-    gain = np.zeros(3)
-    first_order = np.zeros(3)
-    theta = np.zeros(3)
-    u = np.zeros(3)
-    f = np.zeros(3)
+    gain, first_order, u = np.zeros(3), np.zeros(3), np.zeros(3)
     for k in range(motion.shape[0]):
-        for i in range(mounts):
-            for a in range(3):
-                total = swing[k, a]
-                for j in range(mounts):
-                    for b in range(3):
-                        total += tilt_maps[i, a, 3 * j + b] * (state[0, j, b] + dt * state[1, j, b])
-                # a faulty sensor must not turn the cab over: beyond this the tilt would feed itself
-                turn[k, i, a] = min(max(total, -LARGEST_TURN), LARGEST_TURN)
-        w0, w1, w2 = rate[k, 0], rate[k, 1], rate[k, 2]
-        ww = w0 * w0 + w1 * w1 + w2 * w2
-        for i in range(mounts):
-            theta[0], theta[1], theta[2] = turn[k, i, 0], turn[k, i, 1], turn[k, i, 2]
-            r0, r1, r2 = arms[i, 0], arms[i, 1], arms[i, 2]
-            wr = w0 * r0 + w1 * r1 + w2 * r2
-            a3, a4, a5 = motion[k, 3], motion[k, 4], motion[k, 5]
-            u[0] = motion[k, 0] + a4 * r2 - a5 * r1 + w0 * wr - ww * r0
-            u[1] = motion[k, 1] + a5 * r0 - a3 * r2 + w1 * wr - ww * r1
-            u[2] = motion[k, 2] + a3 * r1 - a4 * r0 + w2 * wr - ww * r2
-            f[0], f[1], f[2] = base[k, i, 0], base[k, i, 1], base[k, i, 2]
-            # R f = f - theta x f + theta x (theta x f) / 2
-            c0 = theta[1] * f[2] - theta[2] * f[1]
-            c1 = theta[2] * f[0] - theta[0] * f[2]
-            c2 = theta[0] * f[1] - theta[1] * f[0]
-            u[0] -= f[0] - c0 + 0.5 * (theta[1] * c2 - theta[2] * c1)
-            u[1] -= f[1] - c1 + 0.5 * (theta[2] * c0 - theta[0] * c2)
-            u[2] -= f[2] - c2 + 0.5 * (theta[0] * c1 - theta[1] * c0)
-            first_order[0], first_order[1] = theta[1] * gravity, -theta[0] * gravity
-            # V' = u - omega x V, D' = V - omega x D; carried as D'' with the rate of D
-            d0, d1, d2 = state[0, i, 0], state[0, i, 1], state[0, i, 2]
-            v0, v1, v2 = state[1, i, 0], state[1, i, 1], state[1, i, 2]
-            wd = w0 * d0 + w1 * d1 + w2 * d2
-            u[0] -= 2.0 * (w1 * v2 - w2 * v1) + a4 * d2 - a5 * d1 + w0 * wd - ww * d0
-            u[1] -= 2.0 * (w2 * v0 - w0 * v2) + a5 * d0 - a3 * d2 + w1 * wd - ww * d1
-            u[2] -= 2.0 * (w0 * v1 - w1 * v0) + a3 * d1 - a4 * d0 + w2 * wd - ww * d2
+        _turn_against_brackets(state, dt, tilt_maps, swing[k], turn[k])
+        for i in range(arms.shape[0]):
+            _relative_acceleration(motion[k], rate[k], arms[i], turn[k, i], base[k, i], state[0, i], state[1, i], u)
+            first_order[0], first_order[1] = turn[k, i, 1] * gravity, -turn[k, i, 0] * gravity
             for a in range(3):
                 accel_variance, target, target_variance = noise[i, a, 0], 0.0, noise[i, a, 2]
                 if not base_ok[k, i]:
