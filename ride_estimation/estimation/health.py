@@ -17,6 +17,8 @@ from ride_estimation.signals.streams import StreamHealth
 Array = NDArray[np.float64]
 
 
+#: share of the distance to its own mount within which a base sensor is at another one
+_NEARER = 0.3
 #: share of the fastest rate below which a sensor is slower than the others
 _SLOWER = 0.8
 
@@ -169,11 +171,24 @@ def sensor_messages(sensors: Sequence[SensorHealth], ticks: int) -> list[str]:
 
 
 def base_messages(arrangement: Arrangement) -> list[str]:
-    """Return one sentence per base sensor away from its mount whose motion cannot be carried over to it."""
-    if base_transport(arrangement.mounts, arrangement.base_sensors) is not None:
-        return []
+    """Return one sentence per base sensor that stands at another mount, or whose motion cannot be carried over to its own."""
+    found = []
+    places = np.array([m.position for m in arrangement.mounts]).reshape(-1, 3)
     distances = base_distances(arrangement.mounts, arrangement.base_sensors)
-    return [
+    for mount, sensor, distance in zip(arrangement.mounts, arrangement.base_sensors, distances):
+        if sensor is None or distance <= AWAY:
+            continue
+        away = np.linalg.norm(places - sensor.position, axis=1)
+        nearest = int(np.argmin(away))
+        if away[nearest] < _NEARER * distance:
+            other = arrangement.mounts[nearest].name
+            found.append(
+                f"{sensor.name} is at the base of {mount.name} by the vehicle file but stands at {other}, {distance:.2f} m away: "
+                "mounts or positions may be exchanged; the positions are believed"
+            )
+    if base_transport(arrangement.mounts, arrangement.base_sensors) is not None:
+        return found
+    return found + [
         f"{sensor.name} is {distance:.2f} m from the base of {mount.name} and taken as its motion: the rotation of the frame "
         "that would carry it over is not known (it takes sensors at the bases of all mounts, three or more, not on one line)"
         for mount, sensor, distance in zip(arrangement.mounts, arrangement.base_sensors, distances)

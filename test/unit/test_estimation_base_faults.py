@@ -15,6 +15,7 @@ from worlds.roads import Road
 
 from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_faults import BaseFaults
+from ride_estimation.estimation.health import base_messages
 from ride_estimation.estimation.sensor_gate import GateVerdict
 from ride_estimation.signals.alignment import Block
 
@@ -91,3 +92,13 @@ def test_two_bases_have_nothing_to_spare() -> None:
     watch = BaseFaults(few, range(2), range(0, 6, 3), GRAVITY)
     assert not watch.possible
     assert watch.save() == {} and not watch.messages()
+
+
+def test_base_sensors_at_the_wrong_mounts_are_named() -> None:
+    motion, sensors = run("any", 611)
+    right = arrange(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8))
+    assert base_messages(right) == []
+    first, second, *rest = right.base_sensors
+    messages = base_messages(dataclasses.replace(right, base_sensors=(second, first, *rest)))
+    assert len(messages) == 2
+    assert f"at the base of {right.mount_names[0]} by the vehicle file but stands at {right.mount_names[1]}" in messages[0]
