@@ -51,8 +51,9 @@ CAUSES = (
 )  # fmt: skip
 REMARK = (
     "judged on heave, roll and pitch against the measured vertical deflections: sideways forces are taken from the sideways "
-    "motion of the body, sideways mounts, a wrong gain, place or angle of a sensor, the CG and the body itself are not tested; "
-    "the gain of a transducer is in the stiffness of its mount. Accelerometers at the mount bases would show all of that"
+    "motion of the body; sideways mounts, a wrong gain, place or angle of a sensor, the CG and the body itself are not tested; "
+    "the gain of a transducer is in the stiffness of its mount, and a CG that is off along x or y in how the mounts share it, by "
+    "about the share of the error in their distance. Accelerometers at the mount bases would show all of that"
 )
 
 _ACCELERATION_KINDS = ("accelerometer", "imu")
