@@ -18,6 +18,7 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.bracket_tilt:accumulate", "f2C f2C b2C f f f f2C f2C"),
     ("estimation.bracket_tilt:integrate_slope", "f2C f f f f2C f2C f2C"),
     ("estimation.bracket_tilt:take_readings", "f3C f3C f2C f2C f2C"),
+    ("estimation.centripetal:_add_covariance", "f2C f2C f2C f1C f2C"),
     ("estimation.force_kernel:balanced_forces", "f3C f3C f f2C f2C f2C f2C f2C f f1C f1C f2C f3C"),
     ("estimation.force_kernel:follow_scaled", "f3C f2C f f2C"),
     ("estimation.force_kernel:turned_motion", "f3C f3C f3C f3C f b2C f3C f3C"),
