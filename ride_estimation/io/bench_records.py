@@ -18,6 +18,7 @@ from ride_estimation.identification.bench.record import BenchRecord, check_recor
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints, operating_points
 from ride_estimation.io.bounded import read_arrays
 from ride_estimation.io.matlab_file import read_matlab
+from ride_estimation.io.text_table import decoded
 from ride_estimation.units import SUFFIXES
 
 Array = NDArray[np.float64]
@@ -205,8 +206,8 @@ def _mat_columns(path: Path) -> dict[str, Array]:
 
 def _csv_columns(path: Path) -> dict[str, Array]:
     try:
-        text = path.read_text(encoding="utf-8-sig", errors="strict")
-    except (OSError, UnicodeDecodeError) as error:
+        text = decoded(path)
+    except InputDataError as error:
         raise InputDataError(f"{path}: not a readable text file ({error}); allowed: csv, npz, mat, bag") from error
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
@@ -217,7 +218,7 @@ def _csv_columns(path: Path) -> dict[str, Array]:
         rows = [line.split() for line in lines] if delimiter is None else list(csv.reader(lines, delimiter=delimiter))
     except csv.Error as error:
         raise InputDataError(f"{path}: not a readable table ({error})") from error
-    if delimiter == ";":
+    if delimiter in (";", "\t"):
         rows = [[cell.replace(",", ".") for cell in row] for row in rows]
     header = [] if _is_numeric(rows[0]) else [cell.strip() for cell in rows[0]]
     body = rows[1:] if header else rows

@@ -58,7 +58,7 @@ def read_text_table(path: Path) -> TextTable:
     InputDataError
         Not readable, no text, or rows of unequal width (the line is named).
     """
-    text = _decoded(path)
+    text = decoded(path)
     numbered = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip() and line[0] != "#"]
     if not numbered:
         return TextTable(path, [], [], False)
@@ -82,7 +82,14 @@ def read_text_table(path: Path) -> TextTable:
     return TextTable(path, rows, lines, comma)
 
 
-def _decoded(path: Path) -> str:
+def decoded(path: Path) -> str:
+    """Return the text of a file: UTF-8, UTF-16 with its mark, or Windows-1252.
+
+    Raises
+    ------
+    InputDataError
+        Not readable, or no text.
+    """
     try:
         raw = path.read_bytes()
     except OSError as error:

@@ -126,6 +126,16 @@ def test_units_in_brackets_semicolons_and_decimal_commas(tmp_path):
     assert record.force == pytest.approx(F, abs=1e-5)
 
 
+def test_tabs_with_decimal_commas_of_another_encoding(tmp_path):
+    rows = ["t [s]\tdist [mm]\tload [N]"]
+    rows += ["\t".join(f"{v:.9f}".replace(".", ",") for v in row) for row in zip(T, 1e3 * X, F)]
+    path = tmp_path / "a.tsv"
+    path.write_bytes(("# Prüfstand °C\n" + "\n".join(rows)).encode("cp1252"))
+    record = read_bench_record(path)
+    assert record.displacement == pytest.approx(X, abs=1e-11)
+    assert record.force == pytest.approx(F, abs=1e-8)
+
+
 def test_npz_and_named_columns(tmp_path):
     np.savez(tmp_path / "a.npz", s=T, way=X, load_cell=-F)
     options = ReadOptions(time="s", displacement="way", force="load_cell", displacement_unit="m", force_unit="N", sign="opposed")
