@@ -27,6 +27,7 @@ from ride_estimation.diagnosis.diagnose import diagnose, insufficient
 from ride_estimation.diagnosis.extension import linear_part
 from ride_estimation.diagnosis.hypothesis import Reported
 from ride_estimation.diagnosis.noise import smoothed_power
+from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import FrequencyGrid, edge_taper, make_grid
@@ -106,10 +107,21 @@ class _Balance:
 
 
 def needs_travel(vehicle: Vehicle, run: UniformRun) -> bool:
-    """Return whether a run has transducers at mounts and no accelerometer on what the mounts stand on."""
+    """Return whether deflections must stand in for base motion: no base accelerometer spoke, or too few for all mounts."""
     spoke = _spoke(vehicle, run)
-    on_base = any(s.kind in _ACCELERATION_KINDS and s.body not in vehicle.bodies for s in spoke)
-    return not on_base and any(s.kind == "displacement" for s in spoke)
+    if not any(s.kind == "displacement" for s in spoke):
+        return False
+    if not any(s.kind in _ACCELERATION_KINDS and s.body not in vehicle.bodies for s in spoke):
+        return True
+    try:
+        build_plant(vehicle, {s.name: 3 for s in spoke})
+    except InputDataError:
+        try:
+            _balance(vehicle, run)
+        except InputDataError:
+            return False
+        return True
+    return False
 
 
 def diagnose_travel(

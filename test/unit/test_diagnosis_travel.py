@@ -143,3 +143,14 @@ def test_what_the_deflections_do_not_close_is_refused_with_what_to_add() -> None
     # the chain for base accelerometers says what else would do
     assert "transducer at every mount" in diagnose(plain, run).sentence
     assert not needs_travel(plain, without(run, *(f"pot_{name}" for name in PLACES)))
+
+
+def test_too_few_base_accelerometers_leave_the_transducers_in_charge() -> None:
+    run, plain = drive(5), vehicle()
+    rows = run.data["a"] * 0.1
+    for bases, wanted in ((("bow",), True), (tuple(PLACES), False)):
+        sensors = {f"base_{m}": Sensor(f"base_{m}", "accelerometer", f"/{m}", "hull", mount=m, position=PLACES[m]) for m in bases}
+        more = dataclasses.replace(
+            run, data={**run.data, **dict.fromkeys(sensors, rows)}, valid={**run.valid, **dict.fromkeys(sensors, run.valid["a"])}
+        )
+        assert needs_travel(vehicle(sensors={**plain.sensors, **sensors}), more) is wanted
