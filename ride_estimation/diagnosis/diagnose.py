@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.extension import set_linear
 from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.in_line import loss_without
+from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.isolability import confusions
 from ride_estimation.diagnosis.outlier import CALIBRATION, soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
@@ -250,6 +251,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     warnings += isolability
     gain, gain_warnings = _gain(work, base, extended, validation)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
+    remarks += _installation(work, {c.location for c in causes})
     residual = residual_summary(base, extended, remaining, accepted is not None)
     doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
     sentence = describe(verdict, causes, gain, remaining) + doubt
@@ -313,7 +315,8 @@ def _noticeable(work: _Work, base: Prediction, extended: Prediction) -> bool:
     inside = base.scene.block_window(work.splits.judge)[:, None]
     parts = (base.residual(), extended.residual(), base.measured())
     before, after, signal = (np.sum((part * inside) ** 2, axis=0) for part in parts)
-    return bool(np.any(before - after > work.settings.adequacy**2 * signal))
+    # a channel near a node is the small difference of two motions, each of which the model may miss by so much
+    return bool(np.any(before - after > work.settings.adequacy**2 * base.scene.gross_ratio * signal))
 
 
 def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, float]:
@@ -378,6 +381,15 @@ def _bound_warnings(work: _Work, state: ModelState) -> list[str]:
                     f"{port.name}.{name}: calibrated {value:.4g} lies more than 3 standard deviations from its prior {prior:.4g}"
                 )
     return out
+
+
+def _installation(work: _Work, named: Collection[str]) -> tuple[str, ...]:
+    """Return words on errors of the installation at the edge of what counts as calibration."""
+    fit = work.selection.accepted
+    if fit is None:
+        calibrated = work.calibrated
+        return installation_remarks(calibrated.adjustables, calibrated.fit.coefficients, calibrated.fit.covariance, named)
+    return installation_remarks(fit.adjustables, fit.coefficients, fit.covariance, named)
 
 
 def _gain(

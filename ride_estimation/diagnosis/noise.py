@@ -28,6 +28,30 @@ def smoothed_power(spectrum: ComplexArray, samples: int, width: int) -> Array:
     return np.stack([np.convolve(padded[:, i], kernel, mode="valid") for i in range(power.shape[1])], axis=1)
 
 
+def gross_power(
+    measured: Array, transfer: ComplexArray, coordinates: ComplexArray, samples: int, width: int, rigid: NDArray[np.bool_]
+) -> Array:
+    """Return the power of the motions that a channel is the sum of, shape (F, ny).
+
+    Near a node an accelerometer reads the small difference of a translation and a rotation. A model that has both right to
+    four per mille does not have their difference right to four per mille: its tolerated error refers to the sum of the powers of
+    the coordinates' parts, and to the measured power where that is larger.
+
+    Parameters
+    ----------
+    measured
+        Smoothed power of the measured outputs, shape (F, ny).
+    transfer, coordinates
+        Outputs from the coordinates of the bodies, shape (F, ny, n), and the predicted coordinates, shape (F, n).
+    samples, width
+        As in :func:`smoothed_power`.
+    rigid
+        Channels it applies to, shape (ny,); a transducer reads what its mount stretches, whatever both ends move.
+    """
+    parts = np.sum(np.abs(transfer * coordinates[:, None, :]) ** 2, axis=2)
+    return np.where(rigid, np.maximum(measured, smoothed_power(np.sqrt(parts).astype(complex), samples, width)), measured)
+
+
 def residual_covariance(
     output_noise: Array, disturbance: ComplexArray, output_power: Array, adequacy: float
 ) -> ComplexArray:
@@ -40,7 +64,7 @@ def residual_covariance(
     disturbance
         Output of one standard deviation of everything that is wrong with the measured base motion, shape (F, ny, d).
     output_power
-        Smoothed power of the measured outputs, shape (F, ny).
+        What the relative error of the model refers to, shape (F, ny).
     adequacy
         Relative error of a model that still counts as right.
     """

@@ -25,6 +25,7 @@ from ride_estimation.diagnosis.noise import (
     DeflectionFilter,
     deflection_filter,
     excess_inefficiency,
+    gross_power,
     noise_scale,
     residual_covariance,
     smoothed_power,
@@ -362,11 +363,21 @@ class Scene:
         return max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
 
     def _whiten(self, like: Scene | None) -> None:
+        #: what a relative error of the model refers to in every channel, see :func:`noise.gross_power`, shape (F, ny)
+        self.gross_power: Array = like.gross_power if like is not None else gross_power(
+            smoothed_power(self.measured_spectrum, self.grid.samples, self._smoothing),
+            self.response.output_from_coordinate, self.coordinate_spectrum, self.grid.samples, self._smoothing,
+            np.array([s.kind == "acceleration" for s in self.plant.outputs]),
+        )
+        level = np.sum(np.abs(self.measured_spectrum * self.grid.band_weight[:, None]) ** 2, axis=0) / self.grid.samples
+        gross = np.sum(self.gross_power * self.grid.band_weight[:, None] ** 2, axis=0)
+        #: that power in the band over the measured one, at least one, shape (ny,)
+        self.gross_ratio: Array = np.maximum(gross / np.maximum(level, 1e-300), 1.0)
         if like is None:
             self.noise_covariance = residual_covariance(
                 self.noise_scale * np.array([s.noise_std for s in self.plant.outputs]),
                 self.noise_transfer * self.disturbance[:, None, :],
-                smoothed_power(self.measured_spectrum, self.grid.samples, self._smoothing),
+                self.gross_power,
                 self.settings.adequacy,
             )
             self.whitener = whitening(self.noise_covariance, self.grid.band_weight)

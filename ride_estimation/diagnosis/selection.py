@@ -39,8 +39,6 @@ _FAR = 1.1
 _STRAINED = 4.0
 #: share of its evidence that a further cause must not owe to badly described ones, and its least share of the residual
 _OWN, _MINOR = 0.5, 0.02
-#: units of noise that a coefficient more costs on blocks it was not fitted to: one on average, seldom more than four
-_ONE_MORE = 4.0
 
 #: cause, location, axis and variant of a hypothesis
 Identity = tuple[str, str, str, str]
@@ -350,8 +348,9 @@ class Selector:
         fitted = 0.5 * (before - best.fit.misfit) / current.temper
         mean_only = relieved > max(self._settings.significance, fitted)
         held_out = self._base_held_out if accepted is None else accepted.held_out
-        # a tolerance strained far beyond its prior predicts as well as the fault does: nothing to be gained there
-        slack = _ONE_MORE * current.temper if mean_only else 0.0
+        # a tolerance strained far beyond its prior predicts as well as the fault does: what is lost there must only not outweigh
+        # that no installation is so far off
+        slack = 2.0 * current.temper * (relieved - self._settings.significance) if mean_only else 0.0
         if np.any(best.fit.rows) and best.fit.held_out >= held_out + slack:
             return False
         # a second cause of a few per cent may be the part of the first that its law describes badly

@@ -108,8 +108,8 @@ def test_a_stiffness_the_run_determines_is_missed_elsewhere_and_not_where_it_is(
     assert loss_without(found.scene, 0, 1.3, blocks) > 100.0
 
 
-@pytest.mark.parametrize(("share", "counts"), [(0.003, False), (0.005, True)])
-def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(share, counts):
+@pytest.mark.parametrize(("share", "node", "counts"), [(0.003, 1.0, False), (0.005, 1.0, True), (0.005, 2.0, False)])
+def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(share, node, counts):
     rng = np.random.default_rng(4)
     signal, noise = rng.normal(size=(2, 4000, 3))
     effect = share * rng.normal(size=4000)
@@ -117,7 +117,7 @@ def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(sha
     left = 0.01 * noise
     before = left.copy()
     before[:, 1] += effect
-    scene = SimpleNamespace(block_window=lambda blocks: np.ones(4000))
+    scene = SimpleNamespace(block_window=lambda blocks: np.ones(4000), gross_ratio=np.array([1.0, node, 1.0]))
     base = SimpleNamespace(scene=scene, residual=lambda: before, measured=lambda: signal)
     extended = SimpleNamespace(residual=lambda: left)
     work = SimpleNamespace(

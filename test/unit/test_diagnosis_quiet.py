@@ -1,0 +1,55 @@
+# Copyright 2026 ride_estimation contributors
+"""What is no cause: errors near a node, errors of an installation; and a turned base sensor that predicts no better."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from diagnosis_runs import quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis.baseline import Adjustable
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.installation import installation_remarks
+from ride_estimation.diagnosis.noise import gross_power
+from ride_estimation.signals.recording import UniformRun
+
+
+def test_the_error_of_a_small_difference_refers_to_what_it_is_the_difference_of():
+    # two coordinates of power 4 and 9 whose parts cancel to 1 in the first channel, and a channel of one coordinate
+    samples, bins = 100, 40
+    coordinates = np.sqrt(samples) * np.tile([2.0 + 0j, 3.0 + 0j], (bins, 1))
+    transfer = np.tile(np.array([[1.0 + 0j, -1.0], [0.0, 1.0], [1.0, -1.0]]), (bins, 1, 1))
+    measured = np.tile([1.0, 9.2, 1.0], (bins, 1))
+    found = gross_power(measured, transfer, coordinates, samples, 5, np.array([True, True, False]))
+    np.testing.assert_allclose(found[:, 0], 13.0)
+    np.testing.assert_allclose(found[:, 1], 9.2)  # the model predicts 9; more was measured
+    np.testing.assert_allclose(found[:, 2], 1.0)  # a transducer
+
+
+def test_an_error_at_the_edge_of_the_tolerances_is_told_and_what_is_unknown_or_named_is_not():
+    items = [
+        Adjustable("misalignment", "roof", "y", 0.004, offset=-0.004),  # 0.004 are in the plant already
+        Adjustable("misalignment", "floor", "y", 0.004),
+        Adjustable("gain", "named", "x", 0.003),
+        Adjustable("delay", "unsure", "", 1e-4),
+        Adjustable("stiffness", "mount", "z", 0.3),
+    ]
+    coefficients = np.array([0.008, 0.004, 0.012, 4e-4, 3.0])
+    covariance = np.diag(np.array([4e-4, 4e-4, 1e-4, 2e-4, 0.01]) ** 2)
+    (words,) = installation_remarks(items, coefficients, covariance, {"named"})
+    assert words.startswith("roof about y: turned 0.688 +- 0.023 deg, 3.0 standard deviations")
+
+
+def late(run: UniformRun, seconds: float) -> UniformRun:
+    """Return a run whose base sensor is late, by its spectrum."""
+    values = run.data["base"]
+    omega = 2.0 * np.pi * np.fft.rfftfreq(len(values), 1.0 / run.rate_hz)
+    mean = values.mean(axis=0)
+    shifted = np.fft.irfft(np.fft.rfft(values - mean, axis=0) * np.exp(-1j * omega * seconds)[:, None], len(values), axis=0)
+    return UniformRun(run.name, run.rate_hz, 0, {**run.data, "base": shifted + mean}, run.valid)
+
+
+@pytest.mark.parametrize(("seconds", "named"), [(3e-4, []), (3e-3, ["sensor_delay"])])
+def test_a_skew_of_a_converter_is_calibration_and_a_late_sensor_is_not(seconds: float, named: list[str]):
+    answer = diagnose(quarter_car(), late(quarter_car_run(61), seconds))
+    assert [c.id for c in answer.causes] == named
