@@ -5,8 +5,14 @@ A base accelerometer that is turned by epsilon takes part of the large vertical 
 error ``epsilon z`` of the deflection that no averaging removes. The sum over the mounts hardly feels it; how the sum is split
 among them is told by the deformation d of the frame only, often a few hundredths of a millimetre. The stiffness of a split is
 off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, where z happens to go along with d' over the
-N independent values of a run, by ``epsilon k z / (c d' sqrt(N))`` (rms values). Of what looks like deformation, noise is a share
-lambda, and of a split that noise alone tells nothing is known: ``lambda`` times the standard deviation of the vehicle file.
+N independent values of a run, by ``epsilon k z / (c d' sqrt(N))`` (rms values).
+
+Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
+four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
+angles of the sensors as epsilon.
+
+Of what looks like deformation, noise is a share lambda, and of a split that noise alone tells nothing is known: ``lambda`` times
+the standard deviation of the vehicle file.
 """
 
 from __future__ import annotations
@@ -16,12 +22,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.arrangement import Arrangement
+from ride_estimation.estimation.arrangement import Arrangement, plate_fit
+from ride_estimation.estimation.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
 
 Array = NDArray[np.float64]
 
 #: standard deviation of the angle at which a sensor is mounted [rad]: a tenth of a degree, on a machined face
 _ANGLE = np.radians(0.1)
+#: standard deviation of what a sensor wrongly takes for vertical motion: limits of gain and angle, rectangular (GUM 4.3.7)
+_SHARE = float(np.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)) / np.sqrt(3.0)
+#: pattern of vertical stiffnesses that rigid motion tells this little of, share of what it tells of equal ones
+_UNTOLD = 0.25
 #: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
 _PER_SECOND = 2.0
 #: smallest deformation and rigid motion that count as such, share of the vertical motion: less is certainly not told
@@ -52,6 +63,8 @@ class MountingDoubt:
         self._noise = np.array([share / corner**power for share, power in zip(_NOISE, (3, 1))])[:, None, None] * (
             variance[:, None] * split
         )
+        #: share of every vertical stiffness in the splits that only the deformation tells, shape (M,)
+        self._open = _untold_share(plate_fit(arrangement.mounts)[0])
         self._time = 0.0
         #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
         self._square = np.zeros((2, 3, self._count, 3))
@@ -68,7 +81,7 @@ class MountingDoubt:
         self._time += len(deflection) * dt
 
     def std(self, stiffness: Array, damping: Array, prior: Array) -> Array:
-        """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3); zero for z.
+        """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3).
 
         Parameters
         ----------
@@ -88,11 +101,17 @@ class MountingDoubt:
                 along = _ANGLE * total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
                 error = np.hypot(error, chance * along)
             floor = _LEAST * total[role, 0, 2]
-            seen, noisy = (np.mean(a, axis=0)[:2] for a in (self._square[role, 2], self._noisy[role]))
-            noise = np.minimum(noisy / np.maximum(seen, 1e-300), 1.0)
+            seen, noisy = (np.mean(a, axis=0) for a in (self._square[role, 2], self._noisy[role]))
+            share = np.minimum(noisy / np.maximum(seen, 1e-300), 1.0)
+            noise = share[:2]
             common = error / np.sqrt(self._count) / np.maximum(total[role, 1, :2], floor)
             split = error / np.maximum(total[role, 2, :2] * np.sqrt(1.0 - noise), floor)
             out[role, :, :2] = np.sqrt(common**2 + split**2 + (noise * prior[role, :, :2]) ** 2)
+            wrong = _SHARE * total[role, 0, 2]
+            if role == 1:
+                wrong = np.hypot(wrong, chance * _SHARE * total[0, 0, 2] * stiffness[:, 2] / np.maximum(damping[:, 2], 1e-9))
+            vertical = wrong / max(total[role, 2, 2] * np.sqrt(1.0 - share[2]), floor)
+            out[role, :, 2] = self._open * np.hypot(vertical, share[2] * prior[role, :, 2])
         return out
 
     def save(self) -> dict[str, Any]:
@@ -104,3 +123,19 @@ class MountingDoubt:
         self._square = np.array(saved["square"], dtype=float).reshape(self._square.shape)
         self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
         self._time = float(saved["time"])
+
+
+def _untold_share(place: Array) -> Array:
+    """Return the share of each mount in the patterns of vertical stiffness that rigid motion does not tell, shape (M,).
+
+    Parameters
+    ----------
+    place
+        Horizontal places of the mounts from their middle, shape (M, 2).
+    """
+    x, y = (p / max(float(np.sqrt(np.mean(p**2))), 1e-12) for p in place.T)
+    told = np.column_stack([np.ones(len(place)), x, y, x * x, x * y, y * y])
+    vectors, values, _ = np.linalg.svd(told, full_matrices=False)
+    kept = vectors[:, values > _UNTOLD * np.sqrt(len(place))]
+    rest = 1.0 - np.sum(kept**2, axis=1)
+    return np.asarray(np.sqrt(np.where(rest > 1e-9, rest, 0.0)))
