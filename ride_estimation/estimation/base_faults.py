@@ -179,7 +179,8 @@ class BaseFaults:
             gross = fault.log_probability < _GROSS
             self.refused[place] = "by its sign, axes or gain" if gross else f"by its {fault.kind} ({fault.amount})"
             return
-        if fault is not None:
+        # what every sensor would explain is how the frame bends: brackets of a twisting frame move sideways too
+        if fault is not None and len(fault.rivals) < len(self._sensors) - 1:
             self.doubted[fault.sensor] = _ambiguous(fault)
             return
         for i, sensor in enumerate(self._sensors):
