@@ -273,6 +273,7 @@ def _not_used(sensor: str, why: str) -> str:
 _ANY_DOUBT = rf"{CAB}.*(rigid body|mean|explains|gain|position|rotation|delay|jumps)|one of .*{CAB}"
 _LATE = rf"{CAB}.*(explains|delay|rigid body)|one of .*{CAB}|no single sensor"
 
+_AHEAD = "stamps jumped ahead|samples rejected: .*clock_ahead"
 _BACK = "stamps jumped back|samples rejected: .*clock_behind"
 
 #: faults that are there from the start, at the base and on the cab, and such as hardly anybody thinks of
@@ -303,7 +304,7 @@ _MORE: tuple[Fault, ...] = (
     Fault("gain drifts by 15 % and back", _drift, _ANY_DOUBT, True, begin=30.0),
     Fault("silent for 2 s", _passing(CAB, lambda m, r, n: []), f"{CAB} has stopped"),
     Fault("stamps rounded to 10 ms", _rounded, rf"{_LATE}|{CAB}: samples rejected: .*duplicate", True),
-    Fault("resumed after 10 minutes", _of("", _stamp(lambda s, n: s + 600 * _SECOND), BEGIN, LENGTH), "restart|gaps",
+    Fault("resumed after 10 minutes", _of("", _stamp(lambda s, n: s + 600 * _SECOND), BEGIN, LENGTH), _AHEAD,
           end=BEGIN + 0.5, true_time=lambda t: np.where(t > BEGIN + 300.0, t - 600.0, t)),
     Fault("gyro in deg/s", _of(IMU, _values(lambda v, n: v * [1, 1, 1, *3 * [180.0 / np.pi]]), 0.0, LENGTH),
           f"{IMU}.*angular rate", True, kind="imu"),
