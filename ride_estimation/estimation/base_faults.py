@@ -40,6 +40,8 @@ _FRAME = (0.3, 0.1, 0.1, 0.1, 0.001)
 _CHUNK, _MOVING, _EXPLAINED = 1.0, 0.1, 0.4
 #: logarithm of the probability within tolerance below which an error is as large as the motion: a quarter of a turn
 _GROSS = -300.0
+#: fewer bases do not tell a frame that twists, and moves its brackets sideways by that, from an error that is not gross
+_TWISTING = 4
 #: averages before anything is judged, chunks before errors that are not gross are: their scatter has to be known
 _LEAST, _SETTLED = 90, 5
 #: chunks that are judged one by one, and time between two judgements later, as a share of all
@@ -171,6 +173,8 @@ class BaseFaults:
     def _judge(self) -> None:
         self.refused, self.doubted = {}, {}
         fault = self._test.judge()
+        if fault is not None and len(self._sensors) < _TWISTING and fault.log_probability > _GROSS:
+            fault = None
         if self._chunks < _SETTLED and (fault is None or fault.log_probability > _GROSS):
             return
         if fault is not None and not fault.rivals and fault.explained > _EXPLAINED:

@@ -8,6 +8,7 @@ import functools
 
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.spatial.transform import Rotation
 from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
@@ -17,6 +18,7 @@ from ride_estimation.estimation.arrangement import arrange
 from ride_estimation.estimation.base_faults import BaseFaults
 from ride_estimation.estimation.health import base_messages
 from ride_estimation.estimation.sensor_gate import GateVerdict
+from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 
 RATE, BLOCK, LENGTH, GRAVITY = 100.0, 10, 14.0, 9.80665
@@ -102,3 +104,23 @@ def test_base_sensors_at_the_wrong_mounts_are_named() -> None:
     messages = base_messages(dataclasses.replace(right, base_sensors=(second, first, *rest)))
     assert len(messages) == 2
     assert f"at the base of {right.mount_names[0]} by the vehicle file but stands at {right.mount_names[1]}" in messages[0]
+
+
+def test_a_frame_that_twists_under_three_bases_is_no_fault_of_one() -> None:
+    """Brackets above the axis a frame twists about move sideways: ``(0, -W x h, W x y)``, which no rigid motion of three has."""
+    rng = np.random.default_rng(613)
+    places = np.array([[0.8, 0.0, 0.5], [-0.6, 0.5, 0.5], [-0.6, -0.5, 0.5]])
+    base = [Sensor(f"b{i}", "accelerometer", "", "frame", position=p) for i, p in enumerate(places)]
+    low_pass = signal.butter(2, 6.0, fs=RATE, output="sos")
+    count = round(2.0 * LENGTH * RATE)
+    heave, roll, twist = (signal.sosfilt(low_pass, rng.normal(size=count)) for _ in range(3))
+    nothing = GateVerdict(np.ones((BLOCK, 3), dtype=bool), False, (), (), False, 1.0)
+    x, y, _ = places.T
+    along_y = -roll[:, None] * 0.5 - 0.6 * twist[:, None] * x * 0.5
+    up = GRAVITY + heave[:, None] + roll[:, None] * y + 0.6 * twist[:, None] * x * y
+    values = np.stack([np.zeros_like(up), along_y, up], axis=2) + rng.normal(scale=0.02, size=(count, 3, 3))
+    watch = BaseFaults(base, range(3), range(0, 9, 3), GRAVITY)
+    for k in range(0, count - BLOCK, BLOCK):
+        block = Block(k * 10**7, 10**7, values[k : k + BLOCK].reshape(BLOCK, 9), nothing.valid, "")
+        watch.judged(block, nothing, np.array([0.0, 0.0, GRAVITY]), 1.0 / RATE)
+    assert not watch.messages()
