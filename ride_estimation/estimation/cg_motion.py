@@ -427,10 +427,10 @@ class CgMotionEstimator:
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
         mean, moving = sums.moments()
         spare = len(used) - self._needed
-        factor, biases = residual_doubt(
-            mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare
-        )  # fmt: skip
+        factor, biases = residual_doubt(mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare)
         constant = biases + drift
+        if not early:
+            self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
         if sums.noise_ratio(self.variance) / max(len(self._free_rows) - self._needed, 1) <= MEANINGFUL:
             return factor, np.zeros((6, 6)), constant
         test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])

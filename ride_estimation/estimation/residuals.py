@@ -117,6 +117,10 @@ class ResidualSums:
         mean = self.mean / self.count
         return mean, self.products / self.count - np.outer(mean, mean)
 
+    def dynamic(self) -> Array:
+        """Return the variance of the readings, shape (C,)."""
+        return np.asarray(np.maximum(self.signal_square / self.count - (self.signal_mean / self.count) ** 2, 0.0))
+
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
         return {f.name: np.asarray(getattr(self, f.name)).tolist() for f in dataclasses.fields(self)}
@@ -132,8 +136,7 @@ class ResidualSums:
 
 def _tolerated(sums: ResidualSums, stated: Array) -> Array:
     """Return the variance of a channel: stated noise plus gain and place tolerances times the motion, shape (C,)."""
-    count = sums.count
-    dynamic = np.maximum(sums.signal_square / count - (sums.signal_mean / count) ** 2, 0.0)
+    count, dynamic = sums.count, sums.dynamic()
     # cross sensitivity: a channel sees a share of what the other channels of its sensor see
     shared = np.repeat(dynamic.reshape(-1, 3).mean(axis=1), 3)
     turn = sums.turn_square / (3.0 * count)

@@ -33,11 +33,26 @@ class LastingAcceleration:
         self._mean = np.zeros(3)
         self._age = 0.0
         self._square = 0.0
+        #: squared share of an acceleration that a channel reads wrongly
+        self._share = _SHARE**2
 
     @property
     def error_variance(self) -> float:
         """Return the variance of the slow error of an accelerometer channel [(m/s^2)^2]."""
-        return _SHARE**2 * self._square / 3.0
+        return self._share * self._square / 3.0
+
+    def learn_share(self, residual: Array, noise: Array, reading: Array, spare: int) -> None:
+        """Take over from residuals which share of an acceleration the sensors read wrongly, at least the tolerances.
+
+        Parameters
+        ----------
+        residual, noise, reading
+            Variances of the residuals, of the noise and of the readings of the channels, shape (C,).
+        spare
+            Equations more than unknowns.
+        """
+        excess = float(np.sum(residual)) / spare - float(np.mean(noise))
+        self._share = max(_SHARE**2, excess / max(float(np.mean(reading)), 1e-12))
 
     def observe(self, accel: Array, duration: float) -> None:
         """Take the specific force at the ticks of a block, shape (K, 3), which lasts so long [s]."""
@@ -55,11 +70,12 @@ class LastingAcceleration:
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         slow = None if self._slow is None else self._slow.tolist()
-        return {"slow": slow, "mean": self._mean.tolist(), "age": self._age, "square": self._square}
+        return {"slow": slow, "mean": self._mean.tolist(), "age": self._age, "square": self._square, "share": self._share}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self._slow = None if saved["slow"] is None else np.array(saved["slow"], dtype=float)
+        self._share = float(saved["share"])
         self._mean, self._age, self._square = np.array(saved["mean"], dtype=float), float(saved["age"]), float(saved["square"])
 
 

@@ -123,3 +123,16 @@ def test_covariance_of_centripetal_terms_agrees_with_drawn_rates():
     found = centripetal_covariance(weights, centripetal_terms(directions, points), rate, variance)
     # 200 000 draws: half a per cent of a variance
     assert np.allclose(found, np.cov(error.T), atol=0.02 * np.max(np.diag(found)))
+
+
+def test_share_read_wrongly_is_learned_from_residuals_and_never_below_the_tolerances():
+    size = LastingAcceleration()
+    for start in range(0, 1300, BLOCK):
+        size.observe(pulling_away(13.0)[start : start + BLOCK], BLOCK * DT)
+    tolerated = size.error_variance
+    noise, reading = np.full(12, 0.02**2), np.full(12, 1.0)
+    # twelve channels of which six equations are spare keep half of what every channel reads wrongly
+    size.learn_share(0.5 * (noise + 0.03**2 * reading), noise, reading, 6)
+    assert size.error_variance == pytest.approx(0.03**2 / (2.0 * 0.005**2) * tolerated)
+    size.learn_share(0.5 * noise, noise, reading, 6)
+    assert size.error_variance == tolerated
