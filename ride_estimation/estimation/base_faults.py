@@ -125,9 +125,6 @@ class BaseFaults:
             self._follow_means(values, force, len(values) * dt)
             self._waiting.append(values)
             self._ticks += len(values)
-            if self._ticks * dt >= _CHUNK:
-                self._take(np.concatenate(self._waiting), dt)
-                self._waiting, self._ticks = [], 0
         elif self._step:
             self.reset()
         if not self.refused:
@@ -135,6 +132,12 @@ class BaseFaults:
         valid = verdict.valid.copy()
         valid[:, self._streams[list(self.refused)]] = False
         return GateVerdict(valid, verdict.began, verdict.newly_refused, verdict.suspects, verdict.unusual, verdict.excess)
+
+    def learn(self, dt: float) -> None:
+        """Look at what :meth:`judged` gathered once it is a chunk; takes milliseconds, so after the forces of a block are out."""
+        if self.possible and self._ticks * dt >= _CHUNK:
+            self._take(np.concatenate(self._waiting), dt)
+            self._waiting, self._ticks = [], 0
 
     def _follow_means(self, values: Array, force: Array, duration: float) -> None:
         """Follow what every base reads more than the body, sensor axes [m/s^2]."""
@@ -180,8 +183,8 @@ class BaseFaults:
         if fault is not None and not fault.rivals and fault.explained > _EXPLAINED:
             place = next(i for i, s in enumerate(self._sensors) if s.name == fault.sensor)
             # errors as large as the motion are seen for certain, but their size is not: they bend the frame's motion themselves
-            gross = fault.log_probability < _GROSS
-            self.refused[place] = "by its sign, axes or gain" if gross else f"by its {fault.kind} ({fault.amount})"
+            gross = fault.log_probability < _GROSS and fault.kind != "delay"
+            self.refused[place] = "by its sign, axes, gain or delay" if gross else f"by its {fault.kind} ({fault.amount})"
             return
         # what every sensor would explain is how the frame bends: brackets of a twisting frame move sideways too
         if fault is not None and len(fault.rivals) < len(self._sensors) - 1:
