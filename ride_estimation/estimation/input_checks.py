@@ -65,6 +65,7 @@ class InputChecks:
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)
         self.base_faults = BaseFaults(base, base_streams, base_starts, a.vehicle.gravity)
+        self._left_out: frozenset[int] = frozenset()
 
     def reset(self) -> None:
         """Begin a new time base; what was found out about the sensors stays."""
@@ -113,9 +114,12 @@ class InputChecks:
             Tick [s].
         """
         verdict = self._bases.judged(block, self._gate.judge(block, rate, dt), dt)
-        before = set(self.base_faults.refused)
-        verdict = self.base_faults.judged(block, verdict, force, dt)
-        return verdict, bool(set(self.base_faults.refused) - before)
+        before, self._left_out = self._left_out, frozenset(self.base_faults.refused)
+        return self.base_faults.judged(block, verdict, force, dt), bool(self._left_out - before)
+
+    def learn(self, dt: float) -> None:
+        """Do what may wait until the forces of a block are handed out."""
+        self.base_faults.learn(dt)
 
     def health(self, streams: Mapping[str, StreamHealth], ratio: Mapping[str, float]) -> dict[str, SensorHealth]:
         """Return counts and figures of every sensor.
@@ -146,5 +150,6 @@ class InputChecks:
         """Continue from :meth:`save`."""
         self.gyros.load(state["gyros"])
         self.base_faults.load(state["base_faults"])
+        self._left_out = frozenset(self.base_faults.refused)
         self._gate.load(state["gate"])
         self._swaps.load(state["swapped"])

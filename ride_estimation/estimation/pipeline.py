@@ -241,6 +241,7 @@ class Pipeline:
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
+            self._checks.learn(dt)
 
         self._due = learn
         self._ticks += ticks

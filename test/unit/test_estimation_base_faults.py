@@ -48,6 +48,7 @@ def watched(kind: str, seed: int, victim: str = VICTIM, mix: list[int] | None = 
         force = np.asarray(data.truth["specific_force"])[k : k + BLOCK].mean(axis=0)
         verdict = watch.judged(block, nothing, force, 1.0 / RATE)
         assert verdict.valid.all() == (not watch.refused)
+        watch.learn(1.0 / RATE)
     return watch
 
 
@@ -123,4 +124,5 @@ def test_a_frame_that_twists_under_three_bases_is_no_fault_of_one() -> None:
     for k in range(0, count - BLOCK, BLOCK):
         block = Block(k * 10**7, 10**7, values[k : k + BLOCK].reshape(BLOCK, 9), nothing.valid, "")
         watch.judged(block, nothing, np.array([0.0, 0.0, GRAVITY]), 1.0 / RATE)
+        watch.learn(1.0 / RATE)
     assert not watch.messages()
