@@ -27,6 +27,8 @@ from ride_estimation.estimation.frame_kernel import filter_history, frame_block
 
 Array = NDArray[np.float64]
 
+#: duration of averaged spectra from which on their lowest lines are not those of their neighbours [s]
+_RESOLVES_SLOW = 10.0
 #: memory of the constant bias [s]
 _BIAS_MEMORY = 30.0
 #: deformation [m] and its rate [m/s] while nothing is known of the spectrum, standard deviations
@@ -180,6 +182,10 @@ class FrameDeformation:
             # frames deform less and less quickly towards low frequency: acceleration that does not fall there is gravity through
             # tilt that is not known of
             white = max(white, float(measured[0] - tilt[0]))
+        elif spectrum.averaged >= _RESOLVES_SLOW:
+            # the same of what sensors at an angle make of braking, which is slow; short spectra leak into their lowest lines
+            slow = max(float(measured[0]) - white, 0.0)
+            tilt = tilt + slow * (spectrum.frequencies[0] / spectrum.frequencies) ** 2
         signal = np.where(measured > (1.0 + 2.0 * spread) * (white + tilt), measured - white - tilt, 0.0)
         signal = signal * max(1.0, float(spectrum.surge[axis]))
         value, rate = bank.errors(signal, tilt, white, self._time)
