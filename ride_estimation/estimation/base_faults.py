@@ -4,7 +4,8 @@
 The readings at the bases belong to one frame: six rigid accelerations and, with four bases or more, its twist ``W x y``. What is
 left is judged by the score test of :mod:`sensor_faults` between 2 Hz, above which tilting brackets no longer turn gravity into
 horizontal readings, and 10 Hz, below which a frame is hardly anything but rigid and twisted. As frames do bend with their motion,
-only what is far beyond that counts as an error of a sensor (:data:`_FRAME`); such a sensor is treated as missing.
+only what is far beyond that counts as an error of a sensor (:data:`_FRAME`); such a sensor is treated as missing. A place that
+is off is not told at all: brackets of a frame that twists and bends move sideways as if they stood a metre away.
 
 A smaller gain or tilt has two witnesses. A reading that is (I + E) times the true one shows ``E g`` at rest and E in motion; a
 bias shows the first only, a bending frame the second only. Where both are there and agree, nothing learned is called valid.
@@ -38,6 +39,8 @@ _BAND = (2.0, 10.0)
 _FRAME = (0.3, 0.1, 0.1, 0.1, 0.001)
 #: data taken at once [s], least motion [m/s^2], and share of the deviations that an error of one sensor must explain
 _CHUNK, _MOVING, _EXPLAINED = 1.0, 0.1, 0.4
+#: the share that it must explain where another sensor could be meant: what is left then is as small as a bending frame leaves it
+_ONE_OF_FEW = 0.85
 #: logarithm of the probability within tolerance below which an error is as large as the motion: a quarter of a turn
 _GROSS = -300.0
 #: fewer bases do not tell a frame that twists, and moves its brackets sideways by that, from an error that is not gross
@@ -176,8 +179,8 @@ class BaseFaults:
     def _judge(self) -> None:
         self.refused, self.doubted = {}, {}
         fault = self._test.judge()
-        if fault is not None and len(self._sensors) < _TWISTING and fault.log_probability > _GROSS:
-            fault = None
+        if fault is not None and (fault.kind == "place" or (len(self._sensors) < _TWISTING and fault.log_probability > _GROSS)):
+            fault = None  # a place that is off reads what a bracket on a bending frame does
         if self._chunks < _SETTLED and (fault is None or fault.log_probability > _GROSS):
             return
         if fault is not None and not fault.rivals and fault.explained > _EXPLAINED:
@@ -187,7 +190,7 @@ class BaseFaults:
             self.refused[place] = "by its sign, axes, gain or delay" if gross else f"by its {fault.kind} ({fault.amount})"
             return
         # what every sensor would explain is how the frame bends: brackets of a twisting frame move sideways too
-        if fault is not None and len(fault.rivals) < len(self._sensors) - 1:
+        if fault is not None and len(fault.rivals) < len(self._sensors) - 1 and fault.explained > _ONE_OF_FEW:
             self.doubted[fault.sensor] = _ambiguous(fault)
             return
         for i, sensor in enumerate(self._sensors):
