@@ -11,6 +11,9 @@ Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y
 four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
 angles of the sensors as epsilon.
 
+A sensor whose gain is off by g, at the body or at a base, makes an error of g of force or deflection that no averaging removes
+either. Motion of a base has any phase to the deflection: the stiffness is off by g, the damping by ``g sqrt(1 + (k d / c d')^2)``.
+
 Of what looks like deformation, noise is a share lambda, and of a split that noise alone tells nothing is known: ``lambda`` times
 the standard deviation of the vehicle file.
 """
@@ -31,6 +34,8 @@ Array = NDArray[np.float64]
 _ANGLE = np.radians(0.1)
 #: standard deviation of what a sensor wrongly takes for vertical motion: limits of gain and angle, rectangular (GUM 4.3.7)
 _SHARE = float(np.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)) / np.sqrt(3.0)
+#: standard deviation of a gain, of the same kind
+_GAIN = GAIN_TOLERANCE / np.sqrt(3.0)
 #: pattern of vertical stiffnesses that rigid motion tells this little of, share of what it tells of equal ones
 _UNTOLD = 0.25
 #: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
@@ -112,6 +117,11 @@ class MountingDoubt:
                 wrong = np.hypot(wrong, chance * _SHARE * total[0, 0, 2] * stiffness[:, 2] / np.maximum(damping[:, 2], 1e-9))
             vertical = wrong / max(total[role, 2, 2] * np.sqrt(1.0 - share[2]), floor)
             out[role, :, 2] = self._open * np.hypot(vertical, share[2] * prior[role, :, 2])
+        if not total[:, 0].all():
+            return out
+        out[0] = np.hypot(out[0], _GAIN)
+        phase = stiffness * total[0, 0] / np.maximum(damping * total[1, 0], 1e-9)
+        out[1] = np.hypot(out[1], _GAIN * np.hypot(1.0, phase))
         return out
 
     def save(self) -> dict[str, Any]:
