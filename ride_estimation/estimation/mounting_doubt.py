@@ -4,15 +4,17 @@
 A base accelerometer that is turned by epsilon takes part of the large vertical motion z for horizontal motion of its bracket: an
 error ``epsilon z`` of the deflection that no averaging removes. The sum over the mounts hardly feels it; how the sum is split
 among them is told by the deformation d of the frame only, often a few hundredths of a millimetre. The stiffness of a split is
-off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, where z happens to go along with d' over the
-N independent values of a run, by ``epsilon k z / (c d' sqrt(N))`` (rms values).
+off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, as far as z goes along with d', by
+``r epsilon k z / (c d')`` (rms values). r is their correlation: a frame that bends with the motion has one, and N independent
+values of a run leave it ``1 / sqrt(N)``.
 
 Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
 four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
 angles of the sensors as epsilon.
 
 A sensor whose gain is off by g, at the body or at a base, makes an error of g of force or deflection that no averaging removes
-either. Motion of a base has any phase to the deflection: the stiffness is off by g, the damping by ``g sqrt(1 + (k d / c d')^2)``.
+either. Motion of a base has any phase to the deflection: the stiffness is off by g, the damping by
+``g sqrt(1 + (k d / c d')^2)``.
 
 Of what looks like deformation, noise is a share lambda, and of a split that noise alone tells nothing is known: ``lambda`` times
 the standard deviation of the vehicle file.
@@ -73,6 +75,8 @@ class MountingDoubt:
         self._time = 0.0
         #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
         self._square = np.zeros((2, 3, self._count, 3))
+        #: sums of products of vertical deflection, or its rate, and deforming rate along x and y, shape (2, M, 2)
+        self._along = np.zeros((2, self._count, 2))
         #: sums of what noise makes of the deforming part, shape (2, M, 3)
         self._noisy = np.zeros((2, self._count, 3))
 
@@ -82,6 +86,8 @@ class MountingDoubt:
             rigid = signal @ self._rigid.T
             for part, values in enumerate((signal, rigid, signal - rigid)):
                 self._square[role, part] += np.sum(values**2, axis=0).reshape(self._count, 3)
+        vertical = np.stack([deflection[:, 2::3], rate[:, 2::3]])
+        self._along += np.einsum("rkm,kma->rma", vertical, (rate - rigid).reshape(-1, self._count, 3)[:, :, :2])
         self._noisy += len(deflection) * dt * self._noise
         self._time += len(deflection) * dt
 
@@ -104,7 +110,7 @@ class MountingDoubt:
                 continue
             if role == 1:
                 along = _ANGLE * total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
-                error = np.hypot(error, chance * along)
+                error = np.hypot(error, np.hypot(self._correlation(), chance) * along)
             floor = _LEAST * total[role, 0, 2]
             seen, noisy = (np.mean(a, axis=0) for a in (self._square[role, 2], self._noisy[role]))
             share = np.minimum(noisy / np.maximum(seen, 1e-300), 1.0)
@@ -124,14 +130,24 @@ class MountingDoubt:
         out[1] = np.hypot(out[1], _GAIN * np.hypot(1.0, phase))
         return out
 
+    def _correlation(self) -> Array:
+        """Return how far vertical motion and deforming rate along x and y go together, shape (M, 2), noise taken off.
+
+        A base moves with any phase to the deflection, so deflection and rate, which do not go together, share what it has.
+        """
+        real = np.maximum(self._square[1, 2, :, :2] - self._noisy[1, :, :2], _LEAST * self._square[1, 2, :, :2])
+        size = np.sqrt(self._square[:, 0, :, 2:] * real)
+        return np.minimum(np.linalg.norm(self._along / np.maximum(size, 1e-300), axis=0), 1.0)
+
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
-        return {"square": self._square.tolist(), "noisy": self._noisy.tolist(), "time": self._time}
+        return {"square": self._square.tolist(), "noisy": self._noisy.tolist(), "along": self._along.tolist(), "time": self._time}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self._square = np.array(saved["square"], dtype=float).reshape(self._square.shape)
         self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
+        self._along = np.array(saved["along"], dtype=float).reshape(self._along.shape)
         self._time = float(saved["time"])
 
 
