@@ -137,7 +137,7 @@ class MountingDoubt:
         """
         real = np.maximum(self._square[1, 2, :, :2] - self._noisy[1, :, :2], _LEAST * self._square[1, 2, :, :2])
         size = np.sqrt(self._square[:, 0, :, 2:] * real)
-        return np.minimum(np.linalg.norm(self._along / np.maximum(size, 1e-300), axis=0), 1.0)
+        return np.asarray(np.minimum(np.linalg.norm(self._along / np.maximum(size, 1e-300), axis=0), 1.0))
 
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
