@@ -170,8 +170,8 @@ def test_residuals_of_a_fault_are_its_projection_and_the_figures_of_the_table(fa
     noise = 0.02**2 * np.diag(spare).reshape(4, 3).mean(axis=1)
     wanted = np.sqrt(np.mean(left**2, axis=(0, 2)) + noise)
     if fault == "z sign flipped":
-        # twice gravity on one axis also spins the rates the centripetal terms need, about the axis across the diagonal of the fault:
-        # more than the projection, and corners that lie opposite each other alike
+        # twice gravity on one axis also spins the rates the centripetal terms need, across the diagonal of
+        # the fault: more than the projection, and corners that lie opposite each other alike
         assert min(found.values()) > 2.8
         assert found["FL"] == pytest.approx(found["RR"], rel=0.03)
         assert found["FR"] == pytest.approx(found["RL"], rel=0.03)
