@@ -57,6 +57,8 @@ Report = Callable[[float], None]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 _LEAST_BLOCKS = 4
+#: laws over deflection: with them a mount has no one spring rate
+_CURVED = ("stiffness_nonlinearity", "backlash", "bump_stop")
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
 
@@ -228,8 +230,10 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
-    bent = {p for f in (accepted.fitted if accepted is not None else ()) for p in f.hypothesis.ports}
-    soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent)
+    laws = [(f.hypothesis.cause, f.hypothesis.ports) for f in (accepted.fitted if accepted is not None else ())]
+    bent = {p for _, ports in laws for p in ports}
+    curved = {p for cause, ports in laws if cause in _CURVED for p in ports}
+    soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent, curved)
     seen = scene if accepted is None else accepted.scene
     if soft is not None and _elsewhere(soft, seen, work) < settings.significance:
         soft = None

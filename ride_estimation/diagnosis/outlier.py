@@ -26,7 +26,7 @@ _LEAST_CERTAIN = 0.1
 
 
 def soft_mount(
-    calibrated: Calibrated, stiffness: Array, log_std: Array, bent: Collection[int] = ()
+    calibrated: Calibrated, stiffness: Array, log_std: Array, bent: Collection[int] = (), curved: Collection[int] = ()
 ) -> Fitted | None:
     """Return the mount axis that is an outlier towards soft, None where there is none.
 
@@ -42,6 +42,8 @@ def soft_mount(
     bent
         Ports that carry a found force law. What is left as their spring rate depends on how the law is split from it, so
         they are as stiff as the larger of it and of their spring rate in the plain calibrated model.
+    curved
+        Ports whose found law bends the spring itself. A spring rate is then no number of its own: they are not judged.
     """
     ports = calibrated.scene.plant.ports
     prior, _ = file_parameters(calibrated.scene.plant)
@@ -50,7 +52,7 @@ def soft_mount(
     ratio = np.log(judged / np.maximum(prior, 1e-12))
     axes = tuple(dict.fromkeys(p.axis for p in ports))
     known = {a: [i for i, p in enumerate(ports) if p.axis == a and log_std[i] < _LEAST_CERTAIN] for a in axes}
-    tested = [i for a in axes for i in known[a] if len(known[a]) > 1]
+    tested = [i for a in axes for i in known[a] if len(known[a]) > 1 and i not in curved]
     best: tuple[float, Fitted] | None = None
     for i in tested:
         others = {a: [j for j in known[a] if ports[j].mount != ports[i].mount] for a in axes}
