@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 #: standard deviation of what a channel reads wrongly per acceleration of its sensor: angle and gain
 _SHARE = math.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)
-#: times over which an acceleration counts as slow, after which it is part of gravity, and memory of its size [s]
+#: times over which an acceleration counts as slow (twice, one after the other: what a road excites at a hertz or two does not
+#: last), after which it is part of gravity, and memory of its size [s]
 _SLOW, _LASTING, _MEMORY = 0.5, 30.0, 5.0
 
 
@@ -29,7 +30,7 @@ class LastingAcceleration:
     """Size of the acceleration that lasts longer than half a second, and what sensors in good order make of it."""
 
     def __init__(self) -> None:
-        self._slow: Array | None = None
+        self._first, self._slow = np.zeros(3), np.zeros(3)
         self._mean = np.zeros(3)
         self._age = 0.0
         self._square = 0.0
@@ -57,10 +58,12 @@ class LastingAcceleration:
     def observe(self, accel: Array, duration: float) -> None:
         """Take the specific force at the ticks of a block, shape (K, 3), which lasts so long [s]."""
         now = accel.mean(axis=0)
-        if self._slow is None:
-            self._slow, self._mean = now, now.copy()
+        if not self._age:
+            self._first, self._slow, self._mean = now, now.copy(), now.copy()
         self._age += duration
-        self._slow = self._slow - math.expm1(-duration / _SLOW) * (now - self._slow)
+        gain = -math.expm1(-duration / _SLOW)
+        self._first = self._first + gain * (now - self._first)
+        self._slow = self._slow + gain * (self._first - self._slow)
         self._mean = self._mean - math.expm1(-duration / min(_LASTING, self._age)) * (self._slow - self._mean)
         away = self._slow - self._mean
         size = float(away @ away)
@@ -69,14 +72,15 @@ class LastingAcceleration:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        slow = None if self._slow is None else self._slow.tolist()
-        return {"slow": slow, "mean": self._mean.tolist(), "age": self._age, "square": self._square, "share": self._share}
+        return {
+            "first": self._first.tolist(), "slow": self._slow.tolist(), "mean": self._mean.tolist(), "age": self._age,
+            "square": self._square, "share": self._share,
+        }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._slow = None if saved["slow"] is None else np.array(saved["slow"], dtype=float)
-        self._share = float(saved["share"])
-        self._mean, self._age, self._square = np.array(saved["mean"], dtype=float), float(saved["age"]), float(saved["square"])
+        self._first, self._slow, self._mean = (np.array(saved[name], dtype=float) for name in ("first", "slow", "mean"))
+        self._age, self._square, self._share = (float(saved[name]) for name in ("age", "square", "share"))
 
 
 def with_slow_error(white: float, slow: float, held: float, dt: float) -> float:
