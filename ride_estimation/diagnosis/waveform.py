@@ -77,7 +77,7 @@ def _solved(function: Callable[[Array], Array], start: Array) -> Array:
             return np.asarray(step - (function(point + little * step) - value) / little).ravel()
 
         operator = LinearOperator((point.size, point.size), matvec=applied, dtype=float)
-        newton = gmres(operator, missed.ravel(), restart=_KRYLOV, maxiter=1)[0].reshape(point.shape)
+        newton = gmres(operator, missed.ravel(), restart=_KRYLOV, maxiter=1, atol=0.0)[0].reshape(point.shape)
         for share in _SHARES:
             trial = point + share * newton
             reached = function(trial)
