@@ -57,8 +57,6 @@ Report = Callable[[float], None]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 _LEAST_BLOCKS = 4
-#: laws over deflection: with them a mount has no one spring rate
-_CURVED = ("stiffness_nonlinearity", "backlash", "bump_stop")
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
 
@@ -232,7 +230,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     log_std = _log_std(work)
     laws = [(f.hypothesis.cause, f.hypothesis.ports) for f in (accepted.fitted if accepted is not None else ())]
     bent = {p for _, ports in laws for p in ports}
-    curved = {p for cause, ports in laws if cause in _CURVED for p in ports}
+    curved = {p for cause, ports in laws if library()[cause].BENDS_SPRING for p in ports}
     soft = soft_mount(work.calibrated, state.stiffness, log_std[0], bent, curved)
     seen = scene if accepted is None else accepted.scene
     if soft is not None and _elsewhere(soft, seen, work) < settings.significance:

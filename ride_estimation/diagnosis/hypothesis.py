@@ -133,6 +133,8 @@ class Cause(abc.ABC):
     MEASURE_NEXT: ClassVar[str] = ""
     #: the cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients
     RUN_BOUND: ClassVar[bool] = False
+    #: a law over deflection: with it a mount has no one spring rate
+    BENDS_SPRING: ClassVar[bool] = False
 
     @abc.abstractmethod
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:

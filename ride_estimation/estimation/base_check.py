@@ -127,10 +127,8 @@ class BaseCheck:
             return verdict
         if self.refused is None:
             return dataclasses.replace(verdict, unusual=True)
-        valid = verdict.valid.copy()
-        valid[:, self._streams[self.refused]] = False
-        self.ticks[self.refused] = self.ticks.get(self.refused, 0) + len(valid)
-        return dataclasses.replace(verdict, valid=valid)
+        self.ticks[self.refused] = self.ticks.get(self.refused, 0) + len(verdict.valid)
+        return verdict.without(int(self._streams[self.refused]))
 
     def _follow(self, block: Block, dt: float) -> None:
         duration = len(block.values) * dt

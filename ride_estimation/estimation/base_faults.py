@@ -132,9 +132,7 @@ class BaseFaults:
             self.reset()
         if not self.refused:
             return verdict
-        valid = verdict.valid.copy()
-        valid[:, self._streams[list(self.refused)]] = False
-        return GateVerdict(valid, verdict.began, verdict.newly_refused, verdict.suspects, verdict.unusual, verdict.excess)
+        return verdict.without(self._streams[list(self.refused)])
 
     def learn(self, dt: float) -> None:
         """Look at what :meth:`judged` gathered once it is a chunk; takes milliseconds, so after the forces of a block are out."""

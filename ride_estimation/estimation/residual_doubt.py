@@ -14,12 +14,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.sensor_drift import residual_of_errors
+from ride_estimation.estimation.sensor_drift import error_of_residuals, residual_of_errors
 
 Array = NDArray[np.float64]
 
-#: directions of an error of a sensor that show less than this share of the largest are left out
-_RANK = 0.1
 #: samples of a filtered signal per independent one
 _DEPENDENT = 4.0
 #: standard deviations by which a mean square must exceed what was stated
@@ -67,4 +65,4 @@ def motion_of_residuals(rows: Array, weights: Array, sensor: int) -> Array:
         Which; three channels each.
     """
     part = slice(3 * sensor, 3 * sensor + 3)
-    return np.asarray(weights[:, part] @ np.linalg.pinv(residual_of_errors(rows, weights)[:, part], rcond=_RANK))
+    return np.asarray(weights[:, part] @ error_of_residuals(residual_of_errors(rows, weights), sensor))

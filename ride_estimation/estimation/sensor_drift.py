@@ -18,6 +18,19 @@ def residual_of_errors(rows: Array, weights: Array) -> Array:
     return np.asarray((np.eye(len(rows)) - rows @ weights) * np.outer(used, used))
 
 
+def error_of_residuals(left: Array, sensor: int) -> Array:
+    """Return ``M_s^+``, shape (3, C): from residuals to the error of the one sensor that left them.
+
+    Parameters
+    ----------
+    left
+        M of :func:`residual_of_errors`.
+    sensor
+        Which; three channels each.
+    """
+    return np.asarray(np.linalg.pinv(left[:, 3 * sensor : 3 * sensor + 3], rcond=_RANK))
+
+
 def motion_error(change: Array, rows: Array, weights: Array) -> Array:
     """Return the constant error of the motion, shape (6,), that goes with a change of constant residuals.
 
@@ -35,6 +48,6 @@ def motion_error(change: Array, rows: Array, weights: Array) -> Array:
     """
     left = residual_of_errors(rows, weights)
     parts = [slice(3 * s, 3 * s + 3) for s in range(len(change) // 3)]
-    errors = [np.linalg.pinv(left[:, part], rcond=_RANK) @ change for part in parts]
+    errors = [error_of_residuals(left, s) @ change for s in range(len(parts))]
     best = int(np.argmin([float(np.sum((change - left[:, part] @ e) ** 2)) for part, e in zip(parts, errors)]))
     return np.asarray(weights[:, parts[best]] @ errors[best])

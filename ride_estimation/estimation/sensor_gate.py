@@ -96,6 +96,12 @@ class GateVerdict:
     unusual: bool
     excess: float
 
+    def without(self, streams: int | NDArray[np.int64]) -> GateVerdict:
+        """Return the verdict with some streams left out of the whole block."""
+        valid = self.valid.copy()
+        valid[:, streams] = False
+        return dataclasses.replace(self, valid=valid)
+
 
 @dataclasses.dataclass(frozen=True)
 class _Scan:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.io.cdr import DecodedTopic, decode_at, decode_topic
+from ride_estimation.io.cdr import DecodedTopic, decode_at, decode_topic, rows_at
 from ride_estimation.io.mcap_records import CHANNEL, DAMAGE, LATEST, MESSAGE, MESSAGE_HEAD, RECORD, channel_of, record_runs
 
 IntArray = NDArray[np.int64]
@@ -214,6 +214,4 @@ def _joined(arrays: Iterable[IntArray]) -> IntArray:
 
 def _numbers(data: bytes, kind: str, at: IntArray) -> NDArray[np.unsignedinteger]:
     """Return the numbers of a type that begin at some places of the data."""
-    size = np.dtype(kind).itemsize
-    rows: NDArray[np.uint8] = np.ndarray((len(data) - size + 1, size), np.uint8, data, strides=(1, 1))[at]
-    return rows.view(kind)[:, 0]
+    return rows_at(data, at, np.dtype(kind).itemsize).view(kind)[:, 0]

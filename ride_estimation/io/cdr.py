@@ -96,7 +96,7 @@ def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, f
     decoded, stamps = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
     fields = np.zeros((count, doubles - first))
     whole = np.flatnonzero(lengths >= _HEAD)
-    head = _rows(data, at[whole], _HEAD)
+    head = rows_at(data, at[whole], _HEAD)
     text = head[:, 12:16].copy().view("<u4")[:, 0].astype(np.int64)
     start = 4 + ((12 + text + 7) & ~7)
     spare = lengths[whole] - start - 8 * doubles
@@ -106,7 +106,7 @@ def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, f
     members, head = whole[chosen], head[chosen]
     seconds = head[:, 4:8].copy().view("<i4")[:, 0].astype(np.int64)
     stamps[members] = seconds * 1_000_000_000 + head[:, 8:12].copy().view("<u4")[:, 0]
-    fields[members] = _rows(data, at[members] + start[chosen] + 8 * first, 8 * (doubles - first)).view("<f8")
+    fields[members] = rows_at(data, at[members] + start[chosen] + 8 * first, 8 * (doubles - first)).view("<f8")
     decoded[members] = True
     return DecodedTopic(decoded, stamps, fields, frame)
 
@@ -120,7 +120,7 @@ def _readable(data: bytes, at: IntArray, lengths: IntArray) -> tuple[NDArray[np.
         place = int(np.argmax(left))
         start, length = int(at[place]), int(lengths[place])
         same = np.flatnonzero(left & (lengths == length))
-        rows = _rows(data, at[same], length)
+        rows = rows_at(data, at[same], length)
         same = same[(rows == rows[0]).all(axis=1)]
         left[same] = False
         text = data[start : start + length]
@@ -135,7 +135,7 @@ def _readable(data: bytes, at: IntArray, lengths: IntArray) -> tuple[NDArray[np.
     return good, first
 
 
-def _rows(data: bytes, at: IntArray, width: int) -> NDArray[np.uint8]:
+def rows_at(data: bytes, at: IntArray, width: int) -> NDArray[np.uint8]:
     """Return so many bytes from each place on, shape (N, width)."""
     if not len(at):
         return np.zeros((0, width), dtype=np.uint8)

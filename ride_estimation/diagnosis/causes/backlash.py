@@ -35,6 +35,8 @@ class Backlash(Cause):
     WOULD_REFUTE = "a stiffness that does not fall at small strokes"
     MEASURE_NEXT = "move the mount by hand or with a pry bar through its rest position with a dial gauge"
 
+    BENDS_SPRING = True
+
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""
         out: list[Hypothesis] = []

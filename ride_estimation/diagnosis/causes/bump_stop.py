@@ -64,6 +64,8 @@ class BumpStop(Cause):
     WOULD_REFUTE = "a misfit that is not confined to the largest deflections"
     MEASURE_NEXT = "a drive over single bumps, or the witness marks and the free travel of the stop"
 
+    BENDS_SPRING = True
+
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site and side."""
         out: list[Hypothesis] = []

@@ -34,6 +34,8 @@ class StiffnessNonlinearity(Cause):
     WOULD_REFUTE = "the same spring rate on a smooth and on a rough road"
     MEASURE_NEXT = "slow force-deflection line of the mount over its full stroke"
 
+    BENDS_SPRING = True
+
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""
         return bent_hypotheses(scene, self.ID, _FORMS, over_rate=False)
