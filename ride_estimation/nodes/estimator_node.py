@@ -257,8 +257,7 @@ class EstimatorNode(LifecycleNode):
             return ()
         every = int(self.get_parameter("publish_every").value) * (THIN if self._load.thinned else 1) if blocks else 1
         for block in blocks:
-            for tick in session.ticks_to_publish(block.valid & finite(block), every):
-                outputs.publish_tick(block, tick)
+            outputs.publish_ticks(block, session.ticks_to_publish(block.valid & finite(block), every))
         if blocks:
             self._report_if_due(int(blocks[-1].stamp_ns[-1]))
         return blocks

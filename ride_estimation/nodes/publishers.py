@@ -18,6 +18,7 @@ from sensor_msgs.msg import Imu, JointState
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.nodes import conversions
+from ride_estimation.nodes.serialized import MessageForm
 from ride_estimation.vehicles.vehicle import Body
 
 #: creates a lifecycle publisher: (message class, topic, QoS, overriding options)
@@ -64,41 +65,45 @@ class EstimatePublishers:
         def topic(message: type, name: str) -> LifecyclePublisher:
             return create(message, name, qos, QoSOverridingOptions.with_default_policies())
 
-        self._cg_frame = frames.cg
         self._vehicle_frame = frames.vehicle
-        self._mount_frames = [f"{frames.mount_prefix}{mount}" for mount in mount_names]
-        self._joints = [f"{mount}_{axis}" for mount in mount_names for axis in AXES]
-        self._cg_accel = topic(AccelWithCovarianceStamped, "~/cg_accel")
-        self._cg_imu = topic(Imu, "~/cg_imu")
-        self._load = topic(WrenchStamped, "~/inertial_load")
-        self._forces = [topic(WrenchStamped, f"~/mounts/{mount}/force") for mount in mount_names]
-        self._states = topic(JointState, "~/mounts/states")
-        self._stddev = topic(JointState, "~/mounts/stddev")
+        self._at_ticks = (
+            topic(AccelWithCovarianceStamped, "~/cg_accel"),
+            topic(Imu, "~/cg_imu"),
+            topic(WrenchStamped, "~/inertial_load"),
+            *(topic(WrenchStamped, f"~/mounts/{mount}/force") for mount in mount_names),
+            topic(JointState, "~/mounts/states"),
+            topic(JointState, "~/mounts/stddev"),
+        )
+        self._forms = _forms(frames, mount_names)
         self._inertia = topic(InertiaStamped, "~/inertia")
         self._parameters = topic(DiagnosticArray, "~/parameters")
-        self.all: tuple[LifecyclePublisher, ...] = (
-            self._cg_accel, self._cg_imu, self._load, *self._forces, self._states, self._stddev, self._inertia, self._parameters,
-        )  # fmt: skip
+        self.all: tuple[LifecyclePublisher, ...] = (*self._at_ticks, self._inertia, self._parameters)
 
-    def publish_tick(self, block: OutputBlock, tick: int) -> None:
-        """Publish the estimates of one tick of a block."""
-        stamp = int(block.stamp_ns[tick])
-        frame = self._cg_frame
-        force = block.mount_force[tick]
-        self._cg_accel.publish(conversions.cg_acceleration(stamp, frame, block.cg_accel[tick], block.cg_accel_covariance))
-        specific_force, spread = block.cg_specific_force[tick, :3], block.cg_specific_force_covariance[:3, :3]
-        self._cg_imu.publish(conversions.cg_imu(stamp, frame, specific_force, spread, block.angular_rate[tick]))
-        load = block.inertial_load[tick]
-        self._load.publish(conversions.wrench(stamp, frame, load[:3], load[3:]))
-        for publisher, mount_frame, mount_force in zip(self._forces, self._mount_frames, force, strict=True):
-            publisher.publish(conversions.wrench(stamp, mount_frame, mount_force))
-        deflection, rate = block.mount_deflection[tick], block.mount_rate[tick]
-        self._states.publish(conversions.joint_state(stamp, frame, self._joints, deflection.ravel(), rate.ravel(), force.ravel()))
-        deflection_std, force_std = block.mount_deflection_std, block.mount_force_std[tick]
-        no_rate = np.zeros(0)
-        self._stddev.publish(
-            conversions.joint_state(stamp, frame, self._joints, deflection_std.ravel(), no_rate, force_std.ravel())
+    def publish_ticks(self, block: OutputBlock, ticks: Sequence[int]) -> None:
+        """Publish the estimates of some ticks of a block, one tick after the other."""
+        count = len(ticks)
+
+        def same(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.broadcast_to(values.ravel(), (count, values.size))
+
+        force, width = block.mount_force[ticks], block.mount_deflection_std.size
+        deflection, rate, force_std = (
+            values[ticks].reshape(count, width) for values in (block.mount_deflection, block.mount_rate, block.mount_force_std)
         )
+        specific_force, spread = block.cg_specific_force[ticks, :3], block.cg_specific_force_covariance[:3, :3]
+        numbers: Sequence[Sequence[NDArray[np.float64]]] = (
+            [block.cg_accel[ticks], same(block.cg_accel_covariance)],
+            [specific_force, same(spread), block.angular_rate[ticks]],
+            [block.inertial_load[ticks]],
+            *([force[:, mount]] for mount in range(force.shape[1])),
+            [deflection, rate, force.reshape(count, width)],
+            [same(block.mount_deflection_std), force_std],
+        )
+        stamps = block.stamp_ns[ticks]
+        messages = [form.fill(stamps, np.hstack(parts)) for form, parts in zip(self._forms, numbers, strict=True)]
+        for of_tick in zip(*messages, strict=True):
+            for publisher, message in zip(self._at_ticks, of_tick, strict=True):
+                publisher.publish(message)
 
     def publish_parameters(self, stamp_ns: int, body: Body, inertia: NDArray[np.float64], estimates: Iterable[Estimate]) -> None:
         """Publish the parameters and the mass, CG and estimated inertia (3, 3) [kg m^2] of the body they belong to."""
@@ -106,6 +111,24 @@ class EstimatePublishers:
         self._parameters.publish(conversions.parameters(stamp_ns, body.name, estimates))
         mass = next((e.value for e in estimates if e.name == f"{body.name}.mass" and np.isfinite(e.value)), body.mass.value)
         self._inertia.publish(conversions.inertia(stamp_ns, self._vehicle_frame, mass, body.cg, inertia))
+
+
+def _forms(frames: Frames, mount_names: Sequence[str]) -> tuple[MessageForm, ...]:
+    """Return the messages of a tick: CG acceleration, virtual accelerometer, load, forces, states and standard deviations."""
+    joints = [f"{mount}_{axis}" for mount in mount_names for axis in AXES]
+    count, cg = len(joints), frames.cg
+
+    def force(mount: str) -> MessageForm:
+        return MessageForm(lambda stamp, n: conversions.wrench(stamp, f"{frames.mount_prefix}{mount}", n), 3)
+
+    return (
+        MessageForm(lambda stamp, n: conversions.cg_acceleration(stamp, cg, n[:6], n[6:]), 6 + 36),
+        MessageForm(lambda stamp, n: conversions.cg_imu(stamp, cg, n[:3], n[3:12], n[12:]), 3 + 9 + 3),
+        MessageForm(lambda stamp, n: conversions.wrench(stamp, cg, n[:3], n[3:]), 6),
+        *(force(mount) for mount in mount_names),
+        MessageForm(lambda stamp, n: conversions.joint_state(stamp, cg, joints, *np.split(n, 3)), 3 * count),
+        MessageForm(lambda stamp, n: conversions.joint_state(stamp, cg, joints, n[:count], n[:0], n[count:]), 2 * count),
+    )
 
 
 def finite(block: OutputBlock) -> NDArray[np.bool_]:
