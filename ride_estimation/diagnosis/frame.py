@@ -21,6 +21,11 @@ from ride_estimation.frames import AXES, point_motion_matrix
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+#: first bending mode of the frame of a heavy truck, 6 to 9 Hz (Gillespie 1985, SAE 850001), the softest of the usual bases
+_BENDING_HZ = 8.0
+_TWIST_SHARE = 0.5  # of the slope of three brackets: twist and roll of a frame on a road are of one size
+_LEAST_REACH = 0.1  # half the distance of brackets below which their slope is no plate's [m]
+
 
 def own_sensor(plant: Plant, base: str) -> dict[str, str]:
     """Return mount -> nearest accelerometer for the mounts of a base that have one to themselves."""
@@ -114,26 +119,87 @@ def _excess(
     return np.asarray(np.maximum(measured - expected, 0.0))
 
 
-def tilt_paths(plant: Plant, response: LinearResponse) -> tuple[ComplexArray, ComplexArray]:
-    """Return how a wrong tilt reaches outputs and deflections, per unit vertical acceleration of a base sensor.
+def unseen_tilt(plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray, omega: Array, samples: int, width: int) -> Array:
+    """Return the power of the roll and pitch acceleration of every bracket that no base sensor shows, shape (F, 2 M).
 
-    Gravity that the tilt removes from the base acceleration, and static mount loads that turn with the bracket.
+    From its first bending mode on, any part of the vertical motion of a frame may be bending, which has a slope of its own;
+    below it bends in proportion to its acceleration. Three brackets do not show a twist at all: each may then roll and pitch
+    by another share of the slope that they show together.
+
+    Parameters
+    ----------
+    base_spectrum, inputs
+        Base accelerations of the mounts, shape (F, nb), and measured readings, shape (F, nu).
+    omega
+        Angular frequencies [rad/s], shape (F,).
+    samples, width
+        As in :func:`local_motion`.
+    """
+    bends = np.minimum(omega / (2.0 * np.pi * _BENDING_HZ), 1.0) ** 4
+    out = np.zeros((len(omega), 2 * len(plant.mounts)))
+    shown = smoothed_power(inputs @ plant.slope.T, samples, width)
+    vertical = smoothed_power(base_spectrum[:, 2::3], samples, width)
+    twisting = {t.place for t in plant.tilts if t.kind == "twist"}
+    for j, mount in enumerate(plant.mounts):
+        base = plant.vehicle.mounts[mount].base
+        places = np.array([plant.vehicle.mounts[m].position for m in own_sensor(plant, base)])
+        slopes = [bool(np.any(plant.slope[3 * j + part])) for part in range(2)]
+        for part in (p for p in range(2) if slopes[p]):
+            reach = 0.5 * float(np.ptp(places[:, 1 - part]))
+            out[:, 2 * j + part] = bends * vertical[:, j] / max(reach, _LEAST_REACH) ** 2
+            if all(slopes) and mount not in twisting:
+                out[:, 2 * j + part] += _TWIST_SHARE**2 * shown[:, 3 * j + part]
+    return out
+
+
+def _paths(plant: Plant, response: LinearResponse, turning: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Return what turning brackets do to outputs (F, ny, q) and deflections (F, P, q).
+
+    Gravity that the tilt removes from the base acceleration, the lever from the sensor to the mount, and static mount loads
+    that turn with the bracket.
+
+    Parameters
+    ----------
+    turning
+        Roll, pitch and yaw acceleration of the brackets per unit of q quantities, shape (nb, q).
+    """
+    twice = (-1.0 / response.omega**2)[:, None, None]
+    base, wrench = plant.lever_motion(turning) + plant.gravity_tilt(turning) * twice, plant.static_tilt(turning) * twice
+    return (
+        np.asarray(response.output_from_base @ base + response.output_from_wrench @ wrench),
+        np.asarray(response.deflection_from_base @ base + response.deflection_from_wrench @ wrench),
+    )
+
+
+def tilt_doubt(
+    plant: Plant, response: LinearResponse, base_spectrum: ComplexArray, inputs: ComplexArray, noise: ComplexArray,
+    samples: int, width: int,
+) -> tuple[Array, ComplexArray, ComplexArray]:
+    """Return what is unknown of the tilt of brackets and how it reaches outputs and deflections.
+
+    Parameters
+    ----------
+    base_spectrum, noise, samples, width
+        As in :func:`local_motion`.
+    inputs
+        As in :func:`unseen_tilt`.
 
     Returns
     -------
     tuple
-        Shapes (F, ny, S) and (F, P, S).
+        Standard deviation per sample of q unknown accelerations, shape (F, q), and their transfer functions, shapes
+        (F, ny, q) and (F, P, q).
     """
-    _, vertical = vertical_inputs(plant)
-    twice = (-1.0 / response.omega**2)[:, None, None]
-    base, wrench = plant.base_tilt @ vertical, plant.static_tilt() @ vertical
-    output = (response.output_from_base @ base + response.output_from_wrench @ wrench) * twice
-    deflection = (response.deflection_from_base @ base + response.deflection_from_wrench @ wrench) * twice
-    return np.asarray(output), np.asarray(deflection)
+    local = local_motion(plant, base_spectrum, noise, samples, width)
+    unseen = unseen_tilt(plant, base_spectrum, inputs, response.omega, samples, width)
+    own = np.eye(3 * len(plant.mounts))[:, [3 * j + part for j in range(len(plant.mounts)) for part in range(2)]]
+    power, turning = np.hstack([local, unseen]), np.hstack([plant.slope @ vertical_inputs(plant)[1], own])
+    used = np.any(power > 0.0, axis=0)
+    return np.sqrt(power[:, used]), *_paths(plant, response, turning[:, used])
 
 
 def tilt_spectrum(plant: Plant, response: LinearResponse, slope: Array, inputs: ComplexArray) -> ComplexArray:
-    """Return the outputs of a tilt of brackets: gravity in their sensors, static mount loads that turn, shape (F, ny).
+    """Return the outputs of a tilt of brackets, shape (F, ny).
 
     Parameters
     ----------
@@ -142,8 +208,4 @@ def tilt_spectrum(plant: Plant, response: LinearResponse, slope: Array, inputs: 
     inputs
         Shape (F, nu).
     """
-    twice = inputs * (-1.0 / response.omega**2)[:, None]
-    base, wrench = twice @ plant.gravity_tilt(slope).T, twice @ plant.static_tilt(slope).T
-    return np.asarray(
-        np.einsum("fij,fj->fi", response.output_from_base, base) + np.einsum("fij,fj->fi", response.output_from_wrench, wrench)
-    )
+    return np.asarray(np.einsum("fij,fj->fi", _paths(plant, response, slope)[0], inputs))

@@ -94,7 +94,9 @@ class Plant:
     port_map, port_base
         Deflection ``= port_map q - port_base w``, shapes (P, n) and (P, nb).
     base_direct
-        Base acceleration ``= base_direct u + base_tilt u / (-omega^2)``, shape (nb, nu).
+        Acceleration where each base is measured, gravity still in it, ``= base_direct u``, shape (nb, nu).
+    base_lever
+        From there to the mount, shape (M, 3).
     base_yaw
         Yaw of the brackets from twice integrated readings, shape (nb, nu).
     tilts, tilt_share
@@ -123,6 +125,7 @@ class Plant:
     port_map: Array
     port_base: Array
     base_direct: Array
+    base_lever: Array
     base_yaw: Array
     tilts: tuple[BracketTilt, ...]
     tilt_share: Array
@@ -162,13 +165,12 @@ class Plant:
             out += share * tilt.slope
         return out
 
-    @property
-    def base_tilt(self) -> Array:
-        """Return the gravity that tilting DC accelerometers show, to be removed from base accelerations, shape (nb, nu)."""
-        return self.gravity_tilt(self.slope)
+    def lever_motion(self, slope: Array) -> Array:
+        """Return what brackets that turn by a slope (nb, nu) add to the base acceleration at their mounts, shape (nb, nu)."""
+        return np.concatenate([-skew(r) @ slope[3 * j : 3 * j + 3] for j, r in enumerate(self.base_lever)])
 
     def gravity_tilt(self, slope: Array) -> Array:
-        """Return the base acceleration that a slope (nb, nu) takes from readings of DC accelerometers, shape (nb, nu)."""
+        """Return the gravity that a slope (nb, nu) shows DC accelerometers, times -omega^2, to be removed, shape (nb, nu)."""
         out = np.zeros_like(slope)
         for j in range(len(self.mounts)):
             if self.dc_base[j]:
@@ -268,11 +270,11 @@ def _slope_operator(positions: Array) -> tuple[Array, Array, Array, Array]:
 
 def _base_maps(
     vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...], sensors: list[Sensor]
-) -> tuple[Array, Array, tuple[BracketTilt, ...], BoolArray, list[str]]:
-    """Return base_direct, base_yaw, tilts and dc_base of :class:`Plant` and the mounts without base motion."""
+) -> tuple[Array, Array, Array, tuple[BracketTilt, ...], BoolArray, list[str]]:
+    """Return base_direct, base_lever, base_yaw, tilts and dc_base of :class:`Plant` and the mounts without base motion."""
     shape = (3 * len(mounts), 3 * len(sensors))
     direct, yaw, rigid, twist = (np.zeros(shape) for _ in range(4))
-    dc = np.zeros(len(mounts), dtype=bool)
+    lever, dc = np.zeros((len(mounts), 3)), np.zeros(len(mounts), dtype=bool)
     missing: list[str] = []
     for base in dict.fromkeys(vehicle.mounts[m].base for m in mounts if vehicle.mounts[m].base not in bodies):
         own = [i for i, s in enumerate(sensors) if s.body == base]
@@ -289,18 +291,18 @@ def _base_maps(
             place = vehicle.mounts[m].position
             nearest = [k for k, i in enumerate(own) if sensors[i].mount == m]
             k = nearest[0] if nearest else int(np.argmin(np.linalg.norm(positions - place, axis=1)))
-            offset = place - positions[k]
-            _check_slope(vehicle.mounts[m], [sensors[i].name for i in own], offset, along_x[k], along_y[k])
+            lever[j] = place - positions[k]
+            _check_slope(vehicle.mounts[m], [sensors[i].name for i in own], lever[j], along_x[k], along_y[k])
             dzdx, dzdy = along_x[k] @ rotation[2::3], along_y[k] @ rotation[2::3]
             dxdy, dydx = along_y[k] @ rotation[0::3], along_x[k] @ rotation[1::3]
             rows = slice(3 * j, 3 * j + 3)
             angular = np.stack([dzdy, -dzdx, 0.5 * (dydx - dxdy)])
-            direct[rows] = rotation[3 * k : 3 * k + 3] + point_motion_matrix(offset)[:, 3:] @ angular
+            direct[rows] = rotation[3 * k : 3 * k + 3]
             yaw[3 * j + 2] = angular[2]
             twist[3 * j], twist[3 * j + 1] = twist_y[k] @ rotation[2::3], -twist_x[k] @ rotation[2::3]
             rigid[3 * j : 3 * j + 2] = angular[:2] - twist[3 * j : 3 * j + 2]
             dc[j] = sensors[own[k]].coupling == "dc"
-    return direct, yaw, _bracket_tilts(mounts, rigid, twist), dc, missing
+    return direct, lever, yaw, _bracket_tilts(mounts, rigid, twist), dc, missing
 
 
 def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array, along_y: Array) -> None:
@@ -408,7 +410,7 @@ def build_plant(
             "there is nothing to compare the model with"
         )
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
-    direct, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
+    direct, lever, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
     n, size = len(coordinates), 3 * len(mounts)
     index = {key: i for i, key in enumerate(coordinates)}
     selectors = {b: [(index[(b, c)], COORDINATES.index(c)) for c in COORDINATES if (b, c) in index] for b in bodies}
@@ -422,8 +424,8 @@ def build_plant(
     )
     warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
     return Plant(
-        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, yaw,
-        tilts, np.ones(len(tilts)), dc_base,         out_a, out_d, out_b, static, warnings,
+        vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, lever, yaw,
+        tilts, np.ones(len(tilts)), dc_base, out_a, out_d, out_b, static, warnings,
     )
 
 

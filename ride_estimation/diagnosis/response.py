@@ -75,7 +75,10 @@ def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> Lin
     y_q: Array = -w2 * plant.out_acceleration + plant.out_displacement
     y_wrench: ComplexArray = y_q @ compliance
     y_base: ComplexArray = y_q @ q_base + plant.out_base * displacement_from_acceleration
-    base_input = plant.base_direct + plant.base_tilt * displacement_from_acceleration
+    slope = plant.slope
+    base_input = (
+        plant.base_direct + plant.lever_motion(slope) + plant.gravity_tilt(slope) * displacement_from_acceleration
+    )
     x_base: ComplexArray = plant.port_map @ q_base - plant.port_base * displacement_from_acceleration
     x_wrench: ComplexArray = plant.port_map @ compliance
     return LinearResponse(

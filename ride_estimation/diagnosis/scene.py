@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.frame import local_motion, tilt_paths
+from ride_estimation.diagnosis.frame import tilt_doubt
 from ride_estimation.diagnosis.injection import Injector
 from ride_estimation.diagnosis.kinematics import (
     BodyMotion,
@@ -244,7 +244,8 @@ class Scene:
         slope = np.einsum("ij,fj->fi", self.plant.slope, spectrum) / (-self.grid.omega**2)[:, None]
         self.slope = self.grid.signal(slope)
         self.slope_rate = self.grid.signal(1j * self.grid.omega[:, None] * slope)
-        specific = self.grid.signal(np.einsum("ij,fj->fi", self.plant.base_direct, spectrum))
+        direct = self.plant.base_direct + self.plant.lever_motion(self.plant.slope)
+        specific = self.grid.signal(np.einsum("ij,fj->fi", direct, spectrum))
         specific[:, 2::3] += self.plant.vehicle.gravity
         self.base_spectrum = base + self.grid.spectrum(base_correction(self.plant, specific, self.slope))
 
@@ -349,10 +350,12 @@ class Scene:
         std = std * grid.omega[:, None] ** np.array([s.noise_slope for s in plant.inputs])
         twice = (-1.0 / grid.omega**2)[:, None, None]
         turned = plant.static_tilt() * twice
-        local = local_motion(plant, self.base_spectrum, r.base_from_input * std[:, None, :], grid.samples, self._smoothing)
-        output, deflection = tilt_paths(plant, r)
-        #: standard deviation per sample of input noise and of the vertical motion that brackets do on their own, (F, nu + S)
-        self.disturbance = np.concatenate([std, np.sqrt(local)], axis=1)
+        noise = r.base_from_input * std[:, None, :]
+        doubt, output, deflection = tilt_doubt(
+            plant, r, self.base_spectrum, self.input_spectrum, noise, grid.samples, self._smoothing
+        )
+        #: standard deviation per sample of input noise and of what is unknown of the tilt of brackets, (F, nu + q)
+        self.disturbance = np.concatenate([std, doubt], axis=1)
         #: how they reach the outputs and the deflections: static loads that turn with their bases included
         self.noise_transfer = np.concatenate([r.output_from_input + r.output_from_wrench @ turned, output], axis=2)
         self._deflection_noise = np.concatenate([r.deflection_from_input + r.deflection_from_wrench @ turned, deflection], axis=2)

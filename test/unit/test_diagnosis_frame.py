@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import types
 
@@ -13,7 +14,7 @@ from diagnosis_runs import quarter_car, quarter_car_run
 from ride_estimation.diagnosis.bent import Family, odd_form
 from ride_estimation.diagnosis.calibration import file_parameters
 from ride_estimation.diagnosis.declipping import domes, missing_readings
-from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion
+from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion, unseen_tilt
 from ride_estimation.diagnosis.noise import noise_scale
 from ride_estimation.diagnosis.outlier import soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
@@ -21,6 +22,7 @@ from ride_estimation.diagnosis.prediction import Model as PredictionModel
 from ride_estimation.diagnosis.prediction import block_squares, noise_floor, predict
 from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.frames import point_motion_matrix
 from ride_estimation.io.vehicle_file import load_vehicle
 
 BINS = 3000
@@ -72,6 +74,58 @@ def test_a_faulty_base_sensor_is_no_local_motion():
     silent = np.zeros((BINS, spectrum.shape[1], len(plant.inputs)))
     # the fault has 400 times the power of the local motion; the brackets without it still say 0.05^2
     assert np.mean(local_motion(plant, spectrum, silent, 1, 101)) == pytest.approx(0.05**2, rel=0.15)
+
+
+def displaced_plant(shift: tuple[float, float, float], without: str = "") -> Plant:
+    """Return the cab with every base sensor a stretch from its mount, without one of them."""
+    vehicle = load_vehicle("config/vehicles/truck_cab.yaml")
+    sensors = {
+        n: dataclasses.replace(s, position=vehicle.mounts[s.mount].position + np.array(shift)) if s.body == "chassis" else s
+        for n, s in vehicle.sensors.items() if s.mount != without or not without
+    }
+    return build_plant(dataclasses.replace(vehicle, sensors=sensors), dict.fromkeys(sensors, 3))
+
+
+def readings(plant: Plant, motion: np.ndarray) -> np.ndarray:
+    """Return what base sensors without gravity read of the acceleration of a rigid base, (nu,)."""
+    sensors = plant.vehicle.sensors
+    at = {n: sensors[n].rotation.T @ point_motion_matrix(sensors[n].position) @ motion for n in {s.sensor for s in plant.inputs}}
+    return np.array([at[s.sensor][s.component] for s in plant.inputs])
+
+
+def test_brackets_that_follow_the_frame_carry_the_lever_to_their_mounts():
+    plant = displaced_plant((0.05, -0.03, 0.04))
+    motion = np.array([0.3, -0.2, 1.1, 0.7, -0.5, 0.4])
+    reading = readings(plant, motion)
+    found = plant.base_direct @ reading + plant.lever_motion(plant.slope) @ reading
+    expected = np.concatenate([point_motion_matrix(plant.vehicle.mounts[m].position) @ motion for m in plant.mounts])
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_brackets_that_stay_level_move_their_mounts_as_their_sensors():
+    plant = displaced_plant((0.05, -0.03, 0.04))
+    level = dataclasses.replace(plant, tilt_share=np.zeros(len(plant.tilts)))
+    reading = readings(plant, np.array([0.0, 0.0, 1.0, 0.7, -0.5, 0.0]))
+    still = level.lever_motion(level.slope) @ reading
+    np.testing.assert_allclose(still, 0.0, atol=1e-12)
+    own = {s.mount: s.position for s in plant.vehicle.sensors.values() if s.body == "chassis"}
+    expected = np.concatenate([point_motion_matrix(own[m]) @ [0.0, 0.0, 1.0, 0.7, -0.5, 0.0] for m in plant.mounts])
+    np.testing.assert_allclose(level.base_direct @ reading, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_bending_that_no_sensor_shows_grows_to_the_first_mode_and_twist_is_unknown_of_three_brackets():
+    omega = 2.0 * np.pi * np.linspace(1.0, 16.0, 16)
+    motion = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    heave, roll = (displaced_plant((0.0, 0.0, 0.0), without) for without in ("", "rear_left"))
+    spectrum = np.tile(motion[:3], len(heave.mounts)) * np.ones((16, 1), dtype=complex)
+    power = unseen_tilt(heave, spectrum, readings(heave, motion) * np.ones((16, 1), dtype=complex), omega, 1, 1)
+    np.testing.assert_allclose(power[:4] / power[7], ((np.arange(4) + 1.0) / 8.0)[:, None] ** 4 * np.ones(power.shape[1]))
+    np.testing.assert_allclose(power[8:], power[7] * np.ones((8, 1)))
+    turn = readings(roll, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])) * np.ones((16, 1), dtype=complex)
+    unknown = unseen_tilt(roll, np.zeros((16, 3 * len(roll.mounts)), dtype=complex), turn, omega, 1, 1)
+    # half of the slope that the three show, of roll alone
+    np.testing.assert_allclose(np.sqrt(unknown[:, ::2]), 0.5, rtol=1e-9)
+    np.testing.assert_allclose(unknown[:, 1::2], 0.0, atol=1e-12)
 
 
 def test_null_directions_are_orthogonal_to_the_motion():
