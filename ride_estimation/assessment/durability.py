@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 DEFAULT_SLOPE = 5.0  # exponent of the pseudo S-N line for welded and formed steel parts, the usual default in load comparison
 SLOPES = (1.0, 20.0)  # range of published S-N slopes, and beyond
+KNOWLEDGE_S = 10.0  # an estimate of parameters takes about that long, and ten seconds of driving tell the size of a load to 20 %
 EQUIVALENT_RATE_HZ = 1.0  # cycles per second of the damage-equivalent load (the "1 Hz" convention of load comparison)
 
 
@@ -119,7 +120,7 @@ class Damage:
     equivalent_amplitude, equivalent_lower, equivalent_upper
         Of a 1 Hz sine with the same damage [unit].
     relative_std
-        Standard deviation of the load over the rms of its dynamic part, the factor the interval stands for.
+        Standard deviation of the load over the rms of its dynamic part that the upper bound stands for, as the damage weighs it.
     largest_range
         Largest counted range [unit].
     slope
@@ -148,11 +149,14 @@ class Damage:
 class DamageMeter:
     """Damage of a load whose samples arrive in chunks, with the uncertainty of the load carried into it.
 
-    The standard deviation of the load is taken as that of one unknown factor on its dynamic part, the same for the whole
-    run: a wrong stiffness, damping or mass. That is the kind of error that changes damage most, because it shifts all
-    cycles the same way; errors that change from sample to sample average out, an offset changes no range. So the interval
-    is on the safe side: ``D (1 +- 2 s)^slope`` with ``s = rms(std) / rms(load - mean)``. Where the load carries a weight and
-    its standard deviation holds that of the weight, the share of the weight is an offset and is taken off:
+    The standard deviation of the load is taken as that of one unknown factor on its dynamic part: a wrong stiffness, damping
+    or mass. That is the kind of error that changes damage most, because it shifts all cycles the same way; errors that change
+    from sample to sample average out, an offset changes no range. So the interval is on the safe side. How large the factor may
+    be is told for every :data:`KNOWLEDGE_S` by itself, ``s = rms(std) / rms(load - mean)``: loads of the first seconds, before
+    the parameters are known, do not spoil what is said about the rest. A cycle has the s of its two turning points, weighted by
+    how far they are from the mean, and ``D = sum n (range (1 +- 2 s))^slope``; where that is as much as one s of a half does, the
+    lower bound is zero. Where the load carries a weight and its standard
+    deviation holds that of the weight, the share of the weight is an offset and is taken off:
     ``s^2 = max(mean(std^2) - (r mean)^2, (r rms)^2) / rms^2`` with the relative standard deviation r of the mass.
 
     Parameters
@@ -169,7 +173,8 @@ class DamageMeter:
         self._rate = rate_hz
         self._mass_relative_std = mass_relative_std
         self._counter = RainflowCounter()
-        self._sums = np.zeros(3)  # load, load^2, std^2
+        self._length = max(round(KNOWLEDGE_S * rate_hz), 1)
+        self._sums = np.zeros((3, 0))  # load, load^2, std^2 of every block
         self._origin = 0.0
 
     def feed(self, load: ArrayLike, std: ArrayLike | None = None) -> None:
@@ -193,14 +198,16 @@ class DamageMeter:
             raise InputDataError(f"standard deviation of a load: {s.size} finite values are needed for {y.size} samples")
         if not y.size:
             return
-        first = self._counter.samples == 0
+        first = self._counter.samples
         self._counter.feed(y)
-        if first:
+        if first == 0:
             self._origin = float(y[0])
         moved = y - self._origin
-        # cumulated one by one, so that the sums do not depend on the chunks
-        rows = np.concatenate([self._sums[None], np.column_stack([moved, moved**2, s**2])])
-        self._sums = np.cumsum(rows, axis=0)[-1]
+        place = (first + np.arange(y.size)) // self._length
+        self._sums = np.pad(self._sums, ((0, 0), (0, int(place[-1]) + 1 - self._sums.shape[1])))
+        for sums, values in zip(self._sums, (moved, moved**2, s**2)):
+            # added one by one, so that the sums do not depend on the chunks
+            np.add.at(sums, place, values)
 
     @property
     def cycles(self) -> Cycles:
@@ -224,22 +231,40 @@ class DamageMeter:
         if n < 2:
             raise InputDataError(f"damage needs at least two samples; given {n}")
         cycles = self.cycles
-        value = float(np.sum(cycle_damage(cycles, slope)))
-        mean, square, spread = (float(v) / n for v in self._sums)
-        variance = max(square - mean**2, 0.0)
-        weight, least = (self._mass_relative_std * (self._origin + mean)) ** 2, self._mass_relative_std**2 * variance
-        dynamic = max(spread - weight, min(spread, least))
-        relative = float(np.sqrt(dynamic / variance)) if variance > 0.0 else 0.0
+        damage, relative = cycle_damage(cycles, slope), self._relative_std(cycles)
         duration = n / self._rate
-        factors = (1.0, max(1.0 - 2.0 * relative, 0.0), 1.0 + 2.0 * relative)
-        middle, low, high = (value * factor**slope for factor in factors)
+        middle, low, high = (
+            float(np.sum(damage * np.maximum(1.0 + times * relative, 0.0) ** slope)) for times in (0.0, -2.0, 2.0)
+        )
+        # the factor that the upper bound stands for; from a half on it may be the whole load that is not there
+        factor = 0.5 * ((high / middle) ** (1.0 / slope) - 1.0) if middle > 0.0 else 0.0
+        low = low if factor < 0.5 else 0.0
         return Damage(
             value=middle, lower=low, upper=high,
             equivalent_amplitude=equivalent_amplitude(middle, duration, slope),
             equivalent_lower=equivalent_amplitude(low, duration, slope),
             equivalent_upper=equivalent_amplitude(high, duration, slope),
-            relative_std=relative, largest_range=float(np.max(cycles.ranges, initial=0.0)), slope=slope, duration_s=duration,
+            relative_std=factor, largest_range=float(np.max(cycles.ranges, initial=0.0)), slope=slope, duration_s=duration,
         )  # fmt: skip
+
+    def _relative_std(self, cycles: Cycles) -> Array:
+        """Return s of every cycle, shape (C,)."""
+        n = self.samples
+        whole = max(n // self._length, 1)
+        # what is left over at the end is too short to tell the size of a load: it belongs to the block before
+        sums = np.column_stack([self._sums[:, : whole - 1], self._sums[:, whole - 1 :].sum(axis=1)])
+        counts = np.full(whole, float(self._length))
+        counts[-1] = n - (whole - 1) * self._length
+        load, square, spread = sums / counts
+        mean = float(self._sums[0].sum()) / n
+        variance = np.maximum(square - 2.0 * mean * load + mean**2, 0.0)
+        weight, least = (self._mass_relative_std * (self._origin + mean)) ** 2, self._mass_relative_std**2 * variance
+        dynamic = np.maximum(spread - weight, np.minimum(spread, least))
+        s = np.sqrt(np.divide(dynamic, variance, out=np.zeros(whole), where=variance > 0.0))
+        far = np.abs(np.array([cycles.start, cycles.end]) - (self._origin + mean))
+        block = np.minimum(np.array([cycles.start_index, cycles.end_index]) // self._length, whole - 1)
+        total = far.sum(axis=0)
+        return np.asarray(np.divide((s[block] * far).sum(axis=0), total, out=np.zeros(total.shape), where=total > 0.0))
 
 
 def assess_load(

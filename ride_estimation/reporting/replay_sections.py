@@ -55,7 +55,7 @@ def mounts(page: Page, run: OfflineRun, side: SideSignals) -> None:
     page.heading("Mounts: hysteresis and dynamic stiffness")
     cells = "Grey is a load cell. " if side.cells else "Without a load cell the estimate rests on equilibrium and the law. "
     page.text(
-        f"Tension over deflection, both about their mean, busiest seconds of each mount. {cells}"
+        f"Tension over deflection and over its rate, about the mean, busiest seconds of each mount. {cells}"
         "The law is that of the vehicle file with the stiffness and damping found in this run."
     )
     curves = {
@@ -98,8 +98,8 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
     page.text(
         f"Rainflow counting after ASTM E1049, pseudo-damage = sum of range^{assessment.slope:g}; only its ratios mean anything. "
         f"The equivalent amplitude is that of a sine of {EQUIVALENT_RATE_HZ:g} Hz that does the same damage in the same time. "
-        "The interval (95 %) takes the stated uncertainty of the force as one unknown factor for the whole run, the kind of "
-        "error that changes damage most; where its lower end is zero the damage is not known."
+        "The interval (95 %) takes the stated uncertainty of the force as one unknown factor, the kind of error that changes "
+        "damage most, and every cycle with the uncertainty of its time; where the lower end is zero the damage is not known."
     )
     measured = any(d.measured is not None for d in assessment.damages)
     rows = []

@@ -125,6 +125,17 @@ def test_interval_holds_the_true_damage(kind):
     assert inside >= 52
 
 
+def test_the_first_seconds_of_a_run_do_not_spoil_what_is_known_of_the_rest():
+    """Cycles of equal size, known to 20 % in the first sixth of the run and to 2 % afterwards."""
+    t = np.arange(12_000) / 200.0
+    y, s = 500.0 * np.sin(2.0 * np.pi * t), np.where(t < 10.0, 0.2, 0.02)
+    found = durability.assess_load(y, 200.0, s * np.abs(y))
+    for bound, sign in ((found.lower, -2.0), (found.upper, 2.0)):
+        by_hand = np.mean((1.0 + sign * s) ** 5) * found.value
+        # the two cycles that begin in one part and end in the other, of sixty
+        assert bound == pytest.approx(by_hand, rel=0.03)
+
+
 def test_the_uncertain_weight_moves_no_range():
     rng = np.random.default_rng(4)
     y = 3000.0 + rng.normal(0.0, 400.0, 4000)
