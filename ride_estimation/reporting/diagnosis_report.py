@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
 from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.replay_plots import legend_above
 from ride_estimation.signals.recording import run_title
 
 
@@ -219,7 +221,7 @@ def residual_spectrum(evidence: Evidence) -> Figure:
         axes.loglog(evidence.frequency_hz, np.convolve(values, kernel, mode="same"), style, lw=1.0, label=label)
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel(f"power per bin, all channels [({_printed(evidence.unit)})²]")
-    axes.legend()
+    legend_above(axes)
     axes.grid(alpha=0.3)
     return figure
 
@@ -236,7 +238,7 @@ def cumulated_periodogram(evidence: Evidence) -> Figure:
     axes.plot(evidence.frequency_hz, np.arange(len(noise)) / len(noise), "k--", label="noise alone")
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("cumulated share [-]")
-    axes.legend()
+    legend_above(axes)
     axes.grid(alpha=0.3)
     return figure
 
@@ -250,7 +252,7 @@ def residual_over_time(evidence: Evidence) -> Figure:
     axes.axhline(1.0, color="k", ls="--", lw=0.8)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("misfit [-]")
-    axes.legend()
+    legend_above(axes)
     axes.grid(alpha=0.3)
     return figure
 
@@ -269,6 +271,7 @@ def loops(evidence: Evidence) -> Figure:
         axes.tick_params(labelsize=7)
         axes.set_xlabel("deflection [mm]", fontsize=7)
         axes.set_ylabel("force [N]", fontsize=7)
+        axes.xaxis.set_major_locator(MaxNLocator(5))
         if number == 1:
             axes.legend(fontsize=6, loc="upper left")
     figure.tight_layout()
@@ -285,9 +288,9 @@ def stretch(evidence: Evidence) -> Figure:
     axes.plot(time_s, measured, "k", lw=1.0, label="measured")
     axes.plot(time_s, baseline, "C3", lw=0.8, label="calibrated linear model")
     axes.plot(time_s, extended, "C0", lw=0.8, label="extended model")
-    axes.set_title(name, fontsize=9)
+    axes.set_title(name, fontsize=9, loc="left")
     axes.set_xlabel("time [s]")
     axes.set_ylabel(f"reading, mean removed [{_printed(evidence.unit)}]")
-    axes.legend(loc="upper right")
+    legend_above(axes)
     axes.grid(alpha=0.3)
     return figure

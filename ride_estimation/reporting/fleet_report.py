@@ -78,8 +78,12 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
     page.text("Only usable values count: parameters with the status valid, damage that is known.")
     names = list(dict.fromkeys(name for _, metrics in good for name in metrics))
     page.table(
-        ["metric", "unit", "runs", "median", "smallest", "largest", "robust std"], [_spread(name, good) for name in names]
+        ["metric", "unit", "runs", "median", "smallest", "largest", "robust std"],
+        [_spread(name, good) for name in names if _known(name, good)],
     )
+    unknown = [name for name in names if not _known(name, good)]
+    if unknown:
+        page.text(f"Usable in no run: {', '.join(unknown)}.")
     shown = [name for name in names if _varies(name, good)][:_PANELS]
     if shown:
         page.heading("Pictures")
@@ -95,8 +99,6 @@ def _known(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[
 def _spread(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[object]:
     unit = next(metrics[name].unit for _, metrics in runs if name in metrics)
     values = np.array([value for _, value in _known(name, runs)])
-    if not values.size:
-        return [name, unit, 0, "", "", "", ""]
     middle = float(np.median(values))
     robust = 1.4826 * float(np.median(np.abs(values - middle)))
     return [name, unit, len(values), middle, float(values.min()), float(values.max()), robust]

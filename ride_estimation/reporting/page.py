@@ -24,7 +24,7 @@ PRINT_DPI = 150
 _STYLE = """
 body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1b1f24;background:#fff}
 h1{font-size:1.6em;margin-bottom:.2em;overflow-wrap:anywhere}h2{font-size:1.25em;margin-top:1.8em;border-bottom:1px solid #d0d7de}
-p{overflow-wrap:anywhere}
+p{overflow-wrap:anywhere}td{overflow-wrap:break-word}
 nav{font-size:.92em;margin:1em 0}nav a{display:inline-block;margin:0 .9em .3em 0;color:#0969da;text-decoration:none}
 .wide{overflow-x:auto;margin:.8em 0}
 table{border-collapse:collapse;font-size:.92em}th,td{border:1px solid #d0d7de;padding:.25em .6em;text-align:left}
@@ -32,7 +32,8 @@ th{background:#f3f5f7}td.number{text-align:right;font-variant-numeric:tabular-nu
 img{max-width:100%;height:auto}figure{margin:1em 0;overflow-x:auto}figcaption{color:#57606a;font-size:.9em}
 .verdict{font-size:1.15em;background:#eef6ff;border-left:5px solid #0969da;padding:.7em 1em}
 .warning{background:#fff8e5;border-left:5px solid #bf8700;padding:.4em 1em;margin:.3em 0}
-@media (max-width:700px){body{margin:.6em auto;padding:0 .6em}figure img{min-width:660px}td,th{padding:.2em .4em}}
+@media (max-width:700px){body{margin:.6em auto;padding:0 .6em}figure img{min-width:660px}td,th{padding:.2em .4em;max-width:22em}
+.wide table{width:max-content}}
 @media print{body{max-width:none;margin:0;font-size:10pt}nav{display:none}h2{break-after:avoid}
 figure,tr{break-inside:avoid}.wide,figure{overflow:visible}table{font-size:8pt}img{max-height:23cm}
 .verdict,.warning,th{-webkit-print-color-adjust:exact;print-color-adjust:exact}}

@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import signal
@@ -80,7 +81,7 @@ def mount_curves(
 
 
 def loops(run: OfflineRun, mounts: Sequence[str], curves: Mapping[tuple[int, int], MountCurves], axis: int = 2) -> Figure:
-    """Return force over deflection of every mount where it moves most.
+    """Return force over deflection and over its rate, of every mount where it moves most.
 
     Parameters
     ----------
@@ -96,27 +97,40 @@ def loops(run: OfflineRun, mounts: Sequence[str], curves: Mapping[tuple[int, int
     shown = [m for m in range(len(mounts)) if (m, axis) in curves]
     columns = min(len(shown), 4)
     rows = -(-len(shown) // columns)
-    figure = Figure(figsize=(11, 0.6 + 2.9 * rows))
+    height = 0.6 + 5.8 * rows
+    figure = Figure(figsize=(11, height))
+    panels = figure.subplots(2 * rows, columns, squeeze=False)
     for place, m in enumerate(shown):
-        axes = figure.add_subplot(rows, columns, place + 1)
+        row, column = 2 * (place // columns), place % columns
         one = curves[m, axis]
         first, last = busiest_stretch(run.time_s, one.deflection, _STRETCH_S)
         part = slice(first, last)
-        for values, colour, label in (
-            (one.measured, MEASURED, "load cell"), (one.law, LAW, "law with found values"),
-            (one.estimated, ESTIMATED, "estimate"),
-        ):  # fmt: skip
-            if values is not None:
-                axes.plot(1e3 * one.deflection[part], values[part], color=colour, lw=0.7, label=label)
-        axes.set_title(f"{mounts[m]} {AXES[axis]}", fontsize=9)
-        axes.set_xlabel("deflection [mm]", fontsize=8)
-        axes.set_ylabel("tension about mean [N]", fontsize=8)
-        axes.tick_params(labelsize=7)
-        axes.grid(alpha=0.3)
+        rate = np.gradient(one.deflection) * tick_rate(run)
+        upper, lower = panels[row, column], panels[row + 1, column]
+        for axes, values, unit in ((upper, 1e3 * one.deflection, "deflection [mm]"), (lower, 1e3 * rate, "rate [mm/s]")):
+            _loop(axes, values[part], one, part)
+            axes.set_xlabel(unit, fontsize=8)
+        upper.set_title(f"{mounts[m]} {AXES[axis]}", fontsize=9)
         if place == 0:
-            axes.legend(fontsize=7)
-    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.55 / (0.6 + 2.9 * rows), top=0.93, wspace=0.42, hspace=0.5)
+            # below the rising loop there is room, whatever its size
+            upper.legend(fontsize=7, loc="lower right")
+    for empty in range(len(shown), rows * columns):
+        for row in (0, 1):
+            panels[2 * (empty // columns) + row, empty % columns].set_axis_off()
+    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.55 / height, top=1.0 - 0.3 / height, wspace=0.42, hspace=0.32)
     return figure
+
+
+def _loop(axes: Axes, over: Array, curves: MountCurves, part: slice) -> None:
+    for values, colour, label in (
+        (curves.measured, MEASURED, "load cell"), (curves.law, LAW, "law with found values"),
+        (curves.estimated, ESTIMATED, "estimate"),
+    ):  # fmt: skip
+        if values is not None:
+            axes.plot(over, values[part], color=colour, lw=0.7, label=label)
+    axes.set_ylabel("tension about mean [N]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.grid(alpha=0.3)
 
 
 @dataclasses.dataclass(frozen=True)

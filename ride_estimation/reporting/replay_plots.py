@@ -55,30 +55,38 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
     measured, predicted = run.measured[sensor].astype(float), run.predicted[sensor].astype(float)
     time = run.time_s
     first, last = busiest_stretch(time, measured[:, 2], window_s)
-    figure = Figure(figsize=(11, 6.2))
-    axes = figure.subplots(3, 2, width_ratios=(2, 1))
+    residual = measured - predicted
+    figure = Figure(figsize=(11, 8.0))
+    grid = figure.add_gridspec(3, 2, width_ratios=(2, 1))
     for i, axis in enumerate(AXES):
-        left, right = axes[i]
-        left.plot(time[first:last], measured[first:last, i], color=MEASURED, linewidth=1.2, label="measured")
-        left.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label="rigid body")
-        residual = measured - predicted
-        about = float(np.mean(measured[first:last, i])) + residual[first:last, i]
-        left.plot(time[first:last], about, color=RESIDUAL, linewidth=0.6, label="difference, about the mean")
-        left.set_ylabel(f"{axis} [m/s²]")
+        # the difference has a strip and a scale of its own: beside the signal it is a straight line
+        halves = grid[i, 0].subgridspec(2, 1, height_ratios=(3, 1), hspace=0.08)
+        upper = figure.add_subplot(halves[0])
+        lower = figure.add_subplot(halves[1], sharex=upper)
+        right = figure.add_subplot(grid[i, 1])
+        upper.plot(time[first:last], measured[first:last, i], color=MEASURED, linewidth=1.2, label="measured")
+        upper.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label="rigid body")
+        lower.plot(time[first:last], residual[first:last, i], color=RESIDUAL, linewidth=0.6, label="difference")
+        upper.set_ylabel(f"{axis} [m/s²]")
+        lower.set_ylabel("difference\n[m/s²]", fontsize=8)
+        upper.tick_params(labelbottom=False)
+        lower.tick_params(labelsize=8)
         for values, colour in ((measured, MEASURED), (residual, RESIDUAL)):
             frequency, density = spectrum(values[run.valid, i], time)
             right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
         right.minorticks_off()
         right.set_ylabel("[m/s²/√Hz]")
-    _legend_above(axes[0][0])
-    axes[0][1].set_title("spectrum: measured (grey), difference (red)", fontsize=9)
-    axes[2][0].set_xlabel("time [s]")
-    axes[2][1].set_xlabel("frequency [Hz]")
-    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
+        if i == 0:
+            legend_above(upper)
+            right.set_title("spectrum: measured (grey), difference (red)", fontsize=9)
+    lower.set_xlabel("time [s]")
+    right.set_xlabel("frequency [Hz]")
+    figure.align_ylabels()
+    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.07, top=0.96, hspace=0.22, wspace=0.22)
     return figure
 
 
-def _legend_above(axes: Axes) -> None:
+def legend_above(axes: Axes) -> None:
     """Put the legend above the frame, where it hides nothing."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), fontsize=8, ncols=3, frameon=False)
 
@@ -114,7 +122,7 @@ def motion_and_load(run: OfflineRun) -> Figure:
         for i, direction in enumerate(AXES if start == 0 else ("roll", "pitch", "yaw")):
             axis.plot(*thinned(time, run.signals[name][:, start + i]), linewidth=0.6, label=direction)
         axis.set_ylabel(label)
-        _legend_above(axis)
+        legend_above(axis)
     axes[-1].set_xlabel("time [s]")
     figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
     return figure

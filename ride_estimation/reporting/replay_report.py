@@ -6,10 +6,11 @@ Pages that other programs call fatigue, ride comfort and spectra follow; :mod:`r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.estimation.offline import OfflineRun
@@ -23,6 +24,8 @@ from ride_estimation.sensors.sensor import SENSOR_KINDS
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
 
 _STATUS_WORDS = {
     "starting": "has not begun", "estimating": "is on its way", "valid": "settled", "suspect": "is doubtful",
@@ -122,6 +125,11 @@ def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
         values = [result["fit"].get(f"{sensor}.{axis}") for axis in AXES]
         rows.append([sensor, *("constant" if v is None else Digits(plain(100.0 * float(v), 2)) for v in values)])
     page.table(["sensor", *(f"NRMSE {axis} [%]" for axis in AXES)], rows)
+    test = run.health.residual
+    page.text(
+        f"Squared difference over what the stated noise of the sensors lets expect: {plain(test.ratio, 3)}; noise alone gives 1, "
+        f"and more than {plain(test.limit, 3)} once in a thousand runs."
+    )
     for sensor in run.measured:
         caption = f"{sensor}, sensor axes: busiest 5 s; spectra of the whole run"
         page.figure(plots.measured_against_model(run, sensor), caption, tight=False)
@@ -137,9 +145,17 @@ def _signal_table(page: Page, run: OfflineRun) -> None:
                 rms = float(np.sqrt(np.mean(column**2)))
                 rows.append([
                     f"{name} {axis} [{unit[i // 3]}]", float(column.mean()), rms, float(column.min()), float(column.max()),
-                    float(np.abs(column).max() / rms) if rms > 0.0 else 0.0, Digits(plain(float(np.median(std[:, i])), 2)),
+                    float(np.abs(column).max() / rms) if rms > 0.0 else 0.0, _kurtosis(column),
+                    Digits(plain(float(np.median(std[:, i])), 2)),
                 ])  # fmt: skip
-    page.table(["signal", "mean", "rms", "min", "max", "crest factor", "std of the estimate"], rows)
+    page.table(["signal", "mean", "rms", "min", "max", "crest factor [-]", "kurtosis [-]", "std of the estimate"], rows)
+    page.text("Crest factor: largest value over rms. Kurtosis: 3 for a Gaussian signal, more where single events stand out.")
+
+
+def _kurtosis(values: Array) -> object:
+    about = values - values.mean()
+    variance = float(np.mean(about**2))
+    return Digits(plain(float(np.mean(about**4)) / variance**2, 3)) if variance > 0.0 else "constant"
 
 
 def _forces(page: Page, run: OfflineRun) -> None:
@@ -176,17 +192,31 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     for p in run.parameters:
         value, half = with_std(p.value, 1.96 * p.std)
         words = f"{p.status.value}: {_STATUS_WORDS[p.status.value]}"
-        rows.append([p.name, Digits(value), Digits(half), p.unit, p.prior, words, p.reason])
+        rows.append([p.name, Digits(value), Digits(half), p.unit.replace(" ", "\u00a0"), p.prior, words, p.reason])
     page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
+    if run.health.innovation_ratio > 0.0:
+        page.text(
+            f"Squared innovations over what the stated uncertainty lets expect (NIS), last intervals: "
+            f"{plain(run.health.innovation_ratio, 3)}; 1 where mounts and uncertainty are as stated, less where the "
+            "uncertainty is cautious, more where the mounts do not follow their law."
+        )
     for kind in dict.fromkeys(p.name.rsplit(".", 1)[-1] for p in run.parameters):
         names = [p.name for p in run.parameters if p.name.rsplit(".", 1)[-1] == kind]
         if any(p.status.value != "valid" or p.value != p.prior for p in run.parameters if p.name in names):
             page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
     page.heading("What these data can and cannot tell")
-    told = {key: value for key, value in result["identifiability"].items() if value}
-    for key, value in told.items():
-        text = "; ".join(str(v) for v in value) if isinstance(value, (list, tuple)) else str(value)
-        page.text(f"{key.replace('_', ' ')}: {text}")
+    page.table(["", "what", "why"], list(_told(run, result["identifiability"])))
+
+
+def _told(run: OfflineRun, identifiability: Mapping[str, Any]) -> Iterator[list[object]]:
+    """Yield rows of verdict, names and reason; what shares a reason shares a row."""
+    for key, value in identifiability.items():
+        by_reason: dict[str, list[str]] = {}
+        for entry in [value] if isinstance(value, str) else value:
+            name, _, reason = str(entry).partition(": ") if key == "not_identifiable" else (str(entry), "", "")
+            by_reason.setdefault(reason, []).append(name)
+        for reason, names in by_reason.items():
+            yield [key.replace("_", " "), ", ".join(names), reason]
     open_ones = [p.name for p in run.parameters if p.status.value in ("starting", "estimating")]
     if open_ones:
-        page.text(f"not settled in this run: {'; '.join(open_ones)}")
+        yield ["not settled in this run", ", ".join(open_ones), "needs more excitation or time"]
