@@ -31,6 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Calibrate, print, write."""
     vehicle = load_vehicle(options.vehicle)
+    if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
+        raise InputDataError(f"{options.out}: a vehicle file is written as .yaml or .yml")
     if options.out is not None and options.out.exists() and options.out.samefile(find_vehicle_file(options.vehicle)):
         raise InputDataError(f"{options.out}: is the vehicle file that is read; its comments would be lost: write another file")
     found = calibrate(read_recording(options.recording, vehicle), vehicle)

@@ -21,7 +21,7 @@ from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.bench_records import read_bench_record, read_oscillator_record
+from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_oscillator_record
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
@@ -89,6 +89,10 @@ def run(options: argparse.Namespace) -> int:
             f"{options.recording}: a run of a vehicle needs --vehicle V.yaml; only bench records "
             f"({', '.join(_BENCH_SUFFIXES)}) do without"
         )
+    if dataclasses.replace(reading_options(options), rate_hz=0.0) != ReadOptions():
+        raise ConfigurationError(
+            f"{options.recording}: is a run of a vehicle; columns, units, --zero, --sign, --mount, --axis are for bench records"
+        )
     vehicle = load_vehicle(options.vehicle)
     folder = output_folder(options.out)
     rate = options.rate if options.rate > 0.0 else None
@@ -147,6 +151,9 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
 
 def _run_oscillator(options: argparse.Namespace) -> int:
     """Diagnose one record of a driven oscillator."""
+    for path in (options.recording, *options.validate):
+        if Path(path).suffix.lower() not in _BENCH_SUFFIXES:
+            raise ConfigurationError(f"{path}: --oscillator reads records ({', '.join(_BENCH_SUFFIXES)})")
     record, *others = [
         read_oscillator_record(Path(path), options.oscillator, options.rate, options.time)
         for path in (options.recording, *options.validate)

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 import ride_estimation
 import ride_estimation.cli as package
@@ -35,6 +35,14 @@ A first day, on the recordings that come with the package:
                                                                         then open out/nominal/report.html
 'ride-estimation VERB --help' says what a verb needs and gives; exit code 0 is success, 2 bad input with one message.
 """
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one sentence: the usage of a verb with many options would hide it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit code 2."""
+        self.exit(2, f"{self.prog}: {message}; '{self.prog} --help' says what it takes\n")
 
 
 def verb_helps() -> dict[str, str]:
@@ -68,7 +76,7 @@ def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
     """
     helps = verb_helps()
     wanted = set(helps if only is None else only)
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="ride-estimation", description=_overview(helps), epilog=EPILOG, usage="%(prog)s [-h] [--version] VERB ...",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip

@@ -112,7 +112,7 @@ def bag_files(path: Path) -> tuple[Path, ...]:
     Raises
     ------
     InputDataError
-        The path does not exist or holds no bag.
+        The path does not exist, holds no bag or several.
     """
     if not path.exists():
         raise InputDataError(f"{path}: does not exist")
@@ -122,11 +122,19 @@ def bag_files(path: Path) -> tuple[Path, ...]:
         if path.stat().st_size == 0:
             raise InputDataError(f"{path}: the file is empty")
         return (path,)
-    for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir())):
-        files = tuple(sorted(p for p in folder.iterdir() if p.is_file() and p.suffix in SUFFIXES))
-        if files:
-            return files
-    raise InputDataError(f"{path}: the folder holds no {', '.join(SUFFIXES)} file")
+    by_folder: dict[Path, list[Path]] = {}
+    below = (p for pattern in ("*", "*/*", "*/*/*") for p in path.glob(pattern))
+    for file in sorted(p for p in below if p.suffix in SUFFIXES and p.is_file()):
+        by_folder.setdefault(file.parent, []).append(file)
+    near = [folder for folder in by_folder if path in (folder, folder.parent)]
+    if path in near or len(by_folder) == len(near) == 1:
+        return tuple(by_folder[path if path in near else near[0]])
+    if not by_folder:
+        raise InputDataError(f"{path}: the folder holds no {', '.join(SUFFIXES)} file")
+    names = [str(folder.relative_to(path)) for folder in by_folder]
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    shown = f"{', '.join(names[:3])}{more}"
+    raise InputDataError(f"{path}: a folder of recordings ({shown}): name one of them; 'fleet' takes them all")
 
 
 def checksum_of(path: Path) -> str:

@@ -58,6 +58,8 @@ def read_yaml(path: Path) -> Mapping[str, Any]:
         raise ConfigurationError(f"not valid YAML: {' '.join(str(error).split())}", where=str(path)) from error
     if twice:
         raise ConfigurationError(twice, where=str(path))
+    if document is None:
+        raise ConfigurationError("the file is empty", where=str(path))
     if not isinstance(document, dict):
         raise ConfigurationError("the document must be a mapping of keys to values", where=str(path))
     return document

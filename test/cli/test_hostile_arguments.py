@@ -128,6 +128,13 @@ def test_output_that_cannot_be_written_is_refused_before_the_work(command: list[
     (["procedure", "velocity", "road.csv", "--column", "body_acceleration", "--out", "five.yaml/v.csv"], "cannot be made"),
     (["diagnose", str(BAGS / "standing"), "--vehicle", "truck_cab", "--out", "o", "--validate", str(BAGS / "standing")],
      "is the run that is fitted"),
+    (["diagnose", str(BAGS / "standing"), "--vehicle", "truck_cab", "--out", "o", "--mount", "fl"], "are for bench records"),
+    (["diagnose", str(BAGS / "standing"), "--out", "o", "--oscillator", "u,x"], "--oscillator reads records (.csv"),
+    (["calibrate", str(BAGS / "standing"), "--vehicle", "truck_cab", "--out", "v.docx"], "is written as .yaml or .yml"),
+    (["import-file", "absent.mf4", "--vehicle", "truck_cab", "--out", "o"], "does not exist"),
+    (["import-file", "empty", "--vehicle", "truck_cab", "--out", "o"], "is a folder"),
+    (["replay", str(BAGS), "--vehicle", "truck_cab", "--out", "o"], "'fleet' takes them all"),
+    (["replay"], "replay: the following arguments are required: RUN, --out, --vehicle; 'ride-estimation replay --help' says"),
     (["compare-models", str(BAGS / "standing"), "--vehicle", "truck_cab", "--validate", str(BAGS / "standing")],
      "is the run that is fitted"),
 ])  # fmt: skip

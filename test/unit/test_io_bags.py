@@ -306,6 +306,16 @@ def test_empty_and_wrong_paths(tmp_path: Path) -> None:
         assert name in str(caught.value)
 
 
+def test_a_folder_of_recordings_is_no_recording(tmp_path: Path) -> None:
+    """Not the first of them either, which would be an answer about a run nobody asked for."""
+    write_bag(tmp_path / "day" / "run1", recording(), SENSORS)
+    assert read_recording(tmp_path / "day", VEHICLE).checksum == read_recording(tmp_path / "day" / "run1", VEHICLE).checksum
+    write_bag(tmp_path / "day" / "run2", recording(), SENSORS)
+    for folder, names in ((tmp_path / "day", "run1, run2"), (tmp_path, "day/run1, day/run2")):
+        with pytest.raises(InputDataError, match=f"a folder of recordings .{names}.: name one"):
+            read_recording(folder, VEHICLE)
+
+
 def test_a_run_without_duration_is_refused(tmp_path: Path) -> None:
     path = write_messages(tmp_path / "b", [imu(START, ZERO, ABSENT)] * 3)
     with pytest.raises(InputDataError, match=r"lasts 0 s .*one stamp only"):

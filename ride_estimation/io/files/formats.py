@@ -37,10 +37,12 @@ def read_measurement_file(path: Path, time_name: str = "", rate_hz: float = 0.0)
         Missing, empty or damaged file, an unknown ending, a missing extra, or no usable channel.
     """
     suffix = path.suffix.lower()
+    if not path.exists():
+        raise InputDataError(f"{path}: does not exist")
+    if path.is_dir():
+        raise InputDataError(f"{path}: is a folder; a measurement file is needed")
     if suffix not in READ_SUFFIXES:
         raise InputDataError(f"{path}: unknown kind of file; allowed: {', '.join(READ_SUFFIXES)}")
-    if not path.is_file():
-        raise InputDataError(f"{path}: does not exist")
     if path.stat().st_size == 0:
         raise InputDataError(f"{path}: the file is empty")
     try:
