@@ -21,10 +21,10 @@ from ride_estimation.estimation.arrangement import channel_geometry
 from ride_estimation.estimation.block_math import stretches
 from ride_estimation.estimation.centripetal import centripetal_covariance, centripetal_terms
 from ride_estimation.estimation.motion_kernel import LARGEST_RATE, cg_block, follow_slow, predict_block, remove_gravity
-from ride_estimation.estimation.residual_doubt import motion_of_residuals, residual_doubt
+from ride_estimation.estimation.residual_doubt import error_of_one, more_than_chance, residual_doubt
 from ride_estimation.estimation.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.sensor_drift import motion_error
-from ride_estimation.estimation.sensor_faults import BIAS_TOLERANCE, FaultTest
+from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.sensors.layout import motion_rows
@@ -170,12 +170,13 @@ class CgMotionEstimator:
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
         self.doubted = False
         self._held = 0.0
-        #: sums of the residuals and their count at the last look
-        self._before: tuple[Array, float] = (np.zeros(3 * len(self.sensors)), 0.0)
+        #: sums of the residuals since the last look, and ticks
+        self._fresh = np.zeros(len(directions) + 1)
         self._drift = np.zeros((6, 6))
         #: sensors that spoke last, and how long it is those [s]
         self._mask: BoolArray = np.ones(len(self.sensors), dtype=bool)
         self._same = 0.0
+        self._summed = self._mask.copy()
         self.reset()
 
     def reset(self) -> None:
@@ -336,6 +337,7 @@ class CgMotionEstimator:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
             said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
             (self._sums if rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+            self._fresh += [*np.sum(said - predicted, axis=0), len(y)]
         if tells and rate_known:
             self._faults.observe(said, motion, rate, dt)
         else:
@@ -347,6 +349,9 @@ class CgMotionEstimator:
         if not np.array_equal(mask, self._mask):
             self._mask, self._same = mask.copy(), 0.0
         self._same += duration
+        if self._same > _LEFT_OUT and not mask.all() and not np.array_equal(mask, self._summed):
+            # what a sensor left in the residuals before it was left out says nothing about the others
+            self._summed, self._sums = mask.copy(), ResidualSums.empty(3 * len(mask))
         return bool(mask.all()) or (self._same > _LEFT_OUT and 3 * int(mask.sum()) > self._needed)
 
     def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
@@ -403,9 +408,8 @@ class CgMotionEstimator:
         """Return what the residuals of the last minute ask of the covariance of the motion: a factor on the std, and an addition.
 
         Scaled and widened by what all residuals show, see :mod:`residual_doubt`. Where they are more than noise and tolerances
-        explain, what an error of the sensor that explains them best does to the motion is added; from there to twice that
-        disagreement it comes in gradually. What is constant of the residuals is kept apart, as nothing is learned from constant
-        parts of a motion.
+        explain, what an error of the sensor that explains them best does to the motion is added, gradually up to twice that. What
+        is constant is kept apart, as nothing is learned from constant parts of a motion.
 
         Parameters
         ----------
@@ -438,34 +442,30 @@ class CgMotionEstimator:
         if share == 0.0 or not test.sensor:
             return factor, np.zeros((6, 6)), constant
         sensor = [s.name for s in self.sensors].index(test.sensor)
-        to_motion = motion_of_residuals(self._accelerometer_rows, weights, sensor)
-        one = to_motion @ mean
-        return factor, share**2 * (to_motion @ moving @ to_motion.T), share**2 * np.outer(one, one) + constant
+        reading = sums.signal_mean / sums.count
+        one, steady = error_of_one(self._accelerometer_rows, weights, sensor, mean, moving, reading, sums.dynamic())
+        return factor, share**2 * one, share**2 * steady + constant
 
     def _follow_drift(self, dt: float) -> Array:
         """Return what constant parts of the residuals that moved since long add to the covariance of the motion, shape (6, 6).
 
-        A sensor that drifts turns into a constant motion that the error of the sensor which explains the change best tells. On a
-        constant angular acceleration attitude and rates would run away: the bias of that is as open as the change is large.
+        A sensor that drifts turns into a constant motion, told by the error of the sensor that explains the change best. On an
+        angular one attitude and rates would run away: the bias of that is as open as the change is large.
         """
-        sums, before, nothing = self._sums, self._before, np.zeros((6, 6))
-        self._before = (sums.mean.copy(), sums.count)
-        fresh = sums.count - before[1]
+        (*fresh, ticks), self._fresh = self._fresh, np.zeros_like(self._fresh)
         spare = max(len(self._free_rows) - self._needed, 0)
-        if spare == 0 or before[1] < _LEAST_SUMS:
-            return nothing
-        if fresh <= 0.0:
-            return self._drift
-        change = (sums.mean - before[0]) / fresh - before[0] / before[1]
-        self._drift = nothing
-        if float(change @ change) < spare * BIAS_TOLERANCE**2:
-            return nothing
-        weights = self.weights(self._mask, dt).matrix[:, : len(change)]
-        moved = motion_error(change, self._accelerometer_rows, weights)
-        if not self._gyro_fit.any():
-            self._p_tilt[2, 2] = max(self._p_tilt[2, 2], float(np.max(moved[3:5] ** 2)))
-            self._p_yaw[2, 2] = max(self._p_yaw[2, 2], float(moved[5] ** 2))
-        self._drift = np.outer(moved, moved)
+        if spare == 0 or self._sums.count < _LEAST_SUMS or ticks == 0.0:
+            return np.zeros((6, 6)) if ticks else self._drift
+        before, self._drift = np.diagonal(self._drift), np.zeros((6, 6))
+        mean, moving = self._sums.moments()
+        change = np.array(fresh) / ticks - mean
+        if more_than_chance(change, np.diagonal(moving), ticks, spare):
+            weights = self.weights(self._mask, dt).matrix[:, : len(change)]
+            moved = motion_error(change, self._accelerometer_rows, weights)
+            self._drift = np.outer(moved, moved)
+        if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on
+            roll, pitch, yaw = np.maximum(before, np.diagonal(self._drift))[3:].tolist()
+            self._p_tilt[2, 2], self._p_yaw[2, 2] = max(self._p_tilt[2, 2], roll, pitch), max(self._p_yaw[2, 2], yaw)
         return self._drift
 
     def _sized(self) -> ResidualTest:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.residual_doubt import motion_of_residuals, residual_doubt
+from ride_estimation.estimation.residual_doubt import error_of_one, residual_doubt
 
 STATED = 0.02**2
 SPARE = 6
@@ -60,4 +60,24 @@ def test_error_of_one_sensor_is_read_from_its_residuals():
     error = np.zeros(12)
     error[3:6] = [0.3, -0.2, 0.5]
     residuals = error - rows @ (weights @ error)
-    assert np.allclose(motion_of_residuals(rows, weights, 1) @ residuals, weights @ error, atol=0.02 * np.linalg.norm(error))
+    moved = weights @ error
+    constant, nothing = error_of_one(rows, weights, 1, residuals, np.zeros((12, 12)), np.ones(12), np.ones(12))[::-1]
+    assert np.allclose(constant, np.outer(moved, moved), atol=0.04 * moved @ moved) and not nothing.any()
+
+
+def test_what_three_sensors_do_not_show_of_one_is_as_wrong_as_what_they_show():
+    """Three sensors in a plane: an error across it is a rotation to them. Along it the sensor reads a tenth too much."""
+    corners = [(0.8, 0.7), (-0.9, 0.6), (0.1, -0.8)]
+    rows = np.vstack([np.hstack([np.eye(3), [[0.0, 0.0, -y], [0.0, 0.0, x], [y, -x, 0.0]]]) for x, y in corners])
+    weights = np.linalg.pinv(rows)
+    rng = np.random.default_rng(4)
+    readings = rng.normal(size=(4000, 3)) * [1.0, 2.0, 3.0] + [0.0, 0.0, 9.81]
+    errors = np.zeros((4000, 9))
+    errors[:, :3] = 0.1 * readings
+    residuals = errors - errors @ weights.T @ rows.T
+    mean, variance = np.tile(readings.mean(axis=0), 3), np.tile(readings.var(axis=0), 3)
+    moving, constant = error_of_one(rows, weights, 0, residuals.mean(axis=0), np.cov(residuals.T), mean, variance)
+    moved = errors @ weights.T
+    # chance of 4 000 draws, and of how far the axes in the plane happen to be alike
+    assert np.allclose(np.sqrt(np.diag(moving)), moved.std(axis=0), rtol=0.05, atol=1e-6)
+    assert np.allclose(np.sqrt(np.diag(constant)), np.abs(moved.mean(axis=0)), rtol=0.05, atol=0.01)
