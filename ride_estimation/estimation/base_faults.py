@@ -204,8 +204,10 @@ class BaseFaults:
         off = self._mean[i] / self._gravity
         along = float(off @ upward)
         across = off - along * upward
-        gain, angle = self._test.errors(i)
         size = float(np.linalg.norm(across))
+        if max(size, abs(along)) <= _BIAS:
+            return ""
+        gain, angle = self._test.errors(i)
         if size > _BIAS and float(np.linalg.norm(np.cross(upward, angle) - across)) < _AGREE * size:
             return f"its mean and its motion both look turned by {math.degrees(size):.1f} deg"
         level = np.argsort(np.abs(upward))[:2]

@@ -14,7 +14,8 @@ of an hour; installation tolerances come off the estimate before it is tested, s
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,10 +83,13 @@ class Hints:
         self._spectra = SpectrumHints(body, np.asarray(free, dtype=bool)) if forces else None
         self._blocks: list[HintBlock] = []
         self._ticks = 0
+        #: looks at a chunk that are still to be taken
+        self._looks: list[Callable[[], None]] = []
 
     def reset(self) -> None:
         """Forget everything."""
         self._drop()
+        self._looks = []
         self._sensors.reset()
         if self._spectra is not None:
             self._spectra.reset()
@@ -94,14 +98,17 @@ class Hints:
         self._blocks, self._ticks = [], 0
 
     def observe(self, block: HintBlock, dt: float) -> None:
-        """Take one block; the detectors look once two seconds without a gap are there.
+        """Take one block; the detectors look once two seconds without a gap are there, one with each block that follows.
 
         Parameters
         ----------
         dt
             Tick [s].
         """
+        if self._looks:
+            self._looks.pop(0)()
         if not block.usable:
+            self._look()
             self._drop()
             if self._spectra is not None:
                 self._spectra.interrupt()
@@ -113,12 +120,19 @@ class Hints:
         joined = [np.concatenate([getattr(b, name) for b in self._blocks]) for name in _FIELDS]
         self._drop()
         measured, predicted, angular, support, missing = joined
-        self._sensors.observe(measured, measured - predicted, angular, dt)
+        self._looks.append(functools.partial(self._sensors.observe, measured, measured - predicted, angular, dt))
         if self._spectra is not None:
-            self._spectra.observe(support, missing, dt)
+            self._looks.append(functools.partial(self._spectra.observe, support, missing, dt))
+
+    def _look(self) -> None:
+        """Take all looks that are still to be taken."""
+        for look in self._looks:
+            look()
+        self._looks = []
 
     def hints(self) -> tuple[Hint, ...]:
         """Return what is suspected now, strongest evidence first."""
+        self._look()
         found = self._sensors.hints()
         if self._spectra is not None:
             found += self._spectra.hints()

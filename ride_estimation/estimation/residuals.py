@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ride_estimation.estimation.motion_kernel import add_residuals
 from ride_estimation.estimation.sensor_faults import BIAS_TOLERANCE, GAIN_TOLERANCE, PLACE_TOLERANCE, Fault
@@ -175,14 +175,15 @@ def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequenc
     project = np.eye(count) - free @ covariance @ free.T @ inverse
     c = project @ c @ project.T
     offset = (project @ mean) * np.sqrt(variance / (variance + BIAS_TOLERANCE**2))
+    # gammaincinv: the quantile of chi-squared, without the detours of scipy.stats
     # one draw of the mean with ``spare`` degrees of freedom: what chance and tolerance explain of it does not count
-    slack = float(stats.chi2.ppf(0.999, spare)) / spare
+    slack = float(2.0 * special.gammaincinv(0.5 * spare, 0.999)) / spare
     constant = float(offset @ inverse @ offset) / spare
     c = c + np.outer(offset, offset) * max(1.0 - slack / max(constant, 1e-12), 0.0)
     ratio = float(np.sum(np.diag(inverse) * np.diag(c))) / spare
     # samples of an anti-alias filtered signal are not independent: count a quarter of them
     freedom = spare * max(sums.count, 50.0) / 4.0
-    limit = MEANINGFUL * float(stats.chi2.ppf(0.999, freedom) / freedom)
+    limit = MEANINGFUL * float(2.0 * special.gammaincinv(0.5 * freedom, 0.999) / freedom)
     residual_variance = np.maximum(variance - np.einsum("ij,jk,ik->i", free, covariance, free), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         channel = np.sqrt(np.diag(c) / np.where(residual_variance > 1e-12, residual_variance, np.inf))

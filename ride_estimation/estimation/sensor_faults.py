@@ -15,13 +15,14 @@ Sensors in good order have ``b ~ N(0, I)``. With ``A = G^T G``, ``c = G^T z`` an
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ride_estimation.estimation.motion_kernel import average_ticks
 from ride_estimation.sensors.sensor import Sensor
@@ -295,13 +296,14 @@ class FaultTest:
         inflation = np.maximum(self._scatter[0] / np.maximum(self._scatter[1], 1e-300), 1.0)
         table = np.zeros((len(self._names), len(KINDS)))
         amounts: dict[tuple[int, int], tuple[Array, Array]] = {}
+        solved = functools.cache(self._solved)  # without scatter beyond white noise all kinds ask for the same
         for n, part in enumerate(KINDS.values()):
-            both = self._solved(noise * float(inflation[n]))
+            both = solved(noise * float(inflation[n]))
             for s in range(len(self._names)):
                 table[s, n], amounts[s, n] = self._score_test(*both, _COLUMNS * s + np.arange(part.start, part.stop))
         if table.min() > np.log(FALSE_ALARM / table.size):
             return None
-        information, score = self._solved(noise * float(inflation.max()))
+        information, score = solved(noise * float(inflation.max()))
         alone = np.array([self._explained(information, score, [s]) for s in range(len(self._names))])
         best = int(np.argmax(alone))
         rivals = tuple(m for s, m in enumerate(self._names) if s != best and alone[s] > alone[best] - 2.0 * math.log(_RIVAL))
@@ -379,7 +381,7 @@ def _symmetric(products: Array) -> Array:
 
 def _log_tail(value: float, freedom: int) -> float:
     """Return the log probability that chi-squared exceeds a value, where the probability itself is too small for a float."""
-    tail = float(stats.chi2.sf(value, freedom))
+    tail = float(special.chdtrc(freedom, value))
     if tail > 1e-250:
         return math.log(tail)
     # leading term of the incomplete gamma function (DLMF 8.11.2)

@@ -67,6 +67,7 @@ class EstimatorNode(LifecycleNode):
         self._active = False
         self._fault = ""
         self._reported_ns: int | None = None
+        self._diagnostics_due = False
         self._reported_since_watch = False
         self._saved_ns: int | None = None
         self._save_problem = ""
@@ -259,19 +260,20 @@ class EstimatorNode(LifecycleNode):
         for block in blocks:
             outputs.publish_ticks(block, session.ticks_to_publish(block.valid & finite(block), every))
         if blocks:
-            self._report_if_due(int(blocks[-1].stamp_ns[-1]))
+            self._report_if_due(session, outputs, int(blocks[-1].stamp_ns[-1]))
         return blocks
 
-    def _report_if_due(self, now_ns: int) -> None:
-        """Publish parameters and diagnostics once per period of data time."""
+    def _report_if_due(self, session: Session, outputs: EstimatePublishers, now_ns: int) -> None:
+        """Publish parameters once per period of data time and diagnostics a block later: no force waits for both."""
         period_ns = round(float(self.get_parameter("diagnostics_period").value) * 1e9)
-        if self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
-            self._reported_ns = now_ns
-            if self._session is not None and self._outputs is not None:
-                pipeline = self._session.pipeline
-                self._outputs.publish_parameters(now_ns, self._session.body, pipeline.inertia, pipeline.parameters())
+        if self._diagnostics_due:
+            self._diagnostics_due = False
             self._reported_since_watch = True
             self._publish_diagnostics(now_ns)
+        elif self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
+            self._reported_ns = now_ns
+            self._diagnostics_due = True
+            outputs.publish_parameters(now_ns, session.body, session.pipeline.inertia, session.pipeline.parameters())
 
     def _publish_diagnostics(self, stamp_ns: int) -> None:
         self._diagnostics.publish(conversions.diagnostics(stamp_ns, self._statuses()))
