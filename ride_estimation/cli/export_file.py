@@ -17,6 +17,9 @@ HELP = "write a recording or the results of a replay as CSV, Parquet or MDF4"
 EXAMPLES = """\
   ride-estimation export-file out/nominal --out nominal.parquet                               (results of a replay)
   ride-estimation export-file bags/nominal/bag --vehicle truck_cab --out nominal.mf4          (sensors of a recording)
+
+MDF4 keeps the time base of every sensor and gives the recording back bit for bit; CSV and Parquet have one time column, to which
+the samples of a recording are interpolated. 'import-file' reads all three.
 """
 
 

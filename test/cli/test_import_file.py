@@ -138,6 +138,15 @@ def test_a_bad_map_is_refused_with_all_mistakes(tmp_path: Path, capsys: pytest.C
 @pytest.mark.parametrize(
     ("suffix", "module"), [(".mf4", "asammdf"), (".tdms", "nptdms"), (".rpc", "rpc3"), (".parquet", "pyarrow")]
 )
+def test_a_cut_mdf_file_is_refused_in_one_line(bag: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("asammdf")
+    file = tmp_path / "run.mf4"
+    assert main(["export-file", str(bag), "--vehicle", str(VEHICLE), "--out", str(file)]) == 0
+    file.write_bytes(file.read_bytes()[:5000])
+    assert main(["import-file", str(file), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "again")]) == 2
+    assert capfd.readouterr().err.splitlines()[1:] == []
+
+
 def test_a_missing_extra_is_named_and_a_damaged_file_refused(
     suffix: str, module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

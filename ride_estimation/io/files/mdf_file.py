@@ -4,10 +4,14 @@
 from __future__ import annotations
 
 import datetime
+import gc
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ride_estimation.io.bag_source import READER_ERRORS
 from ride_estimation.io.files.channels import UNKNOWN_START_NS, FileChannel, MeasurementFile, require
 
 
@@ -15,7 +19,7 @@ def read_mdf(path: Path) -> MeasurementFile:
     """Read all numeric channels with their own time base, conversions applied."""
     asammdf = require("asammdf", "MDF")
     channels = []
-    with asammdf.MDF(path) as file:
+    with _opened(asammdf, path) as file:
         for number, group in enumerate(file.groups):
             master = file.masters_db.get(number)
             for place in range(len(group.channels)):
@@ -29,6 +33,20 @@ def read_mdf(path: Path) -> MeasurementFile:
         start = file.header.start_time
     stamp = round(start.timestamp() * 1e6) * 1000 if isinstance(start, datetime.datetime) else 0
     return MeasurementFile(str(path), stamp if stamp > 0 else UNKNOWN_START_NS, tuple(channels))
+
+
+def _opened(asammdf: Any, path: Path) -> Any:
+    """Return an open file; what asammdf cannot open prints a traceback where it is destroyed, beside the error: here, unseen."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        try:
+            return asammdf.MDF(path)
+        except READER_ERRORS as error:
+            words = " ".join(str(error).split()) or type(error).__name__
+        gc.collect()
+        raise ValueError(words)
+    finally:
+        sys.unraisablehook = hook
 
 
 def write_mdf(path: Path, groups: tuple[tuple[FileChannel, ...], ...], start_ns: int) -> None:
