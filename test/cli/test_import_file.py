@@ -135,9 +135,6 @@ def test_a_bad_map_is_refused_with_all_mistakes(tmp_path: Path, capsys: pytest.C
     assert all(part in told for part in ("nothing.x", "'N'", "cab_front_left.y", "odd"))
 
 
-@pytest.mark.parametrize(
-    ("suffix", "module"), [(".mf4", "asammdf"), (".tdms", "nptdms"), (".rpc", "rpc3"), (".parquet", "pyarrow")]
-)
 def test_a_cut_mdf_file_is_refused_in_one_line(bag: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("asammdf")
     file = tmp_path / "run.mf4"
@@ -147,6 +144,9 @@ def test_a_cut_mdf_file_is_refused_in_one_line(bag: Path, tmp_path: Path, capfd:
     assert capfd.readouterr().err.splitlines()[1:] == []
 
 
+@pytest.mark.parametrize(
+    ("suffix", "module"), [(".mf4", "asammdf"), (".tdms", "nptdms"), (".rpc", "rpc3"), (".parquet", "pyarrow")]
+)
 def test_a_missing_extra_is_named_and_a_damaged_file_refused(
     suffix: str, module: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
