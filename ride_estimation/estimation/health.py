@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.arrangement import AWAY, Arrangement, base_distances, base_transport
 from ride_estimation.estimation.residuals import ResidualTest
 from ride_estimation.estimation.sensor_faults import Fault
+from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.streams import StreamHealth
 
 Array = NDArray[np.float64]
@@ -98,31 +99,22 @@ class Health:
         return not self.messages
 
 
-def residual_message(test: ResidualTest, rates_hz: Mapping[str, float]) -> str:
-    """Return the residual test in words, empty where it passed.
-
-    Parameters
-    ----------
-    test
-        The test.
-    rates_hz
-        Sampling rate of the sensors that took part [Hz]: one that is slower sees less of the quick motion.
-    """
-    if test.passed:
-        return ""
-    return _disagreement(test) + _slower(rates_hz)
+def residual_message(test: ResidualTest) -> str:
+    """Return the residual test in words, empty where it passed."""
+    return "" if test.passed else _disagreement(test)
 
 
-def _slower(rates_hz: Mapping[str, float]) -> str:
-    """Return what sensors that sample more slowly than the others have to do with it, empty where there are none."""
+def rate_message(sensors: Sequence[Sensor], health: Mapping[str, SensorHealth]) -> str:
+    """Return which accelerometers sample more slowly than the others and what that means, empty where none does."""
+    rates_hz = {s.name: health[s.name].rate_hz for s in sensors if s.kind in ("accelerometer", "imu")}
     fastest = max(rates_hz.values(), default=0.0)
     slow = {name: rate for name, rate in rates_hz.items() if 0.0 < rate < _SLOWER * fastest}
     if not slow:
         return ""
     names = ", ".join(f"{name} samples at {rate:.0f} Hz" for name, rate in slow.items())
     return (
-        f"; {names} where others do at {fastest:.0f} Hz: quick motion that it does not see looks like an error of gain or "
-        "mounting. Filter all sensors of a body alike"
+        f"{names} where others do at {fastest:.0f} Hz: quick motion that a slower sensor does not see looks like an error of "
+        "gain or mounting. Filter all sensors of a body alike"
     )
 
 

@@ -28,7 +28,7 @@ from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEst
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.force_balance import BalanceInput
 from ride_estimation.estimation.force_kernel import follow_scaled
-from ride_estimation.estimation.health import Health, base_messages, residual_message, sensor_messages
+from ride_estimation.estimation.health import Health, base_messages, rate_message, residual_message, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.identifiable import describe
 from ride_estimation.estimation.input_checks import InputChecks
@@ -449,7 +449,7 @@ class Pipeline:
         }
         sensors = self._checks.health(self._aligner.health(), ratio)
         messages = self._checks.messages()
-        messages += [m for m in (residual_message(test, {n: sensors[n].rate_hz for n in ratio}),) if m]
+        messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
         if self._copies.taken:

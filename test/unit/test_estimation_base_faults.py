@@ -32,7 +32,9 @@ def run(kind: str, seed: int) -> tuple[CabRun, tuple[CabSensor, ...]]:
     return drive(cab, Road.random(rng, kind), LENGTH, seed, step=1e-3), random_sensors(cab, rng)
 
 
-def watched(kind: str, seed: int, victim: str = VICTIM, mix: list[int] | None = None, **changes: object) -> BaseFaults:
+def watched(
+    kind: str, seed: int, victim: str = VICTIM, mix: list[int] | None = None, leaning_deg: float = 0.0, **changes: object
+) -> BaseFaults:
     """Feed the base sensors of a whole run, one of them changed, its axes mixed: 2 is y, -1 is x inverted."""
     motion, sensors = run(kind, seed)
     wrong = tuple(dataclasses.replace(s, **changes) if s.name == victim else s for s in sensors)  # type: ignore[arg-type]
@@ -43,9 +45,10 @@ def watched(kind: str, seed: int, victim: str = VICTIM, mix: list[int] | None = 
     values = np.hstack([data.data[s.name] for s in base])
     watch = BaseFaults(base, range(len(base)), range(0, 3 * len(base), 3), GRAVITY)
     nothing = GateVerdict(np.ones((BLOCK, len(base)), dtype=bool), False, (), (), False, 1.0)
+    lean = Rotation.from_euler("x", leaning_deg, degrees=True).as_matrix()
     for k in range(0, len(values) - BLOCK, BLOCK):
         block = Block(k * 10**7, 10**7, values[k : k + BLOCK], nothing.valid, "")
-        force = np.asarray(data.truth["specific_force"])[k : k + BLOCK].mean(axis=0)
+        force = lean @ np.asarray(data.truth["specific_force"])[k : k + BLOCK].mean(axis=0)
         verdict = watch.judged(block, nothing, force, 1.0 / RATE)
         assert verdict.valid.all() == (not watch.refused)
         watch.learn(1.0 / RATE)
@@ -54,8 +57,16 @@ def watched(kind: str, seed: int, victim: str = VICTIM, mix: list[int] | None = 
 
 @pytest.mark.parametrize(
     ("mix", "changes", "words"),
-    [([-1, 2, 3], {}, "sign"), ([2, 1, 3], {}, "gain"), (None, {"delay_s": 0.02}, "delay"), ([1, -2, 3], {}, "sign")],
-    ids=["inverted x", "swapped x and y", "late", "inverted y"],
+    [
+        ([-1, 2, 3], {}, "axes (x, y, z are its -x, y, z)"),
+        ([2, 1, 3], {}, "axes (x, y, z are its y, x, z)"),
+        # what the sensor calls x, y, z is y, -x, z of its place
+        ([2, -1, 3], {}, "axes (x, y, z are its -y, x, z)"),
+        (None, {"delay_s": 0.02}, "delay"),
+        ([1, -2, 3], {}, "axes (x, y, z are its x, -y, z)"),
+        (None, {"gain": np.array([2.5, 2.5, 1.0])}, "gain"),
+    ],
+    ids=["inverted x", "swapped x and y", "a quarter of a turn", "late", "inverted y", "gain in the plane"],
 )
 def test_gross_fault_from_the_start_is_left_out(mix: list[int] | None, changes: dict[str, object], words: str) -> None:
     watch = watched("any", 611, mix=mix, **changes)
@@ -69,9 +80,19 @@ def test_gain_and_tilt_need_both_witnesses() -> None:
     turned = np.eye(3) @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
     assert f"{VICTIM}: its mean and its motion both look turned by 3.0 deg" in watched("any", 611, true_rotation=turned).doubt
     assert f"{VICTIM}: its mean and its motion are both +10 % too large" in watched("any", 611, gain=1.1).doubt
+
+
+def test_a_mean_alone_is_said_and_doubts_nothing() -> None:
     # a bias as large as that of the tilt shows in the mean alone
-    bias = np.array([0.0, GRAVITY * np.sin(np.radians(3.0)), 0.0])
-    assert not watched("any", 611, bias=bias).messages()
+    watch = watched("any", 611, bias=np.array([0.0, GRAVITY * np.sin(np.radians(3.0)), 0.0]))
+    (message,) = watch.messages()
+    assert message.startswith(f"{VICTIM} at the mount base: its mean looks turned by 3.0 deg, or is a bias of 0.5")
+    assert not watch.doubt
+    assert not watch.refused
+
+
+def test_a_body_that_leans_is_no_error_of_its_bases() -> None:
+    assert not watched("any", 611, leaning_deg=3.0).messages()
 
 
 @pytest.mark.parametrize("kind", ["any", "bumps", "cobbles"])
