@@ -23,7 +23,7 @@ ComplexArray = NDArray[np.complex128]
 
 #: first bending mode of the frame of a heavy truck, 6 to 9 Hz (Gillespie 1985, SAE 850001), the softest of the usual bases
 _BENDING_HZ = 8.0
-_TWIST_SHARE = 0.5  # of the slope of three brackets: twist and roll of a frame on a road are of one size
+_FLEX_SHARE = 0.2  # of what a base does that is bending or twist; a lever of 2 cm then errs by as much as a right model may
 _LEAST_REACH = 0.1  # half the distance of brackets below which their slope is no plate's [m]
 
 
@@ -122,9 +122,9 @@ def _excess(
 def unseen_tilt(plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray, omega: Array, samples: int, width: int) -> Array:
     """Return the power of the roll and pitch acceleration of every bracket that no base sensor shows, shape (F, 2 M).
 
-    From its first bending mode on, any part of the vertical motion of a frame may be bending, which has a slope of its own;
-    below it bends in proportion to its acceleration. Three brackets do not show a twist at all: each may then roll and pitch
-    by another share of the slope that they show together.
+    From its first bending mode on, a share of the vertical motion of a frame is bending, which has a slope of its own; below
+    it bends in proportion to its acceleration. Three brackets do not show a twist at all: each may then roll and pitch
+    by a share more or less than the slope that they show together.
 
     Parameters
     ----------
@@ -146,9 +146,9 @@ def unseen_tilt(plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray,
         slopes = [bool(np.any(plant.slope[3 * j + part])) for part in range(2)]
         for part in (p for p in range(2) if slopes[p]):
             reach = 0.5 * float(np.ptp(places[:, 1 - part]))
-            out[:, 2 * j + part] = bends * vertical[:, j] / max(reach, _LEAST_REACH) ** 2
+            out[:, 2 * j + part] = bends * vertical[:, j] * (_FLEX_SHARE / max(reach, _LEAST_REACH)) ** 2
             if all(slopes) and mount not in twisting:
-                out[:, 2 * j + part] += _TWIST_SHARE**2 * shown[:, 3 * j + part]
+                out[:, 2 * j + part] += _FLEX_SHARE**2 * shown[:, 3 * j + part]
     return out
 
 

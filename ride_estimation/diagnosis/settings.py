@@ -13,7 +13,7 @@ class Tolerances:
     Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation. The values are what
     workshop practice reaches: a calibration certificate (gain, usually 0.5 to 1 % for two standard deviations), a machined
     pad and a square (rotation, 0.2 degrees), a tape measure (position), one clock for converters that read their channels one
-    after the other (delay, 0.3 ms for three standard deviations), a CAD model or a swing test (inertia), zeroing on a level
+    after the other (delay, anywhere within 0.3 ms: 0.3 / sqrt 3), a CAD model or a swing test (inertia), zeroing on a level
     floor and the drift with temperature since then (bias, 2 mg). An installation that is worse is found as a cause; who knows
     it beforehand states it here.
 
@@ -42,7 +42,7 @@ class Tolerances:
     gain: float = 0.003
     misalignment: float = 0.004
     position: float = 0.004
-    delay: float = 1e-4
+    delay: float = 1.7e-4
     bandwidth: float = 0.15
     bias: float = 0.02
     cg: float = 0.01
@@ -76,7 +76,10 @@ class Settings:
     unexplained
         Share of the residual energy above the floor that may remain before the verdict is ``unexplained`` [-].
     unknown_probability
-        Prior probability that the true cause is not in the library [-]; bounds every stated confidence.
+        Prior probability that the true cause is not in the library and something in the library fits all the same [-]; bounds
+        every stated confidence.
+    further_cause
+        Prior probability that a vehicle with one cause has a further one [-].
     candidates
         Number of causes that are fitted fully.
     maximum_causes
@@ -101,7 +104,8 @@ class Settings:
     significance: float = 15.0
     relevance: float = 0.1
     unexplained: float = 0.25
-    unknown_probability: float = 0.01
+    unknown_probability: float = 0.02
+    further_cause: float = 0.15
     candidates: int = 6
     maximum_causes: int = 3
     most_fits: int = 40
