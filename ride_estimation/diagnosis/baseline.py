@@ -23,6 +23,7 @@ ComplexArray = NDArray[np.complex128]
 #: a frame is rigid or rests on a rig that only translates; what its members do in a twist is anybody's guess
 _TILT_STD = {"tilt": 0.5, "twist": 1.0}
 TILT_KINDS = frozenset(_TILT_STD)
+_BATCH = 32  # columns whitened at once: transforms of all of them together take half a gigabyte for a minute
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,7 +149,8 @@ def baseline_columns(
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
     adjustables, spectra, means = baseline_spectra(scene, table, prior)
-    return adjustables, scene.rows(spectra), means
+    parts = [scene.rows(spectra[:, :, i : i + _BATCH]) for i in range(0, len(adjustables), _BATCH)]
+    return adjustables, np.concatenate(parts, axis=2), means
 
 
 def baseline_spectra(

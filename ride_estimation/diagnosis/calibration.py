@@ -22,6 +22,8 @@ IntArray = NDArray[np.int64]
 
 _STEP_LIMITS = (0.4, 2.5)  # smallest and largest factor of one Gauss-Newton step
 _EXPLAINED = 1.5  # misfit per degree of freedom up to which CG and inertia are those of the body and not of a missing cause
+_LIMIT = 3.0  # standard deviations of a tolerance beyond which an error is a fault
+_HELD = 1e-3  # factor on the standard deviation of a coefficient that is held
 _DAMPED_STD = 0.02  # standard deviation of a damped step of ln k and ln c
 _DAMPED = 3  # largest number of damped steps in which errors of sensors, tilts and bodies are found
 
@@ -38,6 +40,8 @@ class Calibrated:
         Residual against all adjustables at the solution.
     fit
         Last solution on the fit blocks.
+    held
+        CG coordinates at the limit of their tolerance, index of the adjustable -> coefficient there.
     """
 
     scene: Scene
@@ -46,6 +50,7 @@ class Calibrated:
     regression: Regression
     fit: Fit
     blocks: IntArray
+    held: Mapping[int, float] = dataclasses.field(default_factory=dict)
 
     def log_std(self, kind: str) -> Array:
         """Return the standard deviation of ln k or ln c of every port, shape (P,)."""
@@ -82,19 +87,17 @@ def _port_regression(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Ad
 
 def _damped(regression: Regression, adjustables: tuple[Adjustable, ...]) -> Regression:
     """Return the regression with stiffness and damping drawn to where they are instead of to the file."""
-    std, offset = regression.prior_std.copy(), regression.prior_offset.copy()
+    std, offset = regression.prior_std * np.sqrt(regression.temper), regression.prior_offset.copy()
     ports = [i for i, a in enumerate(adjustables) if a.kind in ("stiffness", "damping")]
     std[ports], offset[ports] = _DAMPED_STD, 0.0
-    return Regression(
-        regression.residual, regression.columns, regression.mean_residual, regression.mean_columns, std, offset
-    )
+    return regression.with_prior(std, offset)
 
 
 def _idle(
     regression: Regression, adjustables: tuple[Adjustable, ...], blocks: IntArray, fit: Fit, settings: Settings
 ) -> bool:
     """Return whether stiffness and damping could as well stay where they are: the run would hardly notice."""
-    held = _damped(regression.with_temper(1.0), adjustables).with_temper(regression.temper)
+    held = _damped(regression, adjustables)
     staying, moving = (
         regression.misfit(regression.grams, blocks, f.coefficients) for f in (held.fit(held.grams, blocks), fit)
     )
@@ -178,6 +181,42 @@ def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: 
         out_displacement=moved.out_displacement[rows], out_base=moved.out_base[rows], tilt_share=plant.tilt_share,
         reading_errors=plant.reading_errors, body_errors=errors, warnings=plant.warnings
     )
+
+
+def with_held_cg(calibrated: Calibrated) -> Calibrated:
+    """Return the model whose CG lies no further from the file than three standard deviations.
+
+    A CG that lies beyond is a fault and not calibration; what the run says about it is then left in the residual, for causes to
+    explain. Only where the model explains the run: else what it misses bends the CG.
+    """
+    regression, used = calibrated.regression, calibrated.blocks
+    dof = float(calibrated.scene.block_dof[used].sum())
+    if regression.misfit(regression.grams, used, calibrated.fit.coefficients) > _EXPLAINED * dof:
+        return calibrated
+    held: dict[int, float] = {}
+    for i, a in enumerate(calibrated.adjustables):
+        if a.kind == "cg":
+            off, std = float(calibrated.fit.coefficients[i]) - a.offset, float(np.sqrt(calibrated.fit.covariance[i, i]))
+            if abs(off) > _LIMIT * (a.prior_std + std):
+                held[i] = a.offset + float(np.copysign(_LIMIT * a.prior_std, off))
+    if not held:
+        return calibrated
+    prior = regression.prior_std * np.sqrt(regression.temper), regression.prior_offset
+    for _ in range(2):
+        regression = regression.with_prior(*hold(prior[0], prior[1], held))
+        fit = regression.fit(regression.grams, used)
+        misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
+        regression = regression.with_temper(temper_of(misfit, calibrated.scene.inefficiency))
+    fit = regression.fit(regression.grams, used)
+    return dataclasses.replace(calibrated, regression=regression, fit=fit, held=held)
+
+
+def hold(std: Array, offset: Array, held: Mapping[int, float]) -> tuple[Array, Array]:
+    """Return prior standard deviations and offsets with some coefficients held at a value."""
+    std, offset = std.copy(), offset.copy()
+    for i, value in held.items():
+        std[i], offset[i] = _HELD * std[i], value
+    return std, offset
 
 
 def calibrate(

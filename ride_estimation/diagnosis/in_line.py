@@ -74,9 +74,7 @@ def _misfit(scene: Scene, regression: Regression, blocks: IntArray) -> tuple[flo
 
 def _held(regression: Regression, adjustables: tuple[Adjustable, ...], mount: str, axis: str) -> Regression:
     """Return the regression with one stiffness held where it is."""
-    std, offset = regression.prior_std.copy(), regression.prior_offset.copy()
+    std, offset = regression.prior_std * np.sqrt(regression.temper), regression.prior_offset.copy()
     row = next(i for i, a in enumerate(adjustables) if (a.kind, a.place, a.axis) == ("stiffness", mount, axis))
     std[row], offset[row] = _FIXED, 0.0
-    return Regression(
-        regression.residual, regression.columns, regression.mean_residual, regression.mean_columns, std, offset
-    )
+    return regression.with_prior(std, offset)

@@ -63,19 +63,47 @@ class Regression:
         temper: float = 1.0,
     ) -> None:
         root = np.sqrt(temper)
-        self.residual, self.columns = residual, columns
         self.mean_residual, self.mean_columns = root * mean_residual, root * mean_columns
         self.prior_std, self.prior_offset = prior_std / root, prior_offset
         self.temper = temper
         self.count = columns.shape[2]
-        full = np.ascontiguousarray(np.concatenate([columns, residual[:, :, None]], axis=2))
-        self.full = full
-        self.grams = np.swapaxes(full, 1, 2) @ full
+        # the rows of a minute take two hundred megabytes: regressions that differ in few columns share the others
+        self._shared = np.concatenate([columns, residual[:, :, None]], axis=2)
+        self._fresh: tuple[list[int], Array] = ([], self._shared[:, :, :0])
+        self.grams = np.swapaxes(self._shared, 1, 2) @ self._shared
+
+    @property
+    def full(self) -> Array:
+        """Return columns and residual, shape (B, R, p + 1)."""
+        places, fresh = self._fresh
+        if not places:
+            return self._shared
+        out = self._shared.copy()
+        out[:, :, places] = fresh
+        return out
+
+    @property
+    def columns(self) -> Array:
+        """Return the columns, shape (B, R, p)."""
+        return self.full[:, :, : self.count]
+
+    @property
+    def residual(self) -> Array:
+        """Return the residual, shape (B, R)."""
+        places, fresh = self._fresh
+        return fresh[:, :, -1] if places else self._shared[:, :, -1]
+
+    def _products(self, rows: Array) -> Array:
+        """Return the block products of columns and residual with some rows, (B, R, q) -> (B, p + 1, q)."""
+        places, fresh = self._fresh
+        out = np.swapaxes(self._shared, 1, 2) @ rows
+        out[:, places] = np.swapaxes(fresh, 1, 2) @ rows
+        return out
 
     def candidate_grams(self, rows: Array) -> Array:
         """Return block Grams of [columns, candidate rows, residual], shape (B, p + q + 1, p + q + 1)."""
         p, q = self.count, rows.shape[2]
-        cross = np.swapaxes(self.full, 1, 2) @ rows
+        cross = self._products(rows)
         own = np.swapaxes(rows, 1, 2) @ rows
         out = np.zeros((len(rows), p + q + 1, p + q + 1))
         out[:, :p, :p], out[:, :p, -1] = self.grams[:, :p, :p], self.grams[:, :p, -1]
@@ -137,6 +165,12 @@ class Regression:
         other.prior_std = self.prior_std / factor
         return other
 
+    def with_prior(self, std: Array, offset: Array) -> Regression:
+        """Return the same regression with another prior, shapes (p,); rows and Grams are shared."""
+        other = copy.copy(self)
+        other.prior_std, other.prior_offset = std / np.sqrt(self.temper), offset
+        return other
+
     def replaced(
         self, index: Sequence[int], rows: Array, residual: Array, prior: tuple[Array, Array], temper: float
     ) -> Regression:
@@ -155,14 +189,12 @@ class Regression:
         """
         other = copy.copy(self)
         places = [*index, self.count]
-        fresh = np.ascontiguousarray(np.concatenate([rows, residual[:, :, None]], axis=2))
-        other.full = self.full.copy()
-        other.full[:, :, places] = fresh
-        other.columns, other.residual = other.full[:, :, : self.count], residual
-        cross = np.swapaxes(fresh, 1, 2) @ other.full
+        other._shared = self.full
+        other._fresh = places, np.concatenate([rows, residual[:, :, None]], axis=2)
+        cross = other._products(other._fresh[1])
         other.grams = self.grams.copy()
-        other.grams[:, places, :] = cross
-        other.grams[:, :, places] = np.swapaxes(cross, 1, 2)
+        other.grams[:, :, places] = cross
+        other.grams[:, places, :] = np.swapaxes(cross, 1, 2)
         root, old = np.sqrt(temper), np.sqrt(self.temper)
         other.mean_residual, other.mean_columns = self.mean_residual * root / old, self.mean_columns * root / old
         other.prior_std, other.prior_offset = prior[0] / root, prior[1]
