@@ -27,6 +27,11 @@ def imu_payload(stamp_ns: int, acceleration: np.ndarray) -> bytes:
 
 
 def _seeds(folder: Path) -> list[bytes]:
+    from ride_estimation.estimation.settings import PipelineSettings
+    from ride_estimation.estimation.warm_up import warm_up
+
+    # to compile takes longer than an answer may
+    warm_up(load_vehicle(shared_path("config", "vehicles", "truck_cab.yaml")), PipelineSettings())
     rng = np.random.default_rng(0)
     return [imu_payload(START + k * 2_000_000, np.array([0.0, 0.0, 9.81]) + rng.normal(size=3)) for k in range(8)]
 
