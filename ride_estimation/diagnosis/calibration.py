@@ -201,13 +201,14 @@ def with_held_cg(calibrated: Calibrated) -> Calibrated:
                 held[i] = a.offset + float(np.copysign(_LIMIT * a.prior_std, off))
     if not held:
         return calibrated
-    prior = regression.prior_std * np.sqrt(regression.temper), regression.prior_offset
+    temper = regression.temper
+    prior = hold(regression.prior_std * np.sqrt(temper), regression.prior_offset, held)
+    none = np.zeros((*regression.residual.shape, 0))
     for _ in range(2):
-        regression = regression.with_prior(*hold(prior[0], prior[1], held))
+        regression = regression.replaced([], none, regression.residual, prior, temper)
         fit = regression.fit(regression.grams, used)
         misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
-        regression = regression.with_temper(temper_of(misfit, calibrated.scene.inefficiency))
-    fit = regression.fit(regression.grams, used)
+        temper = temper_of(misfit, calibrated.scene.inefficiency)
     return dataclasses.replace(calibrated, regression=regression, fit=fit, held=held)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable
-from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters
+from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters, with_held_cg
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear
@@ -46,7 +46,7 @@ from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, meas
 from ride_estimation.diagnosis.selection import Selection, Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import Splits, make_splits
-from ride_estimation.diagnosis.verdict import describe, name_causes
+from ride_estimation.diagnosis.verdict import describe, name_causes, within_library
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.recording import UniformRun
@@ -94,7 +94,7 @@ def diagnose(
     report = progress or (lambda share: None)
     try:
         plant, data, splits = _prepare(vehicle, run, settings)
-        calibrated = calibrate(plant, data, settings, splits.train)
+        calibrated = with_held_cg(calibrate(plant, data, settings, splits.train))
         _check_excitation(calibrated.scene, settings)
     except InputDataError as error:
         return insufficient(vehicle, str(error))
@@ -236,8 +236,8 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     if soft is not None and _elsewhere(soft, seen, work) < settings.significance:
         soft = None
     verdict, remaining = _verdict(work, soft, base)
-    causes = name_causes(work.calibrated, work.selection, soft, seen, settings, work.splits.train)
-    causes = _tempered(causes, verdict, remaining)
+    causes = name_causes(work.selection, soft, seen, work.splits.train)
+    causes = _tempered(causes, verdict, remaining, settings)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
     if work.selection.spent:
         warnings.append(
@@ -273,12 +273,14 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     )
 
 
-def _tempered(causes: tuple[NamedCause, ...], verdict: str, remaining: float) -> tuple[NamedCause, ...]:
-    """Return the causes with confidence lowered by what they leave; none where most of the residual remains."""
+def _tempered(
+    causes: tuple[NamedCause, ...], verdict: str, remaining: float, settings: Settings
+) -> tuple[NamedCause, ...]:
+    """Return the causes as sure as the library can hold the answer; none where most of the residual remains."""
     if verdict == NO_DISCREPANCY or (verdict == UNEXPLAINED and remaining > _MOSTLY_UNEXPLAINED):
         return ()
-    factor = 1.0 - (remaining if verdict == UNEXPLAINED else remaining**2)
-    return tuple(dataclasses.replace(c, confidence=c.confidence * max(factor, 0.0)) for c in causes)
+    known = within_library(len(causes), remaining, settings)
+    return tuple(dataclasses.replace(c, confidence=c.confidence * known) for c in causes)
 
 
 def _confirmed(work: _Work, base: Prediction, extended: Prediction) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable, port_columns
-from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, step_factor, stepped
+from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, hold, step_factor, stepped
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.noise import temper_of
@@ -22,6 +22,11 @@ from ride_estimation.diagnosis.splits import Splits
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+#: causes that are a large value of what every installation has a little of
+_TOLERATED = {
+    "sensor_gain": "gain", "sensor_misalignment": "misalignment", "wrong_sensor_position": "position",
+    "sensor_delay": "delay", "cg_offset": "cg",
+}  # fmt: skip
 _STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
 _SHARES = (1.0, 0.4, 0.15)  # of such a step that are tried: the edge of a contact is no straight line
 _CLOSE = 2  # best entries of a grid whose scales are varied before the best of all is chosen
@@ -109,6 +114,12 @@ class FullFit:
     def causes(self) -> tuple[str, ...]:
         """Return the cause ids."""
         return tuple(f.hypothesis.cause for f in self.fitted)
+
+
+def tolerance_of(hypothesis: Hypothesis) -> tuple[str, str, str]:
+    """Return kind, place and axis of the tolerance that a hypothesis is a large value of, an empty kind where of none."""
+    axis = {"roll": "x", "pitch": "y", "yaw": "z"}.get(hypothesis.axis, hypothesis.axis)
+    return _TOLERATED.get(hypothesis.cause, ""), hypothesis.location, axis
 
 
 def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Effect, ...]:
@@ -279,16 +290,22 @@ class FullFitter:
         self._prior = file_parameters(calibrated.scene.plant)
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
 
-    def _regression(self, scene: Scene, residual: Array, temper: float) -> tuple[tuple[Adjustable, ...], Regression]:
-        """Return the regression with port columns of this scene and the tolerance columns of the calibrated model."""
+    def _regression(
+        self, scene: Scene, residual: Array, temper: float, hypotheses: Sequence[Hypothesis]
+    ) -> tuple[tuple[Adjustable, ...], Regression]:
+        """Return the regression with port columns of this scene and the tolerance columns of the calibrated model.
+
+        A cause that is a large value of a tolerance takes its place: shared between both, the cause would be reported too small.
+        """
         cal = self._cal
         adjustables, rows = port_columns(scene, self._prior)
         everything = list(cal.adjustables)
         for i, a in zip(self._ports, adjustables):
             everything[i] = a
-        std = np.array([a.prior_std for a in everything])
-        offset = np.array([a.offset for a in everything])
-        return tuple(everything), cal.regression.replaced(self._ports, rows, residual, (std, offset), temper)
+        replaced = {tolerance_of(h) for h in hypotheses}
+        held = dict(cal.held) | {i: a.offset for i, a in enumerate(everything) if (a.kind, a.place, a.axis) in replaced}
+        prior = hold(np.array([a.prior_std for a in everything]), np.array([a.offset for a in everything]), held)
+        return tuple(everything), cal.regression.replaced(self._ports, rows, residual, prior, temper)
 
     def fit(self, start: Sequence[Score | Fitted], iterations: int = 4, after: FullFit | None = None) -> FullFit:
         """Fit hypotheses together, starting from screening scores or earlier fits.
@@ -314,7 +331,7 @@ class FullFitter:
             given = [*scene.state.effects, *held_effects(scene)]
             if given:
                 residual = residual + scene.push([tuple(given)])[:, :, 0]
-            adjustables, regression = self._regression(scene, residual, temper)
+            adjustables, regression = self._regression(scene, residual, temper, hypotheses)
             projector = Projector(regression, self._blocks)
             if iteration == 1:
                 self._choose_families(scene, projector, hypotheses, shapes, fresh)

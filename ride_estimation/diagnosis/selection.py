@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration import Calibrated
-from ride_estimation.diagnosis.fitting import FullFit, FullFitter
+from ride_estimation.diagnosis.fitting import FullFit, FullFitter, tolerance_of
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.parallel import in_order, usable_threads
@@ -22,11 +22,6 @@ from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
 
-#: causes that are a large value of what every installation has a little of
-_TOLERATED = {
-    "sensor_gain": "gain", "sensor_misalignment": "misalignment", "wrong_sensor_position": "position",
-    "sensor_delay": "delay", "cg_offset": "cg",
-}  # fmt: skip
 #: a group of mounts of which one brings that share is that mount
 _MOSTLY = 0.9
 #: other hypotheses at the places of known causes that stand for what their laws describe badly
@@ -413,8 +408,7 @@ def beyond_tolerance(fit: FullFit) -> bool:
     standard deviations of a good installation hold is calibration and no further cause.
     """
     last = fit.fitted[-1]
-    kind, place, axis = _TOLERATED.get(last.hypothesis.cause), last.hypothesis.location, last.hypothesis.axis
-    axis = {"roll": "x", "pitch": "y", "yaw": "z"}.get(axis, axis)
+    kind, place, axis = tolerance_of(last.hypothesis)
     limits = [
         a.prior_std for a in fit.adjustables
         if a.kind == kind and place in (a.place, "all") and axis in (a.axis, "")

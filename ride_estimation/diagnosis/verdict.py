@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ride_estimation.diagnosis.calibration import Calibrated
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Reported
@@ -29,13 +28,14 @@ _MOSTLY_NOISE = (
     "drive over a rougher road."
 )
 _NEAR = 1.5  # error over noise floor above which a clean verdict does not claim to reach the noise
+_FORM_LEFT = 0.05  # mean share of the residual that the right cause leaves because the real law has another form
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
 def name_causes(
-    calibrated: Calibrated, selection: Selection, soft: Fitted | None, scene: Scene, settings: Settings, blocks: IntArray
+    selection: Selection, soft: Fitted | None, scene: Scene, blocks: IntArray
 ) -> tuple[NamedCause, ...]:
-    """Return the named causes, strongest first.
+    """Return the named causes, strongest first, each as sure as its last contest within the library makes it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def name_causes(
     accepted = selection.accepted
     for fitted, contest in zip(accepted.fitted if accepted is not None else (), selection.contests):
         cause = library()[fitted.hypothesis.cause]
-        confidence, rivals = _weigh(contest, settings, blocks)
+        confidence, rivals = _weigh(contest, blocks)
         axis = fitted.hypothesis.axis or _axis_of(scene, fitted)
         named = NamedCause(
             fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(scene, fitted), confidence, rivals,
@@ -64,11 +64,33 @@ def name_causes(
         z = abs(float(soft.coefficients[0])) / max(soft.std(0), 1e-9)
         named = NamedCause(
             "one_soft_mount", soft.hypothesis.location, soft.hypothesis.axis, cause.parameters(scene, soft),
-            float((1.0 - settings.unknown_probability) * (1.0 - np.exp(-0.5 * min(z, 20.0)))), (),
+            float(1.0 - np.exp(-0.5 * min(z, 20.0))), (),
             cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
         )
         out.append((0.0, named))
     return tuple(named for _, named in sorted(out, key=lambda item: -item[0]))
+
+
+def within_library(count: int, remaining: float, settings: Settings) -> float:
+    """Return the probability that the named causes, and not one effect that no library lists, explain the run.
+
+    One effect outside the library rivals every set of causes. A further cause has its prior, so an unknown effect that takes
+    several causes to describe gets the likelier the more they are. The right cause leaves a share of the residual that is
+    exponential with a small mean, because the real law has another form; an effect that is only mimicked leaves any share up
+    to the one from which the answer is ``unexplained``.
+
+    Parameters
+    ----------
+    count
+        Number of named causes.
+    remaining
+        Share of the residual energy above the noise floor that they leave.
+    """
+    prior = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
+    if remaining > settings.unexplained:
+        return (1.0 - remaining) / (1.0 + prior)
+    mimicked = _FORM_LEFT / settings.unexplained * float(np.exp(remaining / _FORM_LEFT))
+    return 1.0 / (1.0 + prior * max(mimicked, 1.0))
 
 
 def _axis_of(scene: Scene, fitted: Fitted) -> str:
@@ -116,7 +138,7 @@ def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: In
     return below / (1.0 - below)
 
 
-def _weigh(contest: Round, settings: Settings, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
+def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
     """Return confidence and rivals of the cause that won a comparison, everything else equal."""
     leader = contest.candidates[0]
     named = leader.hypothesis.cause
@@ -136,8 +158,7 @@ def _weigh(contest: Round, settings: Settings, blocks: IntArray) -> tuple[float,
         words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
         hint = separation(named, h.cause) if deficit < _STRONG else ""
         rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
-    confidence = (1.0 - settings.unknown_probability) * float(same / weights.sum())
-    return confidence, tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
+    return float(same / weights.sum()), tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
 
 
 def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float) -> str:

@@ -11,7 +11,7 @@ import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_columns, mean_table
-from ride_estimation.diagnosis.calibration import calibrate, file_parameters
+from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters, with_held_cg
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypothesis import Sign
 from ride_estimation.diagnosis.kinematics import rotation_matrices
@@ -27,7 +27,7 @@ from ride_estimation.diagnosis.selection import beyond_tolerance
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
-from ride_estimation.diagnosis.verdict import reversal_odds
+from ride_estimation.diagnosis.verdict import reversal_odds, within_library
 from ride_estimation.signals.recording import UniformRun
 
 
@@ -238,3 +238,32 @@ def test_a_run_without_base_motion_is_insufficient_data():
     assert answer.verdict == "insufficient_data"
     assert "chassis side" in answer.sentence or "base motion" in answer.sentence
 
+
+
+@pytest.mark.parametrize(("true", "held"), [(0.025, False), (-0.045, True)])
+def test_a_cg_beyond_three_tolerances_is_left_in_the_residual(true, held):
+    rng = np.random.default_rng(11)
+    blocks, rows = 6, 40
+    columns = np.stack([np.full((blocks, rows), 200.0), rng.standard_normal((blocks, rows))], axis=2)
+    residual = columns @ np.array([true, 0.4]) + rng.standard_normal((blocks, rows))
+    adjustables = (Adjustable("cg", "cab", "z", 0.01), Adjustable("gain", "roof", "x", 0.1))
+    regression = Regression(residual, columns, np.zeros(0), np.zeros((0, 2)), np.array([0.01, 0.1]), np.zeros(2))
+    used = np.arange(blocks)
+    fit = regression.fit(regression.grams, used)
+    scene = types.SimpleNamespace(block_dof=np.full(blocks, float(rows)), inefficiency=1.0)
+    found = with_held_cg(Calibrated(scene, None, adjustables, regression, fit, used))
+    # the data determine it to 1 / (200 sqrt(240)) = 0.3 mm
+    assert found.fit.coefficients[0] == pytest.approx(-0.03 if held else true, abs=2e-3)
+    # what 15 mm too little leave, (0.015 x 200)^2 = 9 noise powers, weakens 240 rows against the prior of the gain as 10 would
+    evidence = 240.0 / (10.0 if held else 1.0)
+    assert found.fit.coefficients[1] == pytest.approx(0.4 * evidence / (evidence + 100.0), abs=0.08)
+    assert dict(found.held) == ({0: pytest.approx(-0.03)} if held else {})
+
+
+def test_stated_probability_counts_what_no_library_lists():
+    settings = Settings(unknown_probability=0.1, further_cause=0.2, unexplained=0.25)
+    assert within_library(1, 0.0, settings) == pytest.approx(0.9)
+    # odds of an unknown effect against two causes: 1 to 9, five times as likely
+    assert within_library(2, 0.0, settings) == pytest.approx(9.0 / 14.0)
+    assert within_library(1, 0.25, settings) == pytest.approx(9.0 / (9.0 + 0.2 * np.exp(5.0)))
+    assert within_library(1, 0.5, settings) == pytest.approx(0.45)

@@ -8,8 +8,9 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
-from ride_estimation.diagnosis.effect import Column, Shape
+from ride_estimation.diagnosis.baseline import cg_shift_wrench
+from ride_estimation.diagnosis.body_wrench import wrench_column
+from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.extension import move_cg
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
@@ -36,11 +37,11 @@ class CgOffset(Cause):
             for i, axis in enumerate(AXES):
 
                 def columns(scene: Scene, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
-                    return _columns(scene, b, np.eye(3)[i], float(shape["shift"]))
+                    force, moment = cg_shift_wrench(scene, b, np.eye(3)[i])
+                    column = wrench_column(scene, b, scene.grid.signal(force), scene.grid.signal(moment))
+                    return [column] if column else []
 
-                grid = tuple({"shift": d} for d in (-0.1, -0.02, 0.02, 0.1))
-                bounds = (Shape("shift", 0.02, -0.8, 0.8, 0.03),)
-                out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds))
+                out.append(Hypothesis(self.ID, body, axis, columns))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
@@ -53,14 +54,3 @@ class CgOffset(Cause):
         shift = float(fitted.coefficients[0]) * np.eye(3)[AXES.index(h.axis)]
         return move_cg(vehicle, h.location, shift), ()
 
-
-def _columns(scene: Scene, body: str, shift: np.ndarray, amount: float) -> list[Column]:
-    """Return the pseudo-wrench of a unit shift of the CG; its parallel-axis part is that of the given amount [m]."""
-    mass, gravity = scene.plant.vehicle.bodies[body].mass.value, scene.plant.vehicle.gravity
-    q, a = six_of(scene, body)
-    up = np.array([0.0, 0.0, 1.0])
-    force = -mass * np.cross(a[:, 3:], shift)
-    moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), up)
-    inertia = mass * (np.eye(3) - np.outer(shift, shift))
-    column = wrench_column(scene, body, force, moment - amount * a[:, 3:] @ inertia)
-    return [column] if column else []
