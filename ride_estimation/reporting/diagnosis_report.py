@@ -13,7 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.numbers import plain
+from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.replay_plots import legend_above
 from ride_estimation.signals.recording import run_title
 
@@ -64,7 +65,7 @@ def _cause(page: Page, cause: NamedCause) -> None:
     rows = []
     for p in cause.parameters:
         value, std, unit = in_reading_unit(p.value, p.std, p.unit)
-        rows.append([p.name, *rounded(value, std), "" if unit == "-" else unit])
+        rows.append([p.name, *map(Digits, rounded(value, std)), "" if unit == "-" else unit])
     page.table(["quantity", "value", "std", "unit"], rows)
 
 
@@ -180,7 +181,7 @@ def _parameters(page: Page, diagnosis: Diagnosis) -> None:
     page.table(
         ["parameter", "value", "std", "unit", "vehicle file"],
         [
-            [p.name, *rounded(p.value, p.std), p.unit, f"{p.prior:.4g}" if math.isfinite(p.prior) else ""]
+            [p.name, *map(Digits, rounded(p.value, p.std)), p.unit, Digits(plain(p.prior)) if math.isfinite(p.prior) else ""]
             for p in diagnosis.parameters
         ],
     )
@@ -279,18 +280,21 @@ def loops(evidence: Evidence) -> Figure:
 
 
 def stretch(evidence: Evidence) -> Figure:
-    """Draw a few seconds of the channel with the largest relative misfit."""
-    figure = Figure(figsize=(9, 3.2))
-    axes = figure.add_subplot()
+    """Draw a few seconds of the channel with the largest relative misfit, and what both models leave of it."""
+    figure = Figure(figsize=(9, 4.4))
+    axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     excess = evidence.channel_nrmse[:, 0] / np.maximum(evidence.channel_nrmse[:, 2], 1e-12)
     name = evidence.channel_names[int(np.argmax(excess))]
     time_s, measured, baseline, extended = evidence.stretch[name]
     axes.plot(time_s, measured, "k", lw=1.0, label="measured")
-    axes.plot(time_s, baseline, "C3", lw=0.8, label="calibrated linear model")
-    axes.plot(time_s, extended, "C0", lw=0.8, label="extended model")
+    for values, label, style in ((baseline, "calibrated linear model", "C3"), (extended, "extended model", "C0")):
+        axes.plot(time_s, values, style, lw=0.8, label=label)
+        below.plot(time_s, measured - values, style, lw=0.8)
     axes.set_title(name, fontsize=9, loc="left")
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(f"reading, mean removed [{_printed(evidence.unit)}]")
+    axes.set_ylabel(f"reading, mean removed\n[{_printed(evidence.unit)}]")
+    below.set_ylabel(f"difference\n[{_printed(evidence.unit)}]")
+    below.set_xlabel("time [s]")
     legend_above(axes)
-    axes.grid(alpha=0.3)
+    for one in (axes, below):
+        one.grid(alpha=0.3)
     return figure

@@ -87,8 +87,9 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
     shown = [name for name in names if _varies(name, good)][:_PANELS]
     if shown:
         page.heading("Pictures")
-        caption = "Every run by its place in the fleet; runs that stand out in red"
-        page.figure(_strips(shown, good, outliers), caption, tight=False)
+        caption = "Every run by its row in the table of the fleet; runs that stand out in red"
+        numbers = [place for place, row in enumerate(rows, start=1) if row.result]
+        page.figure(_strips(shown, good, numbers, outliers), caption, tight=False)
     return page
 
 
@@ -109,7 +110,9 @@ def _varies(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> bool
     return len(values) >= 2 and max(values) > min(values) and name not in ("duration", "warnings")
 
 
-def _strips(names: Sequence[str], runs: Sequence[tuple[str, Mapping[str, Metric]]], outliers: Sequence[Outlier]) -> Figure:
+def _strips(
+    names: Sequence[str], runs: Sequence[tuple[str, Mapping[str, Metric]]], numbers: Sequence[int], outliers: Sequence[Outlier]
+) -> Figure:
     rows = -(-len(names) // 3)
     figure = Figure(figsize=(11, 2.3 * rows + 0.4))
     odd = {(outlier.run, outlier.metric.name) for outlier in outliers}
@@ -117,11 +120,12 @@ def _strips(names: Sequence[str], runs: Sequence[tuple[str, Mapping[str, Metric]
         axes = figure.add_subplot(rows, 3, place)
         known = _known(name, runs)
         colours = ["#cf222e" if (runs[i][0], name) in odd else "#0969da" for i, _ in known]
-        axes.scatter([i + 1 for i, _ in known], [value for _, value in known], s=10, c=colours)
+        axes.scatter([numbers[i] for i, _ in known], [value for _, value in known], s=10, c=colours)
         unit = next(metrics[name].unit for _, metrics in runs if name in metrics)
         axes.set_title(name if len(name) < 46 else f"{name[:44]}...", fontsize=7)
         axes.set_ylabel(f"[{unit}]", fontsize=7)
-        axes.set_xlabel("run [number]", fontsize=7)
+        axes.set_xlabel("run [row]", fontsize=7)
+        axes.set_xlim(0.5, numbers[-1] + 0.5)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.tick_params(labelsize=7)
         axes.grid(alpha=0.3)

@@ -92,7 +92,7 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
         return
     page.heading("Durability of the attachment forces")
     for note in assessment.notes:
-        page.text(note)
+        page.text(f"{note[0].upper()}{note[1:]}.")
     if not assessment.damages:
         return
     page.text(
