@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from ride_estimation.nodes.estimator_node import EstimatorNode
@@ -30,7 +31,7 @@ def published(ros_single: Ros, monkeypatch: pytest.MonkeyPatch) -> dict[str, obj
     original = Publisher.publish
 
     def keep(self: Publisher, message: object) -> None:
-        messages[self.topic_name] = message
+        messages[self.topic_name] = deserialize_message(message, self.msg_type) if isinstance(message, bytes) else message
         original(self, message)
 
     monkeypatch.setattr(Publisher, "publish", keep)
