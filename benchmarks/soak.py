@@ -140,7 +140,7 @@ def main() -> int:
     )
     parts = np.array_split(np.arange(len(seconds)), 10)
     began, rows = time.perf_counter(), []
-    print("| part | to [h] | memory [MiB] | latency p50 [ms] | p99 [ms] | max [ms] | least eigenvalue | force std [N] | restarts |")
+    print("| part | to [h] | memory [MiB] | p50 [ms] | p99 [ms] | max [ms] | least eigenvalue | force std [N] | restarts |")
     print("|---|---|---|---|---|---|---|---|---|")
     for n, part in enumerate(parts):
         soak.latency.clear()
