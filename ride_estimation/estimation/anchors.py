@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.arrangement import Arrangement
 from ride_estimation.estimation.estimate import Estimate, Status
+from ride_estimation.estimation.parameter_change import common_change
 from ride_estimation.estimation.slots import Slot
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import ForceReference
@@ -32,6 +33,8 @@ _SHARE_STD = 0.03
 _MEAN_MEMORY, _CORRELATION = 4.0, 0.3
 #: excited time needed on each side of an added mass [s]
 _SETTLED = 8.0
+#: common change of all logarithms that is worth a word, standard deviations and share of all change that make it one
+_LOAD, _CLEARLY, _COMMON = 0.05, 4.0, 0.75
 
 NULL_DIRECTION = (
     "mass, inertia and all stiffness and damping values scaled by one factor together: accelerations do not change; only ratios "
@@ -40,14 +43,38 @@ NULL_DIRECTION = (
 
 
 @dataclasses.dataclass
-class _Cell:
-    """Running sums of one load cell against the estimated force, shape (3,) each."""
+class _Slope:
+    """Regression of a load cell on the estimated force; ``time`` is that of the excitation it remembers [s]."""
 
-    mean_cell: Array
-    mean_force: Array
     cross: float = 0.0
     square: float = 0.0
     misfit: float = 0.0
+    time: float = 0.0
+
+    @property
+    def value(self) -> float:
+        return self.cross / self.square if self.square > 0.0 else 1.0
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of the value by how the cell scatters about it."""
+        return math.sqrt(self.misfit * 2.0 * _CORRELATION / (self.square * self.time)) if self.square > 0.0 else math.inf
+
+    def add(self, force: Array, cell: Array, duration: float) -> None:
+        """Take moving parts of force and cell, shape (K,)."""
+        self.cross += float(force @ cell) / len(force) * duration
+        self.square += float(force @ force) / len(force) * duration
+        self.misfit += float(np.mean((cell - self.value * force) ** 2)) * duration
+        self.time += duration
+
+
+@dataclasses.dataclass
+class _Cell:
+    """A load cell against the estimated force: means, shape (3,), and slope since the last load came on."""
+
+    mean_cell: Array
+    mean_force: Array
+    slope: _Slope = dataclasses.field(default_factory=_Slope)
     time: float = 0.0
 
 
@@ -75,6 +102,11 @@ class MassAnchor:
         self._before: tuple[Array, Array] | None = None
         self._added_at = 0.0
         self._bare: tuple[float, float] | None = None
+        #: parameters of the beginning, and by how much all of them together have changed since
+        self._first: tuple[Array, Array] | None = None
+        self._together = 0.0
+        #: the common change from which on load cells are compared
+        self._slopes_from = 0.0
 
     @property
     def cells(self) -> tuple[tuple[str, int], ...]:
@@ -99,17 +131,57 @@ class MassAnchor:
         if cell.time < _MEAN_MEMORY:
             return
         a, b = (force - cell.mean_force)[:, 2], (measured - cell.mean_cell)[:, 2]
-        cell.cross += float(a @ b) / len(a) * duration
-        cell.square += float(a @ a) / len(a) * duration
-        slope = cell.cross / cell.square if cell.square > 0.0 else 1.0
-        cell.misfit += float(np.mean((b - slope * a) ** 2)) * duration
+        cell.slope.add(a, b, duration)
 
     def update(self, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float) -> None:
         """Look at all references with the present parameters (logarithms of multipliers, for the file's mass)."""
+        self._compare(theta, std, excited_time)
         for n, reference in enumerate(self._references):
             found = self._look(reference, theta, std, static_force, run_time, excited_time)
             if found is not None:
                 self._found[n] = found
+
+    def _compare(self, theta: Array, std: Array, excited_time: float) -> None:
+        """Follow by how much all stiffness and damping values together have changed since the beginning of the run."""
+        if not len(theta) or excited_time < _SETTLED:
+            return
+        if self._first is None:
+            self._first = theta.copy(), std.copy()
+        change, change_std, share = common_change(*self._first, theta, std)
+        clear = abs(change) > max(_LOAD, _CLEARLY * change_std) and share > _COMMON
+        self._together = change if clear else 0.0
+        if abs(self._together - self._slopes_from) > _LOAD:
+            self._begin_slopes_anew()
+
+    def _begin_slopes_anew(self) -> None:
+        """A load that came on is none of what load cells showed before; until they tell, what they told is carried along."""
+        for n, r in enumerate(self._references):
+            if r.kind == "load_cell":
+                self._cells[r.sensor].slope = _Slope()
+                if n in self._found:
+                    log, std = self._found[n]
+                    self._found[n] = log + self._slopes_from - self._together, math.hypot(std, self.doubt)
+        self._slopes_from = self._together
+
+    @property
+    def doubt(self) -> float:
+        """Return the relative standard deviation that a common change of all parameters leaves of the mass.
+
+        A load or mounts that all change alike: at even odds the mean square error of either reading is half the square.
+        """
+        return abs(math.expm1(-self._together)) / math.sqrt(2.0)
+
+    def notes(self) -> list[str]:
+        """Return what the person in the field should know about the mass."""
+        if not self._together or any(self._references[n].kind != "air_spring_pressure" for n in self._found):
+            return []
+        body, load = self.arrangement.body.name, math.expm1(-self._together)
+        way, other = ("fell", "softened") if load > 0.0 else ("rose", "stiffened")
+        return [
+            f"all stiffness and damping values {way} together by {100 * abs(math.expm1(self._together)):.0f} % during the run: "
+            f"a mass of {body} that is {100 * load:+.0f} % of what it was does exactly that (a load that came on or off), mounts "
+            f"that all {other} alike would too; a known stiffness, a load cell or the load itself as known_added_mass tells which"
+        ]
 
     def _look(
         self, r: ForceReference, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float
@@ -124,13 +196,15 @@ class MassAnchor:
             weight = float(static_force[self.arrangement.mount_names.index(r.mount), AXES.index(r.axis or "z")])
             if "force_std" in r.details:
                 own = float(r.details["force_std"]) / force
-            return (math.log(force / weight), math.hypot(own, _SHARE_STD)) if weight > 0.0 and force > 0.0 else None
-        if r.kind == "load_cell":
-            cell = self._cells[r.sensor]
-            if cell.square <= 0.0 or cell.cross <= 0.0 or cell.time < 2.0 * _MEAN_MEMORY:
+            if weight <= 0.0 or force <= 0.0:
                 return None
-            scatter = math.sqrt(cell.misfit * 2.0 * _CORRELATION) / math.sqrt(cell.square) / math.sqrt(cell.time)
-            return math.log(cell.cross / cell.square), math.hypot(own, scatter * cell.square**0.5 / max(cell.cross**0.5, 1e-12))
+            # read at the beginning: what has come on since shows in all parameters
+            return math.log(force / weight) - self._together, math.hypot(own, _SHARE_STD, self.doubt)
+        if r.kind == "load_cell":
+            slope = self._cells[r.sensor].slope
+            if slope.value <= 0.0 or slope.time < _MEAN_MEMORY:
+                return None
+            return math.log(slope.value), math.hypot(own, slope.std / slope.value)
         if r.kind == "known_added_mass":
             return self._added(r, own, theta, std, run_time, excited_time)
         return None
@@ -160,12 +234,9 @@ class MassAnchor:
             return math.log(self._bare[0] / file_mass), self._bare[1]
         if self._before is None or excited_time - self._added_at < _SETTLED:
             return None
-        old, old_std = self._before
         vertical = np.array([s.axis == 2 for s in self._slots])
-        variance = (old_std**2 + std**2)[vertical]
-        weight = 1.0 / variance
-        fall = float(np.sum(weight * (old - theta)[vertical]) / np.sum(weight))
-        fall_std = float(1.0 / math.sqrt(np.sum(weight)))
+        change, fall_std, _ = common_change(*(values[vertical] for values in (*self._before, theta, std)))
+        fall = -change
         ratio = math.expm1(fall)
         if ratio * added <= 0.0 or abs(fall) < 3.0 * fall_std:
             return None
@@ -180,7 +251,7 @@ class MassAnchor:
         prior = self.arrangement.body.mass
         relative = prior.std / prior.value if prior.std else 0.0
         if self.known or not self._found:
-            return 1.0, relative if self.known or prior.std else 0.1
+            return 1.0, relative if self.known else math.hypot(relative if prior.std else 0.1, self.doubt)
         weights = np.array([1.0 / s**2 for _, s in self._found.values()])
         logs = np.array([v for v, _ in self._found.values()])
         mean = float(np.sum(weights * logs) / np.sum(weights))
@@ -247,16 +318,23 @@ class MassAnchor:
             "before": before,
             "added_at": self._added_at,
             "bare": None if self._bare is None else list(self._bare),
+            "first": None if self._first is None else [self._first[0].tolist(), self._first[1].tolist()],
+            "together": self._together,
+            "slopes_from": self._slopes_from,
         }
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self._found = {int(n): (float(v[0]), float(v[1])) for n, v in saved["found"].items()}
         for name, c in saved["cells"].items():
-            own = {key: float(c[key]) for key in ("cross", "square", "misfit", "time")}
-            self._cells[name] = _Cell(np.array(c["mean_cell"], dtype=float), np.array(c["mean_force"], dtype=float), **own)
-        before = saved["before"]
-        self._before = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
+            slope = _Slope(**{key: float(value) for key, value in c["slope"].items()})
+            mean_cell, mean_force = (np.array(c[key], dtype=float) for key in ("mean_cell", "mean_force"))
+            self._cells[name] = _Cell(mean_cell, mean_force, slope, float(c["time"]))
+        self._before, self._first = (
+            None if pair is None else (np.array(pair[0], dtype=float), np.array(pair[1], dtype=float))
+            for pair in (saved["before"], saved["first"])
+        )
+        self._together, self._slopes_from = float(saved["together"]), float(saved["slopes_from"])
         self._added_at = float(saved["added_at"])
         bare = saved.get("bare")
         self._bare = None if bare is None else (float(bare[0]), float(bare[1]))

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.parameter_change import steady_scatter
+
 Array = NDArray[np.float64]
 
 #: intervals in memory
@@ -21,6 +23,8 @@ _SHRINK = 4.0
 _START, _INFLATION = 4.0, (0.5, 1e6)
 #: intervals that a scatter needs
 _FEWEST = 4
+#: intervals that tell a scatter from parameters that move
+_FEWEST_STEADY = 8
 
 
 class Interval:
@@ -149,8 +153,31 @@ class IntervalMemory:
             if len(stack) > _LENGTH:
                 stack.pop(0)
 
+    def scores(self, theta: Array) -> tuple[Array, Array]:
+        """Return the information of the intervals (J, N, N) and their gradients at given parameters (J, N)."""
+        information = np.array(self._information)
+        return information, np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
+
+    def carry(self, step: Array, recent: int) -> None:
+        """Carry all but the recent intervals over to parameters that have moved since: they were about those of their time."""
+        old = max(self.length - recent, 0)
+        self._centre[:old] = [c + step for c in self._centre[:old]]
+
+    def weigh(self, theta: Array) -> float:
+        """Refresh ``inflation`` with parameters that were learned; return it over what it was."""
+        if self.length < _FEWEST_STEADY:
+            return 1.0
+        before = self.inflation
+        information, scores = self.scores(theta)
+        values, basis = np.linalg.eigh(information.sum(axis=0))
+        keep = values > 1e-6 * values[-1]
+        # parameters that move are no noise
+        steady = np.einsum("ai,ab,bi->i", basis[:, keep], steady_scatter(scores), basis[:, keep])
+        self.inflation = float(np.clip(np.mean(steady / values[keep]), *_INFLATION))
+        return self.inflation / before
+
     def standard_deviation(self, p: Array, theta: Array) -> Array:
-        """Return the standard deviations of the parameters, shape (N,), and refresh ``inflation``.
+        """Return the standard deviations of the parameters, shape (N,).
 
         Parameters
         ----------
@@ -163,12 +190,10 @@ class IntervalMemory:
         stated = np.sqrt(np.diag(p))
         if n < _FEWEST:
             return stated
-        information = np.array(self._information)
-        scores = np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
+        information, scores = self.scores(theta)
         total = information.sum(axis=0)
         scatter = scatter_of(information, scores)
         ratio = scatter.ratio
-        self.inflation = float(np.clip(ratio, *_INFLATION))
         # the filter remembers more than this memory: take its covariance, with the scatter instead of scaled theory
         half = p @ scatter.basis / self.inflation
         mixed = (n * scatter.covariance + _SHRINK * ratio * np.diag(scatter.values)) / (n + _SHRINK)

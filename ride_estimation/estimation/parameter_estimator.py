@@ -29,6 +29,7 @@ from ride_estimation.estimation.parameter_filter import ParameterFilter
 from ride_estimation.estimation.parameter_model import ParameterModel
 from ride_estimation.estimation.parameter_status import StatusTracker
 from ride_estimation.estimation.refinement import Kept, Refinement
+from ride_estimation.estimation.repetition import Repetition
 from ride_estimation.estimation.saved_state import plain
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slots import find_slots
@@ -123,11 +124,16 @@ class ParameterEstimator:
         self._settled = self._followed = 0.0
         self._interval = Interval(len(self.theta))
         self._kept: list[Kept] = []
+        self._repetition = Repetition()
         self._drop_look()
 
     def _fresh(self, theta: Array) -> ParameterFilter:
         kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
-        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept)
+        roles = np.array([s.role for s in self.slots])
+        common = np.zeros((len(theta), 2))
+        common[: self.count] = roles[:, None] == (0, 1)
+        common = common[:, common.any(axis=0)] / np.sqrt(max(self.count, 1))
+        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common)
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
@@ -261,7 +267,8 @@ class ParameterEstimator:
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
         size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
-        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
+        repeats = self._repetition.observe(chunk.measured[:, :3], chunk.step)
+        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise)) and not repeats
         weights = self._weights(covariance)
         duration = len(chunk.measured) * chunk.step
         self._keep(chunk)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.guarded_ekf import GuardedEkf
 from ride_estimation.estimation.interval import Interval, IntervalMemory
+from ride_estimation.estimation.parameter_change import RECENT, moved
 from ride_estimation.estimation.rls import forgetting_noise
 
 Array = NDArray[np.float64]
@@ -35,9 +36,14 @@ class ParameterFilter:
         Standard deviation before anything was learned, and bounds, shape (N,).
     kept
         Share of what was learned that an interval leaves in the directions it excites.
+    common
+        Directions along which all change alike, shape (N, C).
     """
 
-    def __init__(self, theta: Array, prior_std: Array, lower: Array, upper: Array, kept: float) -> None:
+    def __init__(
+        self, theta: Array, prior_std: Array, lower: Array, upper: Array, kept: float, common: Array | None = None
+    ) -> None:  # fmt: skip
+        self._common = np.zeros((len(theta), 0)) if common is None else common
         self._prior_std, self._lower, self._upper, self._kept = prior_std, lower, upper, kept
         self._ekf = GuardedEkf(theta, np.diag(prior_std**2))
         self.theta = np.array(theta, dtype=float)
@@ -89,11 +95,30 @@ class ParameterFilter:
         if not result.accepted:
             return self._reject(result.reason)
         self._keep_within_bounds()
-        self.theta = ekf.x
         self.memory.add(interval, centre)
+        self._reweigh(self.memory.weigh(ekf.x))
+        self._follow()
+        self.theta = ekf.x
         self.std = self.memory.standard_deviation(ekf.p, self.theta)
         self.learned += 1
         return True
+
+    def _reweigh(self, ratio: float) -> None:
+        """Let what was learned weigh as its intervals scatter now, this much more than before; the prior stays what it was."""
+        scaled, own = self._ekf.p / np.outer(self._prior_std, self._prior_std), self._prior_std
+        values, basis = np.linalg.eigh(scaled)
+        learned = np.maximum(1.0 / values - 1.0, 0.0)
+        values = np.where(learned > 0.0, 1.0 / (1.0 + learned / ratio), values)
+        self._ekf.replace(p=np.outer(own, own) * ((basis * values) @ basis.T))
+
+    def _follow(self) -> None:
+        """Go along where the last intervals contradict what was learned before them."""
+        if self.memory.length:
+            step, added = moved(*self.memory.scores(self._ekf.x), self._ekf.p, self._common)
+            if np.any(step):
+                self._ekf.replace(x=self._ekf.x + step, p=self._ekf.p + added)
+                self.memory.carry(step, RECENT)
+                self._keep_within_bounds()
 
     def _open(self) -> None:
         """The vehicle has changed: open the covariance and forget the scatter of before."""

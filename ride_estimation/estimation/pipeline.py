@@ -451,7 +451,7 @@ class Pipeline:
         messages = self._checks.messages()
         messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
-        messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._tilting.notes()]
+        messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._anchor.notes(), *self._tilting.notes()]
         if self._copies.taken:
             messages.append(f"{self._copies.taken} times what was learned in the last seconds was taken back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]

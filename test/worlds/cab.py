@@ -20,6 +20,8 @@ from worlds.roads import BaseMotion, Road, base_motion
 
 GRAVITY = 9.80665
 LAWS_PER_AXIS = 2
+#: stages in which a slow load comes on
+LOAD_STEPS = 60
 AXES = ("x", "y", "z")
 
 
@@ -28,15 +30,17 @@ class Hidden:
     """Everything a linear rigid cab does not have; empty by default. Filled by :mod:`worlds.effects`.
 
     ``laws``: (mount index, axis index, law code, parameters). ``cross`` (M, 3, 3) extra stiffness. ``drift`` (M, 3, 4):
-    relative change, start s, end s, share in the damping. ``mass_after``: (time s, mass, cg, inertia). ``push``: disturbance
-    force (amplitude N, frequency Hz, wander, seed), arm point and direction. ``elastic``: (frequency Hz, damping ratio, shape
-    at mounts (M, 3), {sensor: shape (3,)}), modal mass 1. ``suspended``: (mass, frequency Hz, damping ratio, point).
+    relative change, start s, end s, share in the damping. ``mass_after``: (time s, mass, cg, inertia), reached after
+    ``mass_over_s`` more seconds. ``push``: disturbance force (amplitude N, frequency Hz, wander, seed), arm point and direction.
+    ``elastic``: (frequency Hz, damping ratio, shape at mounts (M, 3), {sensor: shape (3,)}), modal mass 1. ``suspended``:
+    (mass, frequency Hz, damping ratio, point).
     """
 
     laws: tuple[tuple[int, int, int, tuple[float, ...]], ...] = ()
     cross: np.ndarray | None = None
     drift: np.ndarray | None = None
     mass_after: tuple[float, float, np.ndarray, np.ndarray] | None = None
+    mass_over_s: float = 0.0
     push: tuple[float, float, float, int] | None = None
     push_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     push_direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -150,13 +154,9 @@ class CabRun:
 
     def mass_properties(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return mass (N,), cg (N, 3) and inertia (N, 3, 3) at every step."""
-        n = len(self.time)
-        mass, cg = np.full(n, self.vehicle.mass), np.tile(self.vehicle.cg, (n, 1))
-        inertia = np.tile(self.vehicle.inertia, (n, 1, 1))
-        after = self.vehicle.hidden.mass_after
-        if after is not None:
-            late = self.time >= after[0]
-            mass[late], cg[late], inertia[late] = after[1], after[2], after[3]
+        starts, *stages = mass_stages(self.vehicle)
+        stage = np.searchsorted(starts, self.time, side="right")
+        mass, cg, inertia = (np.asarray(values)[stage] for values in stages)
         return mass, cg, inertia
 
     @property
@@ -166,6 +166,27 @@ class CabRun:
         w = self.angular_rate
         moment = np.einsum("nij,nj->ni", j, self.angular_accel) + np.cross(w, np.einsum("nij,nj->ni", j, w))
         return np.hstack([mass[:, None] * self.specific_force, moment])
+
+
+def mass_stages(vehicle: CabVehicle) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the times (S,) at which the mass properties step on, and mass, cg and inertia before the first and after each."""
+    hidden = vehicle.hidden
+    if hidden.mass_after is None:
+        return np.zeros(0), np.array([vehicle.mass]), vehicle.cg[None], vehicle.inertia[None]
+    when, mass, cg, inertia = hidden.mass_after
+    count = LOAD_STEPS if hidden.mass_over_s > 0.0 else 1
+    share = np.arange(count + 1)[:, None] / count
+    total = vehicle.mass + (mass - vehicle.mass) * share[:, 0]
+    moment = vehicle.mass * vehicle.cg * (1.0 - share) + mass * np.asarray(cg) * share
+
+    def about_origin(m: float, c: np.ndarray, j: np.ndarray) -> np.ndarray:
+        return j + m * (c @ c * np.eye(3) - np.outer(c, c))
+
+    first = about_origin(vehicle.mass, vehicle.cg, vehicle.inertia)
+    last = about_origin(mass, np.asarray(cg), inertia)
+    where = moment / total[:, None]
+    inertias = [first + (last - first) * s - about_origin(m, c, np.zeros((3, 3))) for s, m, c in zip(share[:, 0], total, where)]
+    return when + hidden.mass_over_s * share[1:, 0], total, where, np.array(inertias)
 
 
 def simulate(vehicle: CabVehicle, base: BaseMotion) -> CabRun:
@@ -180,10 +201,8 @@ def simulate(vehicle: CabVehicle, base: BaseMotion) -> CabRun:
         lawp[mount, axis, slot, : len(parameters)] = parameters
     drift = np.zeros((m, 3, 4)) if hidden.drift is None else np.asarray(hidden.drift, float)
     cross = np.zeros((m, 3, 3)) if hidden.cross is None else np.asarray(hidden.cross, float)
-    mass, cg, inertia, switch = [vehicle.mass] * 2, [vehicle.cg] * 2, [vehicle.inertia] * 2, n + 5
-    if hidden.mass_after is not None:
-        switch = round(hidden.mass_after[0] / base.step)
-        mass[1], cg[1], inertia[1] = hidden.mass_after[1:]
+    starts, mass, cg, inertia = mass_stages(vehicle)
+    switches = np.round(starts / base.step).astype(np.int64)
     shape, w2, zw = np.zeros((m, 3)), 0.0, 0.0
     if hidden.elastic is not None:
         w = 2 * np.pi * hidden.elastic[0]
@@ -194,7 +213,7 @@ def simulate(vehicle: CabVehicle, base: BaseMotion) -> CabRun:
         spring = suspended * (2 * np.pi * f) ** 2
         damper = 2 * zeta * np.sqrt(spring * suspended)
     bodies = (
-        np.array(mass, float), np.array(cg, float), np.array(inertia, float), np.linalg.inv(np.array(inertia, float)),
+        mass, cg, inertia, np.linalg.inv(inertia),
         GRAVITY, np.array(hidden.push_point, float), np.array(hidden.push_direction, float), np.array(point, float),
     )  # fmt: skip
     mount = (
@@ -206,7 +225,7 @@ def simulate(vehicle: CabVehicle, base: BaseMotion) -> CabRun:
     y[:3], y[6] = vehicle.cg, 1.0
     push = _push_signal(hidden, base)
     states, acc, force, deflection, rate = integrate(
-        base.step, base.chassis, base.brackets, np.ascontiguousarray(vehicle.mounts, float), push, y, bodies, switch,
+        base.step, base.chassis, base.brackets, np.ascontiguousarray(vehicle.mounts, float), push, y, bodies, switches,
         mount, codes, lawp, extra, np.ascontiguousarray(vehicle.mounts, float),
     )  # fmt: skip
     return CabRun(

@@ -215,11 +215,11 @@ def derivative(y, time, lag, pos, vel, rot, rate, push, body, mount, codes, lawp
 
 
 @compiled
-def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes, lawp, extra, points):
+def integrate(h, chassis, brackets, seat, push, y, bodies, switches, mount, codes, lawp, extra, points):
     """Integrate and return (states, acc, force, deflection, rate) at every full step.
 
-    ``chassis`` (2N+1, 12) and ``brackets`` (2N+1, M, 12) are given at half steps. ``bodies`` are the two sets of mass
-    properties before and after step ``switch``; ``points`` (M, 3) the mounts in body-file axes.
+    ``chassis`` (2N+1, 12) and ``brackets`` (2N+1, M, 12) are given at half steps. ``bodies`` are the sets of mass
+    properties before, between and after the steps ``switches``; ``points`` (M, 3) the mounts in body-file axes.
     """
     n = (chassis.shape[0] - 1) // 2
     m = seat.shape[0]
@@ -244,9 +244,9 @@ def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes,
     add = (w2, zw, shape, sm, sk, sc, suspended_point - cgs[0])
     place_brackets(chassis[0], brackets[0], seat, pos[0], vel[0], rot[0], rate[0])
     for i in range(n + 1):
-        if i == switch and stage == 0:
-            stage = 1
-            shift = cgs[1] - cgs[0]
+        if stage < switches.shape[0] and i == switches[stage]:
+            stage += 1
+            shift = cgs[stage] - cgs[stage - 1]
             r = np.empty((3, 3))
             rotation_of_quaternion(y[6:10], r)
             om = y[10:13]
@@ -256,8 +256,8 @@ def integrate(h, chassis, brackets, seat, push, y, bodies, switch, mount, codes,
             for a in range(3):
                 y[a] += r[a, 0] * shift[0] + r[a, 1] * shift[1] + r[a, 2] * shift[2]
                 y[3 + a] += r[a, 0] * turn[0] + r[a, 1] * turn[1] + r[a, 2] * turn[2]
-            body = (masses[1], inverses[1], inertias[1], points - cgs[1], grav, push_point - cgs[1], push_dir)
-            add = (w2, zw, shape, sm, sk, sc, suspended_point - cgs[1])
+            body = (masses[stage], inverses[stage], inertias[stage], points - cgs[stage], grav, push_point - cgs[stage], push_dir)
+            add = (w2, zw, shape, sm, sk, sc, suspended_point - cgs[stage])
         t = i * h
         derivative(
             y,

@@ -12,6 +12,11 @@ import dataclasses
 
 import numpy as np
 
+#: way over which a wheel climbs a kerb, about the radius of a tyre on its belt [m]
+KERB_RISE = 0.35
+#: angle of the chassis per lateral and longitudinal acceleration [rad per m/s^2]
+LEAN, DIVE = 0.006, 0.004
+
 
 @dataclasses.dataclass(frozen=True)
 class Road:
@@ -23,7 +28,9 @@ class Road:
     chassis acceleration, ``twist`` share of the axle twist that reaches the cab frame, ``local`` ratio of local bracket
     acceleration, ``follow`` shares of the frame's twist that brackets roll and pitch with (a cross member rolls, a rail
     pitches, a stiff subframe does neither), ``standing_s`` seconds at rest before the start, ``stop_s`` when it stops
-    again [s], ``engine`` (frequency Hz, acceleration m/s^2) of a shake while moving.
+    again [s], ``engine`` (frequency Hz, acceleration m/s^2) of a shake while moving, ``kerbs`` as (time s, height m,
+    length m, side) climbed and left over ``KERB_RISE``, ``course`` as (``brake`` m/s^2 | ``bend`` m/s^2 | ``slope`` rad,
+    time s, length s, amount): braking is a negative amount, a bend to the left and a slope nose down are positive.
     """
 
     roughness: float = 256e-6
@@ -41,6 +48,8 @@ class Road:
     ramp_s: float = 1.0
     stop_s: float = np.inf
     engine: tuple[float, float] = (0.0, 0.0)
+    kerbs: tuple[tuple[float, float, float, str], ...] = ()
+    course: tuple[tuple[str, float, float, float], ...] = ()
     wheelbase: float = 4.2
     track: float = 2.0
     front_axle_x: float = 0.3
@@ -139,7 +148,55 @@ def _bump_profile(road: Road, time: np.ndarray, side: str) -> np.ndarray:
             x = (time - when) * road.speed / length
             inside = (x >= 0.0) & (x <= 1.0)
             profile[inside] += height * 0.5 * (1.0 - np.cos(2 * np.pi * x[inside]))
+    for when, height, length, where in road.kerbs:
+        if where in ("both", side):
+            rise = KERB_RISE / road.speed
+            up, down = _blend(time, when, rise)[0], _blend(time, when + length / road.speed, rise)[0]
+            profile += height * (up - down)
     return profile
+
+
+def _pulse(time: np.ndarray, start: float, length: float, rise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a pulse of height one with smooth flanks: its rate, itself, its integral."""
+    rates, values, areas = [], [], []
+    for begin in (start, start + length):
+        value, rate = _blend(time, begin, rise)
+        p = np.maximum(time - begin, 0.0) / rise
+        area = rise * np.where(p < 1.0, p**4 * (2.5 - 3.0 * p + p**2), p - 0.5)
+        rates.append(rate)
+        values.append(value)
+        areas.append(area)
+    return rates[0] - rates[1], values[0] - values[1], areas[0] - areas[1]
+
+
+def _course_motion(road: Road, time: np.ndarray) -> np.ndarray:
+    """Return what braking, bends and slopes do to the chassis, (N, 12), seen from a frame that goes on at the first speed."""
+    along, along_rate, speed = np.zeros_like(time), np.zeros_like(time), np.full_like(time, road.speed)
+    side, side_rate, slope, slope_rate = (np.zeros_like(time) for _ in range(4))
+    for kind, when, length, amount in road.course:
+        rate, value, area = _pulse(time, when, length, 0.6 if kind != "slope" else 2.0)
+        if kind == "slope":
+            slope, slope_rate = slope + amount * value, slope_rate + amount * rate
+        elif kind == "bend":
+            side, side_rate = side + amount * value, side_rate + amount * rate
+        else:
+            along, along_rate, speed = along + amount * value, along_rate + amount * rate, speed + amount * area
+    turning = side / speed
+    step = time[1] - time[0]
+
+    def summed(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))]) * step
+
+    heading = summed(turning)
+    velocity = np.column_stack([speed * np.cos(heading) - road.speed, speed * np.sin(heading)])
+    out = np.zeros((len(time), 12))
+    out[:, 0], out[:, 1] = summed(velocity[:, 0]), summed(velocity[:, 1])
+    out[:, 3:5] = velocity
+    # the body dives and leans on its suspension
+    out[:, 6], out[:, 9] = LEAN * side, LEAN * side_rate
+    out[:, 7], out[:, 10] = slope - DIVE * along, slope_rate - DIVE * along_rate
+    out[:, 8], out[:, 11] = heading, turning
+    return out
 
 
 def base_motion(
@@ -169,7 +226,7 @@ def base_motion(
     right = coherence * left + np.sqrt(1.0 - coherence**2) * _noise(freq, rng) * density
     left, right = amplitude_of(left), amplitude_of(right)
     time = np.arange(size) * half
-    if road.bumps:
+    if road.bumps or road.kerbs:
         left = left + np.fft.rfft(_bump_profile(road, time, "left"))
         right = right + np.fft.rfft(_bump_profile(road, time, "right"))
     front, rear = _corner_response(freq, rng), _corner_response(freq, rng)
@@ -220,6 +277,8 @@ def base_motion(
     for j, spectrum in enumerate(spectra):
         column = j if j < 3 else 3 + j
         chassis[:, column], chassis[:, column + 3] = series(spectrum)
+    if road.course:
+        chassis += _course_motion(road, t)
     points = np.asarray(points, float)
     middle = points.mean(axis=0) if centre is None else np.asarray(centre, float)
     brackets = np.zeros((n, len(points), 12))
