@@ -350,10 +350,8 @@ class Scene:
         std = std * grid.omega[:, None] ** np.array([s.noise_slope for s in plant.inputs])
         twice = (-1.0 / grid.omega**2)[:, None, None]
         turned = plant.static_tilt() * twice
-        noise = r.base_from_input * std[:, None, :]
-        doubt, output, deflection = tilt_doubt(
-            plant, r, self.base_spectrum, self.input_spectrum, noise, grid.samples, self._smoothing
-        )
+        spectra = self.base_spectrum, self.input_spectrum, r.base_from_input * std[:, None, :]
+        doubt, output, deflection = tilt_doubt(plant, r, *spectra, grid.samples, self._smoothing)
         #: standard deviation per sample of input noise and of what is unknown of the tilt of brackets, (F, nu + q)
         self.disturbance = np.concatenate([std, doubt], axis=1)
         #: how they reach the outputs and the deflections: static loads that turn with their bases included
@@ -373,8 +371,10 @@ class Scene:
             np.array([s.kind == "acceleration" for s in self.plant.outputs]),
         )
         level = np.sum(np.abs(self.measured_spectrum * self.grid.band_weight[:, None]) ** 2, axis=0) / self.grid.samples
-        gross = np.sum(self.gross_power * self.grid.band_weight[:, None] ** 2, axis=0)
-        #: that power in the band over the measured one, at least one, shape (ny,)
+        tilts = (self.noise_transfer * self.disturbance[:, None, :])[:, :, len(self.plant.inputs) :]
+        doubt = np.sum(np.abs(tilts) ** 2, axis=2) / self.settings.adequacy**2
+        gross = np.sum((self.gross_power + doubt) * self.grid.band_weight[:, None] ** 2, axis=0)
+        #: that power, and what doubt about the base adds to it, in the band over the measured one, at least one, shape (ny,)
         self.gross_ratio: Array = np.maximum(gross / np.maximum(level, 1e-300), 1.0)
         if like is None:
             self.noise_covariance = residual_covariance(
