@@ -192,10 +192,12 @@ def _exposure_entry(e: Exposure) -> dict[str, Any]:
             "a_w_m_per_s2": values.weighted_rms, "vdv_m_per_s1_75": values.vibration_dose,
             "mtvv_m_per_s2": values.maximum_transient, "crest_factor": values.crest_factor,
         }  # fmt: skip
-    minutes = (e.minutes_to_action, e.minutes_to_limit)
+    minutes = {
+        "minutes_to_action": e.minutes_to_action, "minutes_to_limit": e.minutes_to_limit,
+        "vdv_minutes_to_action": e.dose_minutes_to_action, "vdv_minutes_to_limit": e.dose_minutes_to_limit,
+    }  # fmt: skip
     return entry | {
         "a_v_m_per_s2": e.vector_sum, "a8_m_per_s2": e.a8, "vdv_day_m_per_s1_75": e.dose,
-        "minutes_to_action": minutes[0] if math.isfinite(minutes[0]) else None,
-        "minutes_to_limit": minutes[1] if math.isfinite(minutes[1]) else None,
+        **{key: value if math.isfinite(value) else None for key, value in minutes.items()},
         "highest_hz": e.highest_hz, "notes": list(e.notes()),
     }  # fmt: skip
