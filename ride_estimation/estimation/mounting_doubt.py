@@ -8,6 +8,10 @@ off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, as far
 ``r epsilon k z / (c d')`` (rms values). r is their correlation: a frame that bends with the motion has one, and N independent
 values of a run leave it ``1 / sqrt(N)``.
 
+epsilon is a tenth of a degree (a machined face) or, where that is more, what gravity shows: a sensor that leans reads
+``epsilon g`` all the time. So does one with a bias, and nothing here tells which it is; that a reading is zero proves no right
+angle either, zeros are often set so. What all bases have in common leans the body's sensors and is in the sum.
+
 Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
 four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
 angles of the sensors as epsilon.
@@ -32,7 +36,7 @@ from ride_estimation.estimation.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLER
 
 Array = NDArray[np.float64]
 
-#: standard deviation of the angle at which a sensor is mounted [rad]: a tenth of a degree, on a machined face
+#: least standard deviation of the angle at which a sensor is mounted [rad]: a tenth of a degree, on a machined face
 _ANGLE = np.radians(0.1)
 #: standard deviation of what a sensor wrongly takes for vertical motion: limits of gain and angle, rectangular (GUM 4.3.7)
 _SHARE = float(np.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)) / np.sqrt(3.0)
@@ -63,7 +67,7 @@ class MountingDoubt:
     def __init__(self, arrangement: Arrangement, corner: float) -> None:
         wrench = arrangement.wrench[arrangement.free]
         self._rigid = np.linalg.pinv(wrench) @ wrench
-        self._count = len(arrangement.mounts)
+        self._count, self._gravity = len(arrangement.mounts), arrangement.vehicle.gravity
         variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
         split = 1.0 - np.diag(self._rigid).reshape(self._count, 3)
         #: variance per tick that noise makes of the deforming part of deflection and rate, (2, M, 3)
@@ -79,6 +83,8 @@ class MountingDoubt:
         self._along = np.zeros((2, self._count, 2))
         #: sums of what noise makes of the deforming part, shape (2, M, 3)
         self._noisy = np.zeros((2, self._count, 3))
+        #: sum of the relative accelerations along x and y, shape (M, 2) [m s / s^2], and their time [s]
+        self._relative, self._weighed = np.zeros((self._count, 2)), 0.0
 
     def observe(self, deflection: Array, rate: Array, dt: float) -> None:
         """Add ticks of ``dt`` [s], shape (K, 3 M) each."""
@@ -90,6 +96,18 @@ class MountingDoubt:
         self._along += np.einsum("rkm,kma->rma", vertical, (rate - rigid).reshape(-1, self._count, 3)[:, :, :2])
         self._noisy += len(deflection) * dt * self._noise
         self._time += len(deflection) * dt
+
+    def weigh(self, relative: Array, dt: float) -> None:
+        """Add ticks of relative acceleration of body and bases without what gravity adds through tilt, shape (K, M, 3)."""
+        self._relative += dt * relative[:, :, :2].sum(axis=0)
+        self._weighed += len(relative) * dt
+
+    def _angles(self) -> tuple[Array, Array]:
+        """Return the angle a base sensor may lean by along x and y, and that of all together, shape (2,) each [rad]."""
+        lean = self._relative / (max(self._weighed, 1e-9) * self._gravity)
+        common = lean.mean(axis=0)
+        own = np.sqrt(np.mean(np.maximum(np.abs(lean - common), _ANGLE) ** 2, axis=0))
+        return own, np.hypot(own / np.sqrt(self._count), common)
 
     def std(self, stiffness: Array, damping: Array, prior: Array) -> Array:
         """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3).
@@ -104,19 +122,20 @@ class MountingDoubt:
         total = np.sqrt(self._square.mean(axis=2))
         out = np.zeros((2, self._count, 3))
         chance = 1.0 / np.sqrt(max(_PER_SECOND * self._time, 1.0))
+        own, together = self._angles()
         for role in range(2):
-            error = np.full((self._count, 2), _ANGLE * total[role, 0, 2])
+            error = np.full((self._count, 2), total[role, 0, 2])
             if total[role, 0, 2] <= 0.0:
                 continue
             if role == 1:
-                along = _ANGLE * total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
+                along = total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
                 error = np.hypot(error, np.hypot(self._correlation(), chance) * along)
             floor = _LEAST * total[role, 0, 2]
             seen, noisy = (np.mean(a, axis=0) for a in (self._square[role, 2], self._noisy[role]))
             share = np.minimum(noisy / np.maximum(seen, 1e-300), 1.0)
             noise = share[:2]
-            common = error / np.sqrt(self._count) / np.maximum(total[role, 1, :2], floor)
-            split = error / np.maximum(total[role, 2, :2] * np.sqrt(1.0 - noise), floor)
+            common = together * error / np.maximum(total[role, 1, :2], floor)
+            split = own * error / np.maximum(total[role, 2, :2] * np.sqrt(1.0 - noise), floor)
             out[role, :, :2] = np.sqrt(common**2 + split**2 + (noise * prior[role, :, :2]) ** 2)
             wrong = _SHARE * total[role, 0, 2]
             if role == 1:
@@ -141,14 +160,18 @@ class MountingDoubt:
 
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
-        return {"square": self._square.tolist(), "noisy": self._noisy.tolist(), "along": self._along.tolist(), "time": self._time}
+        return {
+            "square": self._square.tolist(), "noisy": self._noisy.tolist(), "along": self._along.tolist(), "time": self._time,
+            "relative": self._relative.tolist(), "weighed": self._weighed,
+        }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self._square = np.array(saved["square"], dtype=float).reshape(self._square.shape)
         self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
         self._along = np.array(saved["along"], dtype=float).reshape(self._along.shape)
-        self._time = float(saved["time"])
+        self._time, self._weighed = float(saved["time"]), float(saved["weighed"])
+        self._relative = np.array(saved["relative"], dtype=float).reshape(self._relative.shape)
 
 
 def _untold_share(place: Array) -> Array:

@@ -262,6 +262,7 @@ class ParameterEstimator:
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         if self._doubt is not None and self._model.inertial is not None:
             self._doubt.observe(*self._model.inertial.moved, dt)
+            self._doubt.weigh(joined.relative, dt)
         return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:

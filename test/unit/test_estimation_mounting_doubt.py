@@ -54,6 +54,41 @@ def test_std_covers_the_split_that_turned_sensors_make_wrong():
     assert np.all(rms < 2.0 * expected) and np.all(expected < 3.0 * rms)
 
 
+def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
+    x = motion(np.random.default_rng(7), 2e-4)
+    usual = stated(x, 30.0 * x)
+    ticks = np.zeros((1000, 4, 3))
+    # one of four bases leans by half a degree in y; the others by a tenth as always
+    one, body = ticks.copy(), ticks.copy()
+    one[:, 0, 1] = np.radians(0.5) * 9.80665
+    body[:, :, 1] = np.radians(0.5) * 9.80665
+    found = []
+    for relative in (ticks, one, body):
+        doubt = MountingDoubt(ARRANGEMENT, CORNER)
+        doubt.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
+        doubt.weigh(relative, DT)
+        found.append(doubt.std(K, C, PRIOR))
+        again = MountingDoubt(ARRANGEMENT, CORNER)
+        again.load(doubt.save())
+        assert np.array_equal(again.std(K, C, PRIOR), found[-1])
+    assert np.array_equal(found[0], usual)
+    # by hand: less their mean they lean by 0.375 and three times 0.125 degrees, rms 0.2165; the sum is 0.125 off besides
+    more = found[1][0, :, 1] / usual[0, :, 1]
+    assert np.all(more > 2.0) and np.all(more < 2.7)
+    # all alike is the body: the sum is off by 0.5 instead of 0.05 degrees, the split as before
+    vertical, rigid, deforming = (np.sqrt(np.mean(p**2)) for p in _parts(x))
+    common, split = np.radians([np.hypot(0.05, 0.5), 0.1]) * vertical / np.array([rigid, deforming])
+    assert np.allclose(found[2][0, :, 1], np.hypot(common, split), rtol=0.05)
+    assert np.array_equal(found[1][:, :, 0], usual[:, :, 0]) and np.array_equal(found[1][:, :, 2], usual[:, :, 2])
+
+
+def _parts(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertical deflections, and what a rigid motion explains of the lateral ones and what not."""
+    flat, wrench = x.reshape(len(x), 12), ARRANGEMENT.wrench
+    rigid = flat @ np.linalg.lstsq(wrench.T, np.eye(12), rcond=None)[0].T @ wrench
+    return flat[:, 2::3], rigid[:, 1::3], (flat - rigid)[:, 1::3]
+
+
 def test_less_deformation_leaves_more_doubt_and_vertical_parameters_have_none():
     less, more = (stated(x, x) for x in (motion(np.random.default_rng(2), deformation) for deformation in (1e-4, 1e-3)))
     assert np.all(less[:, :, 1] > 2.0 * more[:, :, 1])
