@@ -9,6 +9,7 @@ are interpolated to at least 1 kHz first; what lies above 0.4 of their own rate 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -113,6 +114,12 @@ WEIGHTINGS: dict[str, Weighting] = {
 }
 
 
+@functools.lru_cache(maxsize=len(WEIGHTINGS))
+def _digital(weighting: str, rate_hz: float) -> Array:
+    """Return the sections of a weighting, made once for all places and axes of a run."""
+    return WEIGHTINGS[weighting].digital(rate_hz)
+
+
 class WeightedSignal:
     """A streaming weighting filter: chunks give exactly what one pass gives.
 
@@ -127,7 +134,7 @@ class WeightedSignal:
     def __init__(self, weighting: str, rate_hz: float) -> None:
         if weighting not in WEIGHTINGS:
             raise InputDataError(f"weighting {weighting!r} is unknown; allowed: {', '.join(WEIGHTINGS)}")
-        self._sos = WEIGHTINGS[weighting].digital(rate_hz)
+        self._sos = _digital(weighting, rate_hz)
         self._state: Array | None = None
 
     def feed(self, values: ArrayLike) -> Array:

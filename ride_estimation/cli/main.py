@@ -50,10 +50,21 @@ def verb_helps() -> dict[str, str]:
     found: dict[str, str] = {}
     for info in pkgutil.iter_modules(package.__path__):
         source = Path(str(package.__path__[0])) / f"{info.name}.py"
-        for node in ast.parse(source.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.Assign) and [getattr(t, "id", "") for t in node.targets] == ["HELP"]:
-                found[info.name.replace("_", "-")] = str(ast.literal_eval(node.value))
+        _, assigned, rest = source.read_text(encoding="utf-8").partition("\nHELP = ")
+        if assigned:
+            found[info.name.replace("_", "-")] = _first_value(rest)
     return dict(sorted(found.items()))
+
+
+def _first_value(source: str) -> str:
+    """Return the text a piece of source begins with; to parse whole modules takes longer than many a verb."""
+    lines = source.splitlines()
+    for count in range(1, len(lines)):
+        try:
+            return str(ast.literal_eval("\n".join(lines[:count])))
+        except SyntaxError:
+            continue  # it goes on in the next line
+    return str(ast.literal_eval(source))
 
 
 def verb_module(verb: str) -> ModuleType:
