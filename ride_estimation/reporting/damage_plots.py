@@ -40,7 +40,7 @@ def matrix_plot(damage: MountDamage, force: Array) -> Figure:
     shown = np.ma.masked_equal(matrix, 0.0)
     scale = LogNorm(0.5, max(float(matrix.max()), 1.0)) if matrix.any() else None
     image = left.imshow(shown, origin="lower", extent=extent, cmap="viridis", norm=scale, interpolation="nearest", aspect="auto")
-    figure.colorbar(image, ax=left, label="cycles [-]", pad=0.02)
+    figure.colorbar(image, ax=left, label="cycles [-]", pad=0.02, format="%g").minorticks_off()
     left.set_title(f"rainflow matrix, {damage.mount} {damage.axis}", fontsize=9)
     left.set_xlabel("to [kN]")
     left.set_ylabel("from [kN]")
@@ -50,7 +50,7 @@ def matrix_plot(damage: MountDamage, force: Array) -> Figure:
     right.set_xlabel("crossings [-]")
     right.set_ylabel("force [kN]")
     right.grid(alpha=0.3)
-    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.13, top=0.92, wspace=0.16)
+    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.13, top=0.92, wspace=0.22)
     return figure
 
 

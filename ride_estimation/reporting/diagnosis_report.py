@@ -15,7 +15,7 @@ from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, N
 from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
 from ride_estimation.reporting.numbers import plain
 from ride_estimation.reporting.page import Digits, Page
-from ride_estimation.reporting.replay_plots import legend_above
+from ride_estimation.reporting.replay_plots import frequency_axis, legend_above
 from ride_estimation.signals.recording import run_title
 
 
@@ -220,6 +220,7 @@ def residual_spectrum(evidence: Evidence) -> Figure:
         (evidence.noise_power, "predicted noise", "k--"),
     ):
         axes.loglog(evidence.frequency_hz, np.convolve(values, kernel, mode="same"), style, lw=1.0, label=label)
+    frequency_axis(axes)
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel(f"power per bin, all channels [({_printed(evidence.unit)})²]")
     legend_above(axes)

@@ -15,7 +15,7 @@ from scipy import signal
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
-from ride_estimation.reporting.replay_plots import busiest_stretch
+from ride_estimation.reporting.replay_plots import busiest_stretch, frequency_axis
 from ride_estimation.reporting.replay_spectra import tick_rate
 
 Array = NDArray[np.float64]
@@ -212,6 +212,7 @@ def stiffness_plot(name: str, classes: Sequence[StiffnessClass], unit_source: st
     left.set_ylabel("dynamic stiffness [N/mm]")
     right.set_ylabel("loss angle [deg]")
     for axes in (left, right):
+        frequency_axis(axes)
         axes.set_xlabel("frequency [Hz]")
         axes.grid(alpha=0.3)
     left.legend(fontsize=8)

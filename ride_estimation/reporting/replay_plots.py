@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -74,16 +75,22 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
         for values, colour in ((measured, MEASURED), (residual, RESIDUAL)):
             frequency, density = spectrum(values[run.valid, i], time)
             right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
-        right.minorticks_off()
+        frequency_axis(right)
         right.set_ylabel("[m/s²/√Hz]")
         if i == 0:
             legend_above(upper)
             right.set_title("spectrum: measured (grey), difference (red)", fontsize=9)
     lower.set_xlabel("time [s]")
     right.set_xlabel("frequency [Hz]")
-    figure.align_ylabels()
-    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.07, top=0.96, hspace=0.22, wspace=0.22)
+    figure.subplots_adjust(left=0.1, right=0.98, bottom=0.07, top=0.96, hspace=0.22, wspace=0.22)
     return figure
+
+
+def frequency_axis(axes: Axes) -> None:
+    """Label a logarithmic axis of frequencies 1, 2, 5, 10 ...: a short one would have labels upon labels otherwise."""
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def legend_above(axes: Axes) -> None:

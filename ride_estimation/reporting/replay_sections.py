@@ -107,8 +107,8 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
         e = d.estimated
         row: list[object] = [
             d.mount, d.axis, Digits(plain(e.equivalent_amplitude, 3)),
-            f"{plain(e.equivalent_lower, 3)} to {plain(e.equivalent_upper, 3)}", e.largest_range, Digits(plain(e.value, 3)),
-            f"{plain(e.lower, 2)} to {plain(e.upper, 2)}" if e.known else "not known",
+            _interval(e.equivalent_lower, e.equivalent_upper, 3), e.largest_range, Digits(plain(e.value, 3)),
+            _interval(e.lower, e.upper, 2),
         ]  # fmt: skip
         rows.append([*row, "" if d.ratio is None else float(d.ratio)] if measured else row)
     unit = f"N^{assessment.slope:g}"
@@ -128,6 +128,13 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
         damage_plots.damage_time_plot(list(worst.values()), run.time_s[run.valid], replay_spectra.tick_rate(run)),
         "Share of every second in the damage: which second did it", tight=False,
     )  # fmt: skip
+
+
+def _interval(lower: float, upper: float, digits: int) -> str:
+    low, high = plain(lower, digits), plain(upper, digits)
+    if low == high:
+        return "not stated" if upper > 0.0 else "-"
+    return f"{low} to {high}" if lower > 0.0 else f"not known (below {high})"
 
 
 def comfort(page: Page, assessment: RunAssessment) -> None:

@@ -12,6 +12,7 @@ from scipy import signal
 
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
+from ride_estimation.reporting.replay_plots import frequency_axis
 from ride_estimation.signals.spectra import TransferFunction, transfer_function, welch_spectrum
 
 Array = NDArray[np.float64]
@@ -49,11 +50,16 @@ def power_spectra(run: OfflineRun) -> Figure:
         for i, name in enumerate(names):
             found = welch_spectrum(run.signals["cg_accel"][run.valid, start + i], rate, block)
             shown = _band(found.frequency_hz)
-            axes.loglog(found.frequency_hz[shown], np.maximum(found.density[shown], 1e-12), lw=0.9, color=_COLOURS[i], label=name)
+            largest = float(np.max(found.density[shown], initial=0.0))
+            if largest > 0.0:  # a planar body does not move along every axis
+                density = np.maximum(found.density[shown], 1e-12 * largest)
+                axes.loglog(found.frequency_hz[shown], density, lw=0.9, color=_COLOURS[i], label=name)
+        frequency_axis(axes)
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(f"power spectral density [{unit}]")
         axes.grid(alpha=0.3, which="major")
-        axes.legend(fontsize=8)
+        if axes.lines:
+            axes.legend(fontsize=8)
     figure.subplots_adjust(left=0.07, right=0.99, bottom=0.15, top=0.97, wspace=0.2)
     return figure
 
@@ -151,6 +157,7 @@ def transmissibility_plot(functions: Mapping[str, TransferFunction]) -> Figure:
     panels[1].set_yticks((-180, -90, 0, 90, 180))
     panels[2].set_ylabel("coherence [-]")
     panels[2].set_ylim(0.0, 1.05)
+    frequency_axis(panels[2])
     panels[2].set_xlabel("frequency [Hz]")
     panels[0].legend(fontsize=8, ncols=3)
     for axes in panels:

@@ -15,7 +15,7 @@ from ride_estimation.io.run_metrics import Metric, run_metrics
 from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.reporting.outliers import LEAST_RUNS, OUTLIER, find_outliers, run_sentence
 from ride_estimation.reporting.page import Page
-from ride_estimation.reporting.replay_plots import spectrum
+from ride_estimation.reporting.replay_plots import frequency_axis, spectrum
 
 Array = NDArray[np.float64]
 
@@ -128,7 +128,7 @@ def _spectra(curves: Mapping[str, list[tuple[Array, Array]]], unit: str) -> Figu
     for i, axis in enumerate(AXES):
         for name, by_axis in curves.items():
             axes[i].loglog(*by_axis[i], linewidth=0.9, label=name)
-        axes[i].minorticks_off()
+        frequency_axis(axes[i])
         axes[i].set_title(axis, fontsize=9)
         axes[i].set_xlabel("frequency [Hz]")
         axes[i].set_ylabel(unit)
