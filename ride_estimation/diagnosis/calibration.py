@@ -121,9 +121,12 @@ def stepped(state: ModelState, scene: Scene, adjustables: tuple[Adjustable, ...]
 
 
 def tilted(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: Array) -> Plant:
-    """Return the plant whose brackets follow every tilt by the share that a step found."""
-    steps = {(a.kind, a.place, a.axis): float(v) for a, v in zip(adjustables, coefficients) if a.kind in TILT_KINDS}
-    share = [s + steps[t.kind, t.place, t.axis] for s, t in zip(plant.tilt_share, plant.tilts)]
+    """Return the plant whose brackets follow every tilt by the share that a step found, three standard deviations at most."""
+    steps = {(a.kind, a.place, a.axis): (float(v), a) for a, v in zip(adjustables, coefficients) if a.kind in TILT_KINDS}
+    share = []
+    for now, tilt in zip(plant.tilt_share, plant.tilts):
+        step, a = steps[tilt.kind, tilt.place, tilt.axis]
+        share.append(np.clip(now + step, now + a.offset - 3.0 * a.prior_std, now + a.offset + 3.0 * a.prior_std))
     return dataclasses.replace(plant, tilt_share=np.array(share))
 
 
