@@ -54,11 +54,11 @@ def power_spectra(run: OfflineRun) -> Figure:
             if largest > 0.0:  # a planar body does not move along every axis
                 density = np.maximum(found.density[shown], 1e-12 * largest)
                 axes.loglog(found.frequency_hz[shown], density, lw=0.9, color=_COLOURS[i], label=name)
-        frequency_axis(axes)
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(f"power spectral density [{unit}]")
         axes.grid(alpha=0.3, which="major")
         if axes.lines:
+            frequency_axis(axes)
             axes.legend(fontsize=8)
     figure.subplots_adjust(left=0.07, right=0.99, bottom=0.15, top=0.97, wspace=0.2)
     return figure
