@@ -169,11 +169,11 @@ def fork_batch(
         return lines
 
 
-def run_target(name: str, target: Target, inputs: int, options: argparse.Namespace, deadline: float) -> Tally:
+def run_target(name: str, target: Target, inputs: int, options: argparse.Namespace, seconds: float) -> Tally:
     with tempfile.TemporaryDirectory() as folder:
         seeds = target.seeds(pathlib.Path(folder))
     tally, at, began = Tally(), options.first, time.monotonic()
-    last = options.first + inputs
+    last, deadline = options.first + inputs, began + seconds
     while at < last and time.monotonic() < deadline:
         lines = fork_batch(target, name, range(at, min(at + BATCH, last)), seeds, options, deadline)
         for line in lines:
@@ -271,8 +271,8 @@ def main() -> int:
     print("| target | inputs | accepted | refused | findings | inputs/s | memory [MiB] |\n|---|---|---|---|---|---|---|")
     for k, name in enumerate(chosen):
         # an equal share of what time is left
-        deadline = time.monotonic() + (began + options.seconds - time.monotonic()) / (len(chosen) - k)
-        t = run_target(name, known[name], -(-options.inputs // len(chosen)), options, deadline)
+        seconds = (began + options.seconds - time.monotonic()) / (len(chosen) - k)
+        t = run_target(name, known[name], -(-options.inputs // len(chosen)), options, seconds)
         total.append(t)
         rate = t.inputs / max(t.seconds, 1e-9)
         print(

@@ -46,8 +46,8 @@ _GYRO_BIAS = 0.02
 _YAW_STD = 0.1
 _YAW_TIME = 3.0
 _MASKS = 64
-#: standard deviation of the angular rate from which on residuals count: before, centripetal terms are a guess [rad/s]
-_RATE_KNOWN = 0.03
+#: standard deviation of the angular rate [rad/s] from which on residuals count, and no longer do: centripetal terms are a guess
+_RATE_KNOWN, _RATE_LOST = 0.03, 0.15
 #: ticks handled with one covariance of the angular rate
 _LONGEST = 100
 #: memory of the residual test [s]
@@ -175,8 +175,7 @@ class CgMotionEstimator:
         self._drift = np.zeros((6, 6))
         #: sensors that spoke last, and how long it is those [s]
         self._mask: BoolArray = np.ones(len(self.sensors), dtype=bool)
-        self._same = 0.0
-        self._summed = self._mask.copy()
+        self._same, self._summed = 0.0, self._mask.copy()
         self.reset()
 
     def reset(self) -> None:
@@ -186,17 +185,15 @@ class CgMotionEstimator:
         self._last_gyro: Array | None = None
         #: residuals while the angular rate is not known yet
         self._early = ResidualSums.empty(3 * len(self.sensors))
-        self._last_good = np.zeros(6)
+        self._last_good, self._slow = np.zeros(6), np.zeros(4)
         s = self._settings
-        self._slow = np.zeros(4)
         self._lasting = LastingAcceleration()
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def _begin_attitude(self) -> None:
         """Begin attitude and rates anew from the next specific force."""
-        self._state = np.zeros((5, 3))
-        gyros = bool(self._gyro_fit.any())
-        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2]) if gyros else np.diag([0.1**2, 0.2**2, _ALPHA_BIAS**2])
+        self._state, self._rate_known = np.zeros((5, 3)), False
+        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
         self._p_yaw = self._p_tilt.copy()
 
     def set_variance(self, sensor: int, variance: Array) -> None:
@@ -329,16 +326,16 @@ class CgMotionEstimator:
         if weights.rank != needed or astray:
             out.valid[where] = False
         predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
-        rate_known = use_gyro or self._p_tilt[1, 1] < _RATE_KNOWN**2
+        self._rate_known = use_gyro or bool(self._p_tilt[1, 1] < (_RATE_LOST if self._rate_known else _RATE_KNOWN) ** 2)
         if astray:
             self._begin_attitude()
         tells = weights.rank == needed and not self.doubted and not astray and self._tells(mask, len(y) * dt)
         if tells:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
             said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
-            (self._sums if rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+            (self._sums if self._rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
             self._fresh += [*np.sum(said - predicted, axis=0), len(y)]
-        if tells and rate_known:
+        if tells and self._rate_known:
             self._faults.observe(said, motion, rate, dt)
         else:
             self._faults.interrupt()
@@ -387,8 +384,7 @@ class CgMotionEstimator:
         accel = np.empty_like(block.motion)
         remove_gravity(block.motion, block.tilt, g, self._free, accel)
         covariance = block.covariance.copy()
-        covariance[0, 0] += g**2 * block.tilt_variance
-        covariance[1, 1] += g**2 * block.tilt_variance
+        covariance[[0, 1], [0, 1]] += g**2 * block.tilt_variance
         return accel, covariance
 
     def residual_test(self) -> ResidualTest:
@@ -397,9 +393,11 @@ class CgMotionEstimator:
 
     def contradicting(self, ratio: float) -> str:
         """Return the sensor that contradicts the others most where the ratio of the residual test is above one, else empty."""
-        # without tolerances the ratio is larger
+        # with a sensor left out hardly anything is to spare that would show more; without tolerances the ratio is larger
+        ratio = ratio if self._mask.all() else MEANINGFUL
         spare = max(len(self._free_rows) - self._needed, 1)
-        if self._sums.count == 0.0 or self._sums.noise_ratio(self.variance) <= 0.5 * ratio * spare:
+        sums, stated = self._compared()
+        if sums.count == 0.0 or sums.noise_ratio(stated) <= 0.5 * ratio * spare:
             return ""
         test = self._sized()
         return test.sensor if test.ratio > ratio else ""
@@ -422,18 +420,16 @@ class CgMotionEstimator:
             Factor, at least 1; what moving residuals add, shape (6, 6); what their constant part adds, shape (6, 6).
         """
         drift = self._follow_drift(dt)
-        early = self._sums.count < _LEAST_SUMS
-        sums = self._early if early else self._sums
+        sums, stated = self._compared()
         used = np.flatnonzero(np.repeat(self._mask, 3))
         if len(used) <= self._needed or sums.count < _LEAST_SUMS:
             return 1.0, np.zeros((6, 6)), drift
-        stated = self.variance + _CENTRIPETAL**2 if early else self.variance
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
         mean, moving = sums.moments()
         spare = len(used) - self._needed
         factor, biases = residual_doubt(mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare)
         constant = biases + drift
-        if not early:
+        if sums is self._sums:
             self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
         if sums.noise_ratio(self.variance) / max(len(self._free_rows) - self._needed, 1) <= MEANINGFUL:
             return factor, np.zeros((6, 6)), constant
@@ -460,16 +456,20 @@ class CgMotionEstimator:
         mean, moving = self._sums.moments()
         change = np.array(fresh) / ticks - mean
         if more_than_chance(change, np.diagonal(moving), ticks, spare):
-            weights = self.weights(self._mask, dt).matrix[:, : len(change)]
-            moved = motion_error(change, self._accelerometer_rows, weights)
+            moved = motion_error(change, self._accelerometer_rows, self.weights(self._mask, dt).matrix[:, : len(change)])
             self._drift = np.outer(moved, moved)
         if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on
             roll, pitch, yaw = np.maximum(before, np.diagonal(self._drift))[3:].tolist()
             self._p_tilt[2, 2], self._p_yaw[2, 2] = max(self._p_tilt[2, 2], roll, pitch), max(self._p_yaw[2, 2], yaw)
         return self._drift
 
+    def _compared(self) -> tuple[ResidualSums, Array]:
+        """Return the residuals that count, those of an unknown angular rate where there are no others, and their variance."""
+        early = self._sums.count < _LEAST_SUMS
+        return (self._early, self.variance + _CENTRIPETAL**2) if early else (self._sums, self.variance)
+
     def _sized(self) -> ResidualTest:
-        return residual_test(self._sums, self.variance, self._free_rows, [s.name for s in self.sensors])
+        return residual_test(*self._compared(), self._free_rows, [s.name for s in self.sensors])
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

@@ -104,16 +104,13 @@ def _keys_given_twice(node: Any) -> Iterator[str]:
 
 def as_number(value: Any) -> float | None:
     """Return a finite float, or None; ``4e5``, which YAML 1.1 calls a text, is a number here."""
-    if isinstance(value, bool):
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
-    if isinstance(value, str):
-        try:
-            value = float(value)
-        except ValueError:
-            return None
-    if not isinstance(value, (int, float)) or not math.isfinite(value):
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):  # a text, or an integer beyond every float
         return None
-    return float(value)
+    return number if math.isfinite(number) else None
 
 
 class Limits(TypedDict, total=False):

@@ -28,7 +28,7 @@ from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record
 from ride_estimation.io.bounded import SPARE_BYTES, read_arrays, unpack
-from ride_estimation.io.document import read_yaml
+from ride_estimation.io.document import as_number, read_yaml
 from ride_estimation.io.json_file import read_json
 from ride_estimation.io.matlab_file import read_matlab
 from ride_estimation.io.state_file import file_name, save_results
@@ -135,6 +135,11 @@ def test_python_objects_in_yaml_are_refused_and_not_executed(tmp_path: Path) -> 
 
 def peak() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def test_an_integer_beyond_every_float_is_no_number() -> None:
+    assert as_number(10**400) is None and as_number("1e400") is None
+    assert as_number("4e5") == 4e5
 
 
 def test_aliases_of_aliases_are_counted_before_they_are_walked(tmp_path: Path) -> None:
