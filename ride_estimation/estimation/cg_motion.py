@@ -56,6 +56,8 @@ _TEST_MEMORY = 60.0
 _HOLD = 0.5
 #: ticks of them that say something
 _LEAST_SUMS = 50.0
+#: cosine from which a channel reads of an acceleration that is no coordinate of the body
+_ACROSS = 0.1
 #: time after which a sensor that does not speak or is refused counts as left out [s]
 _LEFT_OUT = 2.0
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
@@ -143,8 +145,7 @@ class CgMotionEstimator:
         self.sensors = tuple(sensors)
         self.gyros = tuple(i for i, s in enumerate(self.sensors) if s.kind == "imu")
         self._free = np.asarray(free, dtype=bool)
-        self._gravity = gravity
-        self._settings = settings or PipelineSettings()
+        self._gravity, self._settings = gravity, settings or PipelineSettings()
         directions, points = channel_geometry(self.sensors, np.asarray(cg, dtype=float))
         rows = motion_rows(self.sensors, np.asarray(cg, dtype=float))
         extra = 3 * len(self.gyros)
@@ -161,9 +162,11 @@ class CgMotionEstimator:
         self._needed = int(np.sum(self._free))
         self._observed_tilt = bool(self._free[3] or self._free[4])
         self._sums = ResidualSums.empty(len(directions))
-        accelerometers = self.rows[: len(directions)]
-        self._accelerometer_rows = np.ascontiguousarray(accelerometers)
-        self._free_rows = np.ascontiguousarray(accelerometers[:, self._free])
+        self._accelerometer_rows = np.ascontiguousarray(self.rows[: len(directions)])
+        #: channels that are compared: of accelerations that are no coordinate of a planar body its model knows nothing
+        self._asked: BoolArray = np.all(np.abs(directions[:, ~self._free[:3]]) < _ACROSS, axis=1)
+        self._spare = max(int(np.sum(self._asked)) - self._needed, 0)
+        self._free_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._free])
         self._centripetal = centripetal_terms(self.directions, self.points)
         self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
@@ -171,8 +174,7 @@ class CgMotionEstimator:
         self.doubted = False
         self._held = 0.0
         #: sums of the residuals since the last look, and ticks
-        self._fresh = np.zeros(len(directions) + 1)
-        self._drift = np.zeros((6, 6))
+        self._fresh, self._drift = np.zeros(len(directions) + 1), np.zeros((6, 6))
         #: sensors that spoke last, and how long it is those [s]
         self._mask: BoolArray = np.ones(len(self.sensors), dtype=bool)
         self._same, self._summed = 0.0, self._mask.copy()
@@ -271,10 +273,9 @@ class CgMotionEstimator:
         )  # fmt: skip
         samples = np.ascontiguousarray(samples)
         body_gyro = self.body_rates(gyro)
-        covariance = np.zeros((6, 6))
+        covariance, start = np.zeros((6, 6)), 0
         # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
         before = self._state.copy() if self.doubted and self._held < _HOLD else None
-        start = 0
         for stop in stretches(valid, _LONGEST):
             covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
             start = stop
@@ -332,7 +333,8 @@ class CgMotionEstimator:
         tells = weights.rank == needed and not self.doubted and not astray and self._tells(mask, len(y) * dt)
         if tells:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
-            said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
+            asked = self._asked & np.repeat(mask, 3)
+            said = y if asked.all() else np.where(asked, y, predicted)
             (self._sums if self._rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
             self._fresh += [*np.sum(said - predicted, axis=0), len(y)]
         if tells and self._rate_known:
@@ -395,9 +397,8 @@ class CgMotionEstimator:
         """Return the sensor that contradicts the others most where the ratio of the residual test is above one, else empty."""
         # with a sensor left out hardly anything is to spare that would show more; without tolerances the ratio is larger
         ratio = ratio if self._mask.all() else MEANINGFUL
-        spare = max(len(self._free_rows) - self._needed, 1)
         sums, stated = self._compared()
-        if sums.count == 0.0 or sums.noise_ratio(stated) <= 0.5 * ratio * spare:
+        if sums.count == 0.0 or sums.noise_ratio(stated) <= 0.5 * ratio * max(self._spare, 1):
             return ""
         test = self._sized()
         return test.sensor if test.ratio > ratio else ""
@@ -421,7 +422,7 @@ class CgMotionEstimator:
         """
         drift = self._follow_drift(dt)
         sums, stated = self._compared()
-        used = np.flatnonzero(np.repeat(self._mask, 3))
+        used = np.flatnonzero(self._asked & np.repeat(self._mask, 3))
         if len(used) <= self._needed or sums.count < _LEAST_SUMS:
             return 1.0, np.zeros((6, 6)), drift
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
@@ -431,7 +432,7 @@ class CgMotionEstimator:
         constant = biases + drift
         if sums is self._sums:
             self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
-        if sums.noise_ratio(self.variance) / max(len(self._free_rows) - self._needed, 1) <= MEANINGFUL:
+        if sums.noise_ratio(self.variance) / max(self._spare, 1) <= MEANINGFUL:
             return factor, np.zeros((6, 6)), constant
         test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])
         share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
@@ -449,13 +450,12 @@ class CgMotionEstimator:
         angular one attitude and rates would run away: the bias of that is as open as the change is large.
         """
         (*fresh, ticks), self._fresh = self._fresh, np.zeros_like(self._fresh)
-        spare = max(len(self._free_rows) - self._needed, 0)
-        if spare == 0 or self._sums.count < _LEAST_SUMS or ticks == 0.0:
+        if self._spare == 0 or self._sums.count < _LEAST_SUMS or ticks == 0.0:
             return np.zeros((6, 6)) if ticks else self._drift
         before, self._drift = np.diagonal(self._drift), np.zeros((6, 6))
         mean, moving = self._sums.moments()
         change = np.array(fresh) / ticks - mean
-        if more_than_chance(change, np.diagonal(moving), ticks, spare):
+        if more_than_chance(change, np.diagonal(moving), ticks, self._spare):
             moved = motion_error(change, self._accelerometer_rows, self.weights(self._mask, dt).matrix[:, : len(change)])
             self._drift = np.outer(moved, moved)
         if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on

@@ -57,6 +57,8 @@ _REACH = 2
 _MEMORY = 1.0
 #: slow mean of base minus body: time constant of each of two stages [s], limits to refuse and to accept again [m/s^2]
 _SLOW, _MEAN_LIMIT, _MEAN_RELEASE = 0.3, 1.5, 1.0
+#: sideways mean by which all bases together may differ from the body, leaning in a bend by up to fifteen degrees [m/s^2]
+_LEAN = 2.5
 #: time without objection after which a refused sensor is used again [s]
 _RECOVERY = 0.5
 #: time after which a sensor that was refused is above suspicion again [s]
@@ -372,7 +374,7 @@ class SensorGate:
     def _means(
         self, valid: BoolArray, scan: _Scan, good: BoolArray, refused: BoolArray, reasons: dict[int, str], duration: float
     ) -> None:
-        """Judge the slow mean of every sensor against the median of the body: they ride together."""
+        """Judge the slow mean of every sensor against the median of the body: they ride together, but the body leans."""
         n = self._bodies
         part = good[:n] & self._dc[:n]
         if not part.any():
@@ -381,7 +383,11 @@ class SensorGate:
         largest = slow_means(scan.mean, self._rotation, part, follows, 1.0 - math.exp(-duration / _SLOW), self._slow)
         if largest <= _MEAN_LIMIT and MEAN not in self._latched.values():
             return
-        size = np.linalg.norm(self._slow[1], axis=1)
+        away = self._slow[1].copy()
+        bases = np.arange(n, len(away))[follows[n:]]
+        if len(bases) >= 3:  # of two that contradict each other neither tells how the body leans
+            away[bases, :2] -= np.clip(np.median(away[bases, :2], axis=0), -_LEAN, _LEAN)
+        size = np.linalg.norm(away, axis=1)
         for a in range(0 if part.sum() >= 3 else n, len(self._accels)):
             latched = self._latched.get(a)
             if latched is None and size[a] > _MEAN_LIMIT and (a >= n or self._check.dispensable(part, a)):

@@ -238,7 +238,7 @@ def test_a_body_with_few_coordinates_needs_few_moments() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "mapping"), ("- a\n- b\n", "mapping"), ("a: [1, 2", "not valid YAML"),
+        ("", "the file is empty"), ("- a\n- b\n", "mapping"), ("a: [1, 2", "not valid YAML"),
         ("a: 1\nb: 2\na: 3\n", "given twice, the second time in line 3"), ("\x00\x01", "not valid YAML"),
     ],
 )  # fmt: skip
