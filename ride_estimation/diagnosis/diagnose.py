@@ -46,7 +46,7 @@ from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, meas
 from ride_estimation.diagnosis.selection import Selection, Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import Splits, make_splits
-from ride_estimation.diagnosis.verdict import describe, name_causes, within_library
+from ride_estimation.diagnosis.verdict import MISSED, describe, gained_nothing, name_causes, within_library
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.recording import UniformRun
@@ -211,20 +211,18 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     base = predict(scene, work.data, work.baseline, settings)
     extended = base
     refused: list[str] = []
+    refuted, gained = "", None
     if work.selection.accepted is not None:
         extended = predict(scene, work.data, work.extended, settings)
-        if not _confirmed(work, base, extended):
-            names = ", ".join(work.selection.accepted.causes)
-            refused.append(f"{names} fitted the run but did not predict the judge blocks better: not named")
-        elif not _noticeable(work, base, extended):
-            names = ", ".join(work.selection.accepted.causes)
-            refused.append(
-                f"{names} fitted the run better, by less than the {100 * settings.adequacy:.1f} % of any channel that count as "
-                "right: not named"
-            )
-        if refused:
+        gained = _gain(work, base, extended, validation)
+        # what is no part of the band (offsets) gains nothing there and need not
+        refuted = gained_nothing(gained[0], settings) if np.any(work.selection.accepted.rows) else ""
+        reason = _refusal(work, base, extended) or refuted
+        if reason:
+            refused.append(f"{', '.join(work.selection.accepted.causes)} {reason}: not named")
             work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))
             extended = base
+    gain, gain_warnings = _gain(work, base, base, validation) if refused or gained is None else gained
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
@@ -235,7 +233,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     seen = scene if accepted is None else accepted.scene
     if soft is not None and _elsewhere(soft, seen, work) < settings.significance:
         soft = None
-    verdict, remaining = _verdict(work, soft, base)
+    verdict, remaining = (UNEXPLAINED, 1.0) if refuted else _verdict(work, soft, base)
     causes = name_causes(work.selection, soft, seen, work.splits.train)
     causes = _tempered(causes, verdict, remaining, settings)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
@@ -251,7 +249,6 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     alike = confusions(work.selection.contests)
     isolability = tuple(c.words for c in alike)
     warnings += isolability
-    gain, gain_warnings = _gain(work, base, extended, validation)
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     remarks += _installation(work, {c.location for c in causes})
     residual = residual_summary(base, extended, remaining, accepted is not None)
@@ -281,6 +278,17 @@ def _tempered(
         return ()
     known = within_library(len(causes), remaining, settings)
     return tuple(dataclasses.replace(c, confidence=c.confidence * known) for c in causes)
+
+
+def _refusal(work: _Work, base: Prediction, extended: Prediction) -> str:
+    """Return why causes that were accepted are not named, empty where nothing speaks against them."""
+    if not _confirmed(work, base, extended):
+        return "fitted the run but did not predict the judge blocks better"
+    if not _noticeable(work, base, extended):
+        return (
+            f"fitted the run better, by less than the {100 * work.settings.adequacy:.1f} % of any channel that count as right"
+        )
+    return ""
 
 
 def _confirmed(work: _Work, base: Prediction, extended: Prediction) -> bool:
@@ -333,7 +341,7 @@ def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, f
         nrmse = pooled_nrmse(errors, signal, work.splits.train)
         floor = noise_floor(base.scene, signal, work.splits.train)
         missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
-        wrong = excess > 0.1 and missed > 2.5 * work.settings.adequacy
+        wrong = excess > 0.1 and missed > MISSED * work.settings.adequacy
         if wrong:
             return UNEXPLAINED, 1.0
         return (EXPLAINED if soft is not None else NO_DISCREPANCY), 0.0

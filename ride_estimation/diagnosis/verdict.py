@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +23,7 @@ from ride_estimation.signals.recording import run_title
 
 IntArray = NDArray[np.int64]
 
+MISSED = 2.5  # error above the noise floor, in shares that count as right, from which a model misses something
 _LOUD = 0.2  # noise floor above which a clean verdict says that smaller effects would not show
 _MOSTLY_NOISE = (
     " That much of the signal is noise because the vehicle hardly moves here: effects smaller than the noise would not show; "
@@ -159,6 +161,22 @@ def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
         hint = separation(named, h.cause) if deficit < _STRONG else ""
         rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
     return float(same / weights.sum()), tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
+
+
+def gained_nothing(gain: Gain, settings: Settings) -> str:
+    """Return on which run found causes gain nothing, empty if on none.
+
+    Nothing: the error is above the noise floor, the interval of the gain includes zero and excludes half of what could be gained.
+    """
+    for other in gain.validation:
+        missed = math.sqrt(max(other.baseline**2 - other.noise_floor**2, 0.0))
+        nothing, little = other.ci95[0] <= 0.0, other.ci95[1] < 0.5 * (other.baseline - other.noise_floor)
+        if missed > MISSED * settings.adequacy and nothing and little:
+            return (
+                f"fitted the run but gained nothing on {run_title(other.run)} (error {100 * other.baseline:.1f} % to "
+                f"{100 * other.extended:.1f} %, noise floor {100 * other.noise_floor:.1f} %)"
+            )
+    return ""
 
 
 def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float) -> str:

@@ -21,13 +21,14 @@ from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.prediction import bootstrap_interval
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.response import respond
+from ride_estimation.diagnosis.result import Gain, ValidationGain
 from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
 from ride_estimation.diagnosis.screening import solve_signed
 from ride_estimation.diagnosis.selection import beyond_tolerance
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
-from ride_estimation.diagnosis.verdict import reversal_odds, within_library
+from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, within_library
 from ride_estimation.signals.recording import UniformRun
 
 
@@ -267,3 +268,18 @@ def test_stated_probability_counts_what_no_library_lists():
     assert within_library(2, 0.0, settings) == pytest.approx(9.0 / 14.0)
     assert within_library(1, 0.25, settings) == pytest.approx(9.0 / (9.0 + 0.2 * np.exp(5.0)))
     assert within_library(1, 0.5, settings) == pytest.approx(0.45)
+
+
+@pytest.mark.parametrize(
+    ("extended", "ci95", "floor", "named"),
+    [
+        (0.059, (-0.005, 0.001), 0.013, False),  # nothing is gained where 4.4 % could be
+        (0.036, (-0.005, 0.038), 0.013, True),  # a gain that a short run leaves open
+        (0.030, (0.020, 0.034), 0.013, True),
+        (0.057, (-0.001, 0.001), 0.057, True),  # nothing to gain: the effect is not excited there
+    ],
+)
+def test_a_cause_that_gains_nothing_on_another_run_is_not_named(extended, ci95, floor, named):
+    other = ValidationGain("other", 0.057, extended, ci95, floor)
+    gain = Gain("NRMSE", 0.06, 0.03, 0.01, (other,))
+    assert (gained_nothing(gain, Settings()) == "") is named
