@@ -15,6 +15,7 @@ from worlds.roads import Road
 
 from ride_estimation.estimation.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.vehicle_file import load_vehicle
 
 RATE = 250.0
 FROM, TO = 10.0, 13.0
@@ -196,3 +197,17 @@ def test_a_refused_sensor_is_still_refused_after_a_restart():
     ticks = again.health().ticks
     assert ticks > 0.8 * RATE
     assert sum(again.health().sensors[sensor].refused.values()) - sum(lost.values()) == ticks
+
+
+@pytest.mark.parametrize(("leaning", "refused"), [("all", ()), ("one", ("chassis_front_left",))])
+def test_a_body_that_leans_in_a_bend_accuses_no_base_sensor(leaning, refused):
+    """Two m/s^2 sideways, twelve degrees, between the body and all its bases is a lean; of one base alone it is its fault."""
+    vehicle = load_vehicle("truck_cab")
+    pipeline = Pipeline(vehicle)
+    for n in range(round(5.0 * RATE)):
+        for sensor in vehicle.sensors.values():
+            turned = sensor.body == "chassis" if leaning == "all" else sensor.name == "chassis_front_left"
+            there = np.array([0.0, 2.0 if turned and n > 2.0 * RATE else 0.0, 9.81 + 0.01 * np.sin(0.7 * n)])
+            pipeline.observe(sensor.name, START_NS + round(n * 1e9 / RATE), (sensor.rotation.T @ there).tolist())
+    pipeline.finish()
+    assert tuple(n for n, s in pipeline.health().sensors.items() if s.refused) == refused
