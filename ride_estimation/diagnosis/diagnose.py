@@ -214,10 +214,12 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     refuted, gained = "", None
     if work.selection.accepted is not None:
         extended = predict(scene, work.data, work.extended, settings)
-        gained = _gain(work, base, extended, validation)
-        # what is no part of the band (offsets) gains nothing there and need not
-        refuted = gained_nothing(gained[0], settings) if np.any(work.selection.accepted.rows) else ""
-        reason = _refusal(work, base, extended) or refuted
+        reason = _refusal(work, base, extended)
+        if not reason:
+            gained = _gain(work, base, extended, validation)
+            # what is no part of the band (offsets) gains nothing there and need not
+            refuted = gained_nothing(gained[0], settings) if np.any(work.selection.accepted.rows) else ""
+            reason = refuted
         if reason:
             refused.append(f"{', '.join(work.selection.accepted.causes)} {reason}: not named")
             work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))

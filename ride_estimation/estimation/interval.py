@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.parameter_change import steady_scatter
+from ride_estimation.estimation.parameter_change import steady_scatter, told_directions
 
 Array = NDArray[np.float64]
 
@@ -94,10 +94,8 @@ def scatter_of(information: Array, scores: Array) -> Scatter:
     # neighbours together: half of the scatter of sums of two
     pairs = scores[1:] + scores[:-1]
     scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
-    values, basis = np.linalg.eigh(information.sum(axis=0))
-    keep = values > 1e-6 * values[-1]
-    basis = basis[:, keep]
-    return Scatter(values[keep], basis, basis.T @ scatter @ basis)
+    values, basis = told_directions(information.sum(axis=0))
+    return Scatter(values, basis, basis.T @ scatter @ basis)
 
 
 class IntervalMemory:
@@ -169,11 +167,10 @@ class IntervalMemory:
             return 1.0
         before = self.inflation
         information, scores = self.scores(theta)
-        values, basis = np.linalg.eigh(information.sum(axis=0))
-        keep = values > 1e-6 * values[-1]
+        values, basis = told_directions(information.sum(axis=0))
         # parameters that move are no noise
-        steady = np.einsum("ai,ab,bi->i", basis[:, keep], steady_scatter(scores), basis[:, keep])
-        self.inflation = float(np.clip(np.mean(steady / values[keep]), *_INFLATION))
+        steady = np.einsum("ai,ab,bi->i", basis, steady_scatter(scores), basis)
+        self.inflation = float(np.clip(np.mean(steady / values), *_INFLATION))
         return self.inflation / before
 
     def standard_deviation(self, p: Array, theta: Array) -> Array:

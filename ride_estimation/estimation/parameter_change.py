@@ -26,6 +26,13 @@ _SHRINK = 4.0
 _CHANGE_STD = 0.15
 
 
+def told_directions(information: Array) -> tuple[Array, Array]:
+    """Return eigenvalues and eigenvectors of an information (N, N) along which it tells something, shapes (D,), (N, D)."""
+    values, basis = np.linalg.eigh(information)
+    keep = values > 1e-6 * values[-1]
+    return values[keep], basis[:, keep]
+
+
 def steady_scatter(scores: Array) -> Array:
     """Return the scatter of the sum of J gradients from differences of neighbouring pairs, shape (N, N).
 
@@ -57,8 +64,7 @@ def moved(information: Array, scores: Array, p: Array, common: Array) -> tuple[A
     if len(scores) < _FEWEST:
         return step, added
     recent = information[-RECENT:].sum(axis=0)
-    values, basis = np.linalg.eigh(recent)
-    basis = np.hstack([common, basis[:, values > 1e-6 * values[-1]]])
+    basis = np.hstack([common, told_directions(recent)[1]])
     values = np.einsum("ai,ab,bi->i", basis, recent, basis)
     size = np.einsum("ji,kjl,li->ki", basis, information, basis)
     # rough stretches tell more and scatter more than smooth ones

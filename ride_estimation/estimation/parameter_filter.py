@@ -40,10 +40,8 @@ class ParameterFilter:
         Directions along which all change alike, shape (N, C).
     """
 
-    def __init__(
-        self, theta: Array, prior_std: Array, lower: Array, upper: Array, kept: float, common: Array | None = None
-    ) -> None:  # fmt: skip
-        self._common = np.zeros((len(theta), 0)) if common is None else common
+    def __init__(self, theta: Array, prior_std: Array, lower: Array, upper: Array, kept: float, common: Array) -> None:
+        self._common = common
         self._prior_std, self._lower, self._upper, self._kept = prior_std, lower, upper, kept
         self._ekf = GuardedEkf(theta, np.diag(prior_std**2))
         self.theta = np.array(theta, dtype=float)
