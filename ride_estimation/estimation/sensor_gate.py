@@ -55,8 +55,11 @@ _HOLD, _LONGEST_HOLD = 0.02, 0.5
 _REACH = 2
 #: memory of mean, size and step [s]; nothing is called a jump before it is filled
 _MEMORY = 1.0
-#: slow mean of base minus body: time constant of each of two stages [s], limits to refuse and to accept again [m/s^2]
-_SLOW, _MEAN_LIMIT, _MEAN_RELEASE = 0.3, 1.5, 1.0
+#: slow mean of a sensor minus the body's: time constant of each of two stages [s], limit to refuse [m/s^2], share of it to accept
+_SLOW, _MEAN_LIMIT, _MEAN_RELEASE = 0.3, 1.5, 0.67
+#: part of the motion that limit grows by: both stages pass 22 % of a body mode of 1 Hz, twice that of the difference of two ends
+#: of the body, and peaks of a random motion are two to three times its root mean square
+_MOTION_LEFT = 1.0
 #: sideways mean by which all bases together may differ from the body, leaning in a bend by up to fifteen degrees [m/s^2]
 _LEAN = 2.5
 #: time without objection after which a refused sensor is used again [s]
@@ -381,7 +384,8 @@ class SensorGate:
             return
         follows = self._dc if good is self._all else valid.all(axis=0) & self._dc
         largest = slow_means(scan.mean, self._rotation, part, follows, 1.0 - math.exp(-duration / _SLOW), self._slow)
-        if largest <= _MEAN_LIMIT and MEAN not in self._latched.values():
+        limit = math.hypot(_MEAN_LIMIT, _MOTION_LEFT * float(median_root(self._square, n)))
+        if largest <= limit and MEAN not in self._latched.values():
             return
         away = self._slow[1].copy()
         bases = np.arange(n, len(away))[follows[n:]]
@@ -390,11 +394,11 @@ class SensorGate:
         size = np.linalg.norm(away, axis=1)
         for a in range(0 if part.sum() >= 3 else n, len(self._accels)):
             latched = self._latched.get(a)
-            if latched is None and size[a] > _MEAN_LIMIT and (a >= n or self._check.dispensable(part, a)):
+            if latched is None and size[a] > limit and (a >= n or self._check.dispensable(part, a)):
                 self._latched[a] = MEAN
                 self._well[a] = 0.0
             if self._latched.get(a) == MEAN:
-                self._still_refused(a, duration, bool(size[a] < _MEAN_RELEASE), refused, reasons)
+                self._still_refused(a, duration, bool(size[a] < _MEAN_RELEASE * limit), refused, reasons)
 
     def _stuck_transducers(self, block: Block, result: BoolArray, reasons: dict[int, str], dt: float) -> BoolArray:
         """Refuse displacement transducers that repeat exactly while the body moves."""
