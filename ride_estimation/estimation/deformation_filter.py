@@ -10,6 +10,7 @@ leaves, ``sum (S |1 - H|^2 + N |H|^2) / omega^4 df``, and that sum is the varian
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -28,6 +29,51 @@ _CORNERS = np.geomspace(0.08, 8.0, 34)
 _BUTTERWORTH = (0.382683432, 0.923879533)
 #: frequencies over the corner at which the noise a filter passes is integrated
 _RELATIVE = np.geomspace(1e-3, 3e3, 3000)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Prototypes:
+    """The filters for a corner of 1 rad/s, P of them, and what does not depend on the corner.
+
+    Attributes
+    ----------
+    b, gain
+        Of the model and of its Kalman filter, shape (P, 4).
+    states
+        Covariance of the states of the model for unit drive, shape (P, 4, 4).
+    denominator, numerator
+        Of the transfer functions from acceleration to the states, falling powers, shapes (P, 5) and (P, 4, 4) (power, state).
+    slowest
+        Rate of the slowest pole, shape (P,).
+    white, white_rate
+        Variance of value and rate that white noise of one-sided density 1 leads to, shape (P,).
+    """
+
+    b: Array
+    gain: Array
+    states: Array
+    denominator: Array
+    numerator: Array
+    slowest: Array
+    white: Array
+    white_rate: Array
+
+    def responses(self, relative: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return estimated over true value and rate at frequencies over the corner (...,), shape (..., P) each."""
+        return _responses(self.denominator, self.numerator, relative)
+
+
+@functools.cache
+def _prototypes() -> _Prototypes:
+    """Return the prototypes, made once: they depend on nothing."""
+    parts = [_prototype(float(r), s) for s in _SPLITS for r in _RATIOS_DB]
+    b, gain, states = (np.array(part) for part in zip(*parts, strict=True))
+    denominator, numerator = _transfer(_closed(b, gain), gain)
+    value, rate = _responses(denominator, numerator, _RELATIVE)
+    return _Prototypes(
+        b, gain, states, denominator, numerator, -np.max(np.real(np.linalg.eigvals(_closed(b, gain))), axis=1),
+        _integral(np.abs(value) ** 2 / _RELATIVE[:, None] ** 4), _integral(np.abs(rate) ** 2 / _RELATIVE[:, None] ** 2),
+    )  # fmt: skip
 
 
 def _prototype(ratio_db: float, split: float) -> tuple[Array, Array, Array]:
@@ -50,6 +96,33 @@ def _prototype(ratio_db: float, split: float) -> tuple[Array, Array, Array]:
     return b, np.asarray(gain), np.asarray(linalg.solve_continuous_lyapunov(a, -drive @ drive.T))
 
 
+def _closed(b: Array, gain: Array) -> Array:
+    """Return the system matrices of filters, shape (C, 4, 4)."""
+    closed = np.zeros((len(b), 4, 4))
+    closed[:, [0, 1, 2], [1, 2, 3]] = 1.0
+    closed[:, 3] = -b
+    return np.asarray(closed + gain[:, :, None] * b[:, None, :])
+
+
+def _transfer(system: Array, gain: Array) -> tuple[Array, Array]:
+    """Return denominators (P, 5) and numerators (P, 4, 4) of ``(s I - A)^-1 gain`` (Faddeev and LeVerrier)."""
+    adjugate = np.broadcast_to(np.eye(4), system.shape)
+    denominator, numerator = [np.ones(len(system))], []
+    for order in range(1, 5):
+        numerator.append((adjugate @ gain[:, :, None])[:, :, 0])
+        product = system @ adjugate
+        denominator.append(-np.trace(product, axis1=1, axis2=2) / order)
+        adjugate = product + denominator[-1][:, None, None] * np.eye(4)
+    return np.stack(denominator, axis=1), np.stack(numerator, axis=1)
+
+
+def _responses(denominator: Array, numerator: Array, relative: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    s = 1j * relative[..., None]
+    below = np.polyval(denominator.T, s)
+    value, rate = (np.polyval(numerator[:, :, state].T, s) for state in (2, 3))
+    return s**2 * value / below, s * rate / below
+
+
 class FilterBank:
     """Candidate filters and what they leave of every frequency.
 
@@ -63,16 +136,17 @@ class FilterBank:
 
     def __init__(self, frequencies: Array, widths: Array, highest: float) -> None:
         omega = 2.0 * np.pi * frequencies
-        prototypes = [_prototype(float(r), s) for s in _SPLITS for r in _RATIOS_DB]
-        corners = _CORNERS[: max(1, int(np.sum(highest >= _CORNERS)))]
-        w = np.repeat(2.0 * np.pi * corners, len(prototypes))[:, None]
-        powers = np.arange(4)
-        b: Array = np.tile(np.array([p[0] for p in prototypes]), (len(corners), 1)) * w ** (4.0 - powers)
-        gain: Array = np.tile(np.array([p[1] for p in prototypes]), (len(corners), 1)) * w ** (powers - 3.0)
-        self.corner, self.b, self._gain = w[:, 0], b, gain
-        self._unit = [p[2] for p in prototypes]
+        unit = _prototypes()
+        corners = 2.0 * np.pi * _CORNERS[: max(1, int(np.sum(highest >= _CORNERS)))]
+        many, powers = (len(corners), 1), np.arange(4)
+        self.corner = np.repeat(corners, len(unit.b))
+        w = self.corner[:, None]
+        self.b: Array = np.tile(unit.b, many) * w ** (4.0 - powers)
+        self._gain: Array = np.tile(unit.gain, many) * w ** (powers - 3.0)
+        self._unit = unit.states
         self._ratio = np.tile([10.0 ** (r / 10.0) for _ in _SPLITS for r in _RATIOS_DB], len(corners))
-        value, rate = self._responses(b, gain, omega)
+        # the filters of a corner are the prototypes on another scale of time
+        value, rate = (np.swapaxes(h, 1, 2).reshape(-1, len(omega)) for h in unit.responses(omega / corners[:, None]))
         weight, weight_rate = widths / omega**4, widths / omega**2
         self._missed, self._passed = np.abs(1.0 - value) ** 2 * weight, np.abs(value) ** 2 * weight
         self._missed_rate, self._passed_rate = np.abs(1.0 - rate) ** 2 * weight_rate, np.abs(rate) ** 2 * weight_rate
@@ -80,29 +154,9 @@ class FilterBank:
         #: squared value a constant acceleration leads to, per (m/s^2)^2
         self.static = self._passed[:, 0] / widths[0]
         # slowest pole of the closed loop: what the start left decays with it
-        self._slowest = -np.max(np.real(np.linalg.eigvals(self._closed(b, gain))), axis=1)
-        # white noise on a corner of 1 rad/s, scaled
-        unit = [self._responses(p[0][None], p[1][None], _RELATIVE) for p in prototypes]
-        white = [_integral(np.abs(h[0]) ** 2 / _RELATIVE**4) / (2.0 * np.pi) for h, _ in unit]
-        white_rate = [_integral(np.abs(h[0]) ** 2 / _RELATIVE**2) / (2.0 * np.pi) for _, h in unit]
-        self._white = np.tile(white, len(corners)) / self.corner**3
-        self._white_rate = np.tile(white_rate, len(corners)) / self.corner
-
-    @staticmethod
-    def _closed(b: Array, gain: Array) -> Array:
-        """Return the system matrices of the filters, shape (C, 4, 4)."""
-        closed = np.zeros((len(b), 4, 4))
-        closed[:, [0, 1, 2], [1, 2, 3]] = 1.0
-        closed[:, 3] = -b
-        return np.asarray(closed + gain[:, :, None] * b[:, None, :])
-
-    @staticmethod
-    def _responses(b: Array, gain: Array, omega: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return estimated over true value and rate at frequencies, shape (C, F) each."""
-        s = 1j * omega
-        system = s[None, :, None, None] * np.eye(4) - FilterBank._closed(b, gain)[:, None]
-        x = np.linalg.solve(system, np.broadcast_to(gain[:, None, :, None], (len(b), len(omega), 4, 1)))[..., 0]
-        return s**2 * x[..., 2], s * x[..., 3]
+        self._slowest = np.tile(unit.slowest, len(corners)) * self.corner
+        self._white = np.tile(unit.white, len(corners)) / self.corner**3
+        self._white_rate = np.tile(unit.white_rate, len(corners)) / self.corner
 
     def errors(self, signal: Array, noise: Array, white: float, age: float) -> tuple[Array, Array]:
         """Return the error variance of value and rate of every filter, shape (C,) each.
@@ -138,7 +192,7 @@ class FilterBank:
         """Return transition (4, 4) and the shares of the old and the new sample (4,) of a filter, linear between samples."""
         b, gain = self.b[index], self._gain[index]
         system = np.zeros((6, 6))
-        system[:4, :4] = self._closed(b[None], gain[None])[0]
+        system[:4, :4] = _closed(b[None], gain[None])[0]
         system[:4, 4], system[4, 5] = gain, 1.0 / dt
         exact = linalg.expm(system * dt)
         return exact[:4, :4], exact[:4, 4] - exact[:4, 5], exact[:4, 5]
@@ -146,9 +200,11 @@ class FilterBank:
 
 @functools.lru_cache(maxsize=4)
 def filter_bank(frequencies: tuple[float, ...], widths: tuple[float, ...], highest: float) -> FilterBank:
-    """Return the bank of these bins, made once: it takes half a second, and a time base that begins anew has the same bins."""
+    """Return the bank of these bins, made once: a time base that begins anew has the same bins."""
     return FilterBank(np.array(frequencies), np.array(widths), highest)
 
 
-def _integral(values: Array) -> float:
-    return float(np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(_RELATIVE)))
+def _integral(values: Array) -> Array:
+    """Return the integral of densities (R, P) over the relative frequencies, shape (P,)."""
+    step = np.diff(_RELATIVE)[:, None]
+    return np.asarray(np.sum(0.5 * (values[1:] + values[:-1]) * step, axis=0) / (2.0 * np.pi))

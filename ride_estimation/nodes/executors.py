@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Callable, Sequence
 from types import FrameType
@@ -74,6 +75,9 @@ def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], 
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = factory()
+        # what was loaded until now stays: looking through all of it for garbage would hold up estimates for several blocks
+        gc.collect()
+        gc.freeze()
         executor = make_executor(executor_name(node))
         executor.add_node(node)
         while not asked_to_leave and rclpy.ok() and not getattr(node, "finished", False):
