@@ -104,8 +104,17 @@ def run(options: argparse.Namespace) -> int:
     others = [run for run, _ in loaded]
     chain = diagnose_travel if needs_travel(vehicle, measured) else diagnose
     answer = _shown(lambda report: chain(vehicle, measured, others, settings, report))
+    answer = dataclasses.replace(answer, warnings=(*answer.warnings, *_unused_rates(measured)))
     run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
     return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
+
+
+def _unused_rates(run: UniformRun) -> tuple[str, ...]:
+    """Return words on gyros: the model is compared with accelerations and displacements alone."""
+    gyros = [name for name, values in run.data.items() if values.ndim > 1 and values.shape[1] > 3]
+    if not gyros:
+        return ()
+    return (f"the angular rates of {', '.join(gyros)} are not used: a diagnosis compares accelerations and displacements",)
 
 
 def _shown(work: Callable[[Callable[[float], None]], Diagnosis]) -> Diagnosis:

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, sites
+from ride_estimation.diagnosis.sites import Site, force_columns, sites
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,9 @@ class Family(enum.IntEnum):
 
 
 #: a damper is bent at rates beyond that share of their rms; a force that levels off below it is friction by name, and the
-#: two causes would otherwise hold the same law
-BENT_ABOVE = 0.3
+#: two causes would otherwise hold the same law. Friction is rounded over a tenth of the usual rate at most, the knee of a
+#: damper lies at two fifths of it at least; this is the geometric mean
+BENT_ABOVE = 0.2
 _LIMIT = 6.0  # argument of the growing form, where doubles would overflow long after any data
 
 
@@ -73,13 +74,12 @@ def bent_hypotheses(
 
     def build(site: Site) -> Hypothesis:
         def columns(scene: Scene, shape: Shapes) -> list[Column]:
-            out: list[Column] = []
-            for p in site.ports:
-                signal = scene.deflection_rate[:, p] if over_rate else scene.deflection[:, p]
-                u = signal / scene.scales[p][int(over_rate)]
+            def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+                u = v / v_rms if over_rate else x / x_rms
                 even = even_form(u, over_rate)
-                out += [(Effect(Where.PORT, p, part),) for part in (odd_form(u, shape), even - np.mean(even))]
-            return out
+                return [odd_form(u, shape), even - np.mean(even)]
+
+            return force_columns(scene, site, law)
 
         bounds = (Shape("scale", 1.0, BENT_ABOVE if over_rate else 0.1, 6.0),)
         return Hypothesis(cause, site.location, site.axis, columns, grid, bounds, complexity=1.0, ports=site.ports)

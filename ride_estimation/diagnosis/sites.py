@@ -53,13 +53,18 @@ def force_columns(scene: Scene, site: Site, law: Callable[[Array, Array, float, 
     Parameters
     ----------
     law
-        Takes deflection, rate and their rms and returns pseudo-forces [N] per unit coefficient.
+        Takes deflection, rate and their rms and returns pseudo-forces [N] per unit coefficient. Evaluated as densely as
+        :attr:`FrequencyGrid.refinement` asks for.
     """
     out: list[Column] = []
+    grid, fine = scene.grid, scene.grid.refinement > 1
     for p in site.ports:
         x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
-        x_rms, v_rms = scene.scales[p]
-        out += [(Effect(Where.PORT, p, signal),) for signal in law(x, v, x_rms, v_rms)]
+        if fine:
+            spectrum = scene.deflection_spectrum[:, p]
+            x, v = grid.refined(spectrum), grid.refined(1j * grid.omega * spectrum)
+        forces = law(x, v, *scene.scales[p])
+        out += [(Effect(Where.PORT, p, grid.unrefined(force) if fine else force),) for force in forces]
     return out
 
 

@@ -13,6 +13,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+_LAW_RATE = 5.0  # rate at which laws are evaluated over the upper edge of the band, at least
+
 
 @dataclasses.dataclass(frozen=True)
 class FrequencyGrid:
@@ -72,6 +74,27 @@ class FrequencyGrid:
         full = np.zeros((self.padded // 2 + 1, *spectrum.shape[1:]), dtype=complex)
         full[self.first : self.last] = spectrum
         return np.asarray(irfft(full, n=self.padded, axis=0)[: self.samples])
+
+    @property
+    def refinement(self) -> int:
+        """Return by how many times the sample rate laws are evaluated.
+
+        A force that jumps has overtones. What a law makes of samples folds those beyond half their rate back: in a run of 100
+        samples per second, those from 60 Hz on into a band up to 40 Hz. A recorder filters them out before it samples.
+        """
+        return max(1, int(np.ceil(_LAW_RATE * self.upper_hz / self.rate_hz - 1e-9)))
+
+    def refined(self, spectrum: ComplexArray) -> Array:
+        """Return the signals of kept bins at ``refinement`` times the rate, shape (refinement * samples, ...)."""
+        times = self.refinement
+        full = np.zeros((times * self.padded // 2 + 1, *spectrum.shape[1:]), dtype=complex)
+        full[self.first : self.last] = times * spectrum
+        return np.asarray(irfft(full, n=times * self.padded, axis=0)[: times * self.samples])
+
+    def unrefined(self, signal: Array) -> Array:
+        """Return the part within the kept bins of signals at ``refinement`` times the rate, shape (samples, ...)."""
+        times = self.refinement
+        return self.signal(rfft(signal, n=times * self.padded, axis=0)[self.first : self.last] / times)
 
     def decimated_signal(self, spectrum: NDArray[Any]) -> Array:
         """Return decimated signals scaled so that unit white noise in the kept band has one unit per degree of freedom."""

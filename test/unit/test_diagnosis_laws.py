@@ -12,6 +12,7 @@ from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.result import EXPLAINED, Gain, NamedCause, ValidationGain
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.spectra import edge_taper, make_grid
 from ride_estimation.diagnosis.verdict import describe
 from ride_estimation.diagnosis.waveform import _solved
 
@@ -34,6 +35,34 @@ def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_whe
 def test_a_coefficient_beyond_what_is_possible_means_nothing(mass, means):
     h = Hypothesis("missing_degree_of_freedom", "cab", "z", lambda scene, shape: [], essential=(0,), largest=200.0)
     assert h.meaningful(np.array([mass, 3.0])) is means
+
+
+def test_overtones_that_a_law_makes_beyond_the_band_do_not_fold_into_it():
+    """Fourier series of ``sign(sin)``: 4 / pi / n at the odd multiples of 7.3 Hz; 1, 3 and 5 lie below 40 Hz."""
+    grid = make_grid(4000, 100.0, (0.4, 40.0))
+    time = np.arange(4000) / 100.0
+
+    def jump(frequency: float, times: int) -> tuple[np.ndarray, np.ndarray]:
+        phase = 2.0 * np.pi * frequency * time
+        wanted = sum(4.0 / np.pi / n * np.sin(n * phase) for n in (1, 3, 5))
+        x = grid.refined(grid.spectrum(np.sin(phase) * edge_taper(4000, 100.0)))
+        return wanted, grid.unrefined(np.sign(x)) if times > 1 else grid.signal(grid.spectrum(np.sign(np.sin(phase))))
+
+    inner = slice(300, -300)
+    wanted, got = jump(7.3, grid.refinement)
+    _, coarse = jump(7.3, 1)
+    size = np.std(wanted[inner])
+    folded, plain = (np.std((found - wanted)[inner]) / size for found in (got, coarse))
+    # what folds at a rate r lies within 40 Hz of its multiples: the overtones 9 to 19 (60 to 140 Hz) no longer do at 2 r,
+    # those of 160 to 240 Hz (23 to 31) and 360 to 440 Hz (51 to 59) still do, and beyond them a tenth more
+    stays = np.sqrt(sum(n**-2.0 for n in (*range(23, 33, 2), *range(51, 61, 2))) / sum(n**-2.0 for n in (1, 3, 5)))
+    assert grid.refinement == 2
+    assert folded < 1.25 * stays
+    assert plain > 2.0 * folded
+
+
+def test_a_run_sampled_densely_enough_is_not_refined():
+    assert make_grid(4000, 200.0, (0.4, 40.0)).refinement == 1
 
 
 def test_the_deviation_of_a_friction_level_holds_that_its_law_has_another_form():

@@ -9,11 +9,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -43,15 +43,11 @@ class Backlash(Cause):
         for site in sites(scene):
 
             def columns(scene: Scene, shape: Shapes, s: Site = site) -> list[Column]:
-                result: list[Column] = []
-                for p in s.ports:
-                    x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
-                    x_rms = scene.scales[p][0]
+                def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
                     half, centre = float(shape["half"]) * x_rms, float(shape["centre"]) * x_rms
-                    inside = np.where(np.abs(x - centre) < half, v, 0.0)
-                    result.append((Effect(Where.PORT, p, _missing(x, half, centre)),))
-                    result.append((Effect(Where.PORT, p, inside),))
-                return result
+                    return [_missing(x, half, centre), np.where(np.abs(x - centre) < half, v, 0.0)]
+
+                return force_columns(scene, s, law)
 
             grid = tuple({"half": h, "centre": c} for h in (0.15, 0.5) for c in (0.0, -0.7, 0.7))
             bounds = (Shape("half", 0.3, 0.02, 1.5), Shape("centre", 0.0, -1.5, 1.5, 0.12))

@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -139,19 +140,20 @@ def _columns(
     scene: Scene, site: Site, sides: tuple[float, ...], shape: Shapes, reach: tuple[float, ...]
 ) -> list[Column]:
     """Return linear part, hardening part and loss of every mount of a site; what loses is the part that carries most."""
-    gap = float(shape["gap"])
     out: list[Column] = []
     for p in site.ports:
-        x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
-        x_rms, v_rms = scene.scales[p]
-        linear, hard, loss = (np.zeros(len(x)) for _ in range(_COLUMNS))
-        for side in sides:
-            depth = _depth(x, side, gap * x_rms)
-            grown = _hardening(depth, float(shape["hardening"]) * x_rms, reach[p] - gap * x_rms) / x_rms
-            linear += side * depth
-            hard += side * grown
-            loss += (grown if shape["hardening"] < _SQUARE else depth) * np.tanh(v / v_rms)
-        out += [(Effect(Where.PORT, p, signal),) for signal in (linear, hard, loss)]
+        def law(x: Array, v: Array, x_rms: float, v_rms: float, known: float = reach[p]) -> list[Array]:
+            gap = float(shape["gap"]) * x_rms
+            linear, hard, loss = (np.zeros(len(x)) for _ in range(_COLUMNS))
+            for side in sides:
+                depth = _depth(x, side, gap)
+                grown = _hardening(depth, float(shape["hardening"]) * x_rms, known - gap) / x_rms
+                linear += side * depth
+                hard += side * grown
+                loss += (grown if shape["hardening"] < _SQUARE else depth) * np.tanh(v / v_rms)
+            return [linear, hard, loss]
+
+        out += force_columns(scene, dataclasses.replace(site, ports=(p,)), law)
     return out
 
 
