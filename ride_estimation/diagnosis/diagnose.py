@@ -14,7 +14,7 @@ from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_pa
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear
-from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit
+from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit, tolerance_of
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
@@ -347,12 +347,23 @@ def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, f
         if wrong:
             return UNEXPLAINED, 1.0
         return (EXPLAINED if soft is not None else NO_DISCREPANCY), 0.0
+    # a calibration strained far beyond a tolerance hides the fault and leaves no residual that the cause could remove
+    excess = max(_misfit_within_tolerance(work, accepted) / dof - 1.0, excess)
     inherent = inherent_misfit(accepted, work.splits.train, work.settings.seed) / dof
     left = max(accepted.misfit / dof - 1.0 - inherent, 0.0)
     remaining = left / max(excess - inherent, left, 1e-9) if excess > 0.02 else 0.0
     if remaining > work.settings.unexplained and left > 0.1:
         return UNEXPLAINED, remaining
     return EXPLAINED, remaining
+
+
+def _misfit_within_tolerance(work: _Work, accepted: FullFit) -> float:
+    """Return the misfit of the calibrated model whose tolerances that the accepted causes stand for are cut at their limits."""
+    cal = work.calibrated
+    named = {tolerance_of(f.hypothesis) for f in accepted.fitted}
+    stands = [(a.kind, a.place, a.axis) in named for a in cal.adjustables]
+    coefficients = np.where(stands, within_tolerance(cal.adjustables, cal.fit.coefficients), cal.fit.coefficients)
+    return cal.regression.misfit(cal.regression.grams, work.splits.train, coefficients)
 
 
 def _log_std(work: _Work) -> tuple[Array, Array]:
@@ -434,7 +445,7 @@ def _gain(
             )
             continue
         (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
-        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > pooled_nrmse(e0, s0, judged):
+        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > 1.02 * pooled_nrmse(e0, s0, judged):
             warnings.append(
                 f"validation run {other.name}: the extended model is worse there than the calibrated one; "
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
@@ -479,11 +490,8 @@ def _ladder(work: _Work, base: Prediction, extended: Prediction) -> tuple[Step, 
     steps = [Step("calibrated linear model", pooled_nrmse(errors, signal, work.splits.judge), work.selector.base_excess, 0.0)]
     for current in work.selection.rounds:
         for candidate in current.candidates:
-            label = " + ".join(_label(f.hypothesis) for f in candidate.fit.fitted)
+            named = (f.hypothesis for f in candidate.fit.fitted)
+            label = " + ".join(title(h.cause, h.location, h.axis) for h in named)
             gain = candidate.log_likelihood - current.reference
             steps.append(Step(label, float("nan"), candidate.fit.misfit / dof, gain))
     return tuple(steps)
-
-
-def _label(h: Hypothesis) -> str:
-    return title(h.cause, h.location, h.axis)

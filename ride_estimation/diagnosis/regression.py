@@ -14,6 +14,9 @@ from scipy.linalg import cho_factor, cho_solve
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+#: smallest share of the stated offset tolerance that mean readings which agree better make believe
+_BEST_OFFSETS = 1.0 / 3.0
+
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
@@ -24,7 +27,7 @@ class Fit:
     coefficients
         Baseline coefficients followed by those of the candidate columns.
     objective
-        Sum of squares plus prior penalty on the blocks of the fit.
+        Sum of squares plus prior penalty on the blocks of the fit; mean rows as in :func:`offset_deviance`.
     covariance
         Of the coefficients.
     """
@@ -32,6 +35,25 @@ class Fit:
     coefficients: Array
     objective: float
     covariance: Array
+
+
+def offset_deviance(squares: float, count: int) -> float:
+    """Return minus twice the log-likelihood of mean readings whose scatter is no larger than the tolerance, up to a constant.
+
+    ``min over s of squares / s^2 + count ln s^2`` with ``s`` from a third to one: where all but one of many readings agree far
+    better than the tolerance of offsets says, they were zeroed that well and the one is off.
+
+    Parameters
+    ----------
+    squares
+        Sum of squared mean readings in units of the tolerance.
+    count
+        Number of readings.
+    """
+    if count == 0:
+        return 0.0
+    scale = float(np.clip(squares / count, _BEST_OFFSETS**2, 1.0))
+    return squares / scale + count * float(np.log(scale))
 
 
 class Regression:
@@ -151,7 +173,7 @@ class Regression:
         finite = np.isfinite(std)
         objective = (
             self.misfit(grams, blocks, solution)
-            + float(np.sum((self.mean_residual - means @ solution) ** 2))
+            + self.temper * offset_deviance(float(np.sum((self.mean_residual - means @ solution) ** 2)) / self.temper, len(means))
             + float(np.sum(((solution - offset)[finite] / std[finite]) ** 2))
         )
         return Fit(solution, objective, covariance)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 
 import numpy as np
@@ -100,6 +101,19 @@ def test_the_extended_vehicle_is_written_and_loads_again(name, tmp_path):
     again = load_vehicle(path)
     assert set(again.mounts) == set(vehicle.mounts)
     assert all(isinstance(r, str) for r in remarks)
+
+
+@pytest.mark.parametrize("name", ["flexible_mode", "viscoelasticity", "missing_degree_of_freedom"])
+def test_what_a_linear_cause_does_on_a_road_twice_as_rough_is_twice_as_large(name):
+    """Coefficients are those of the vehicle and not of the run they were found on."""
+    scene = cab_scene()
+    rougher = copy.copy(scene)
+    rougher.deflection_spectrum = 2.0 * scene.deflection_spectrum
+    rougher.coordinate_spectrum = 2.0 * scene.coordinate_spectrum
+    h = library()[name].hypotheses(scene)[0]
+    for one, two in zip(h.columns(scene, h.grid[0]), h.columns(rougher, h.grid[0]), strict=True):
+        for before, after in zip(one, two, strict=True):
+            np.testing.assert_allclose(after.signal, 2.0 * before.signal, rtol=1e-9, atol=1e-12 * np.max(np.abs(after.signal)))
 
 
 def test_one_soft_mount_has_no_residual_hypothesis():

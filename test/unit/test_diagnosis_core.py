@@ -19,7 +19,7 @@ from ride_estimation.diagnosis.noise import noise_scale, temper_of
 from ride_estimation.diagnosis.operators import friction_level, relaxed, resonant
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.prediction import bootstrap_interval
-from ride_estimation.diagnosis.regression import Regression
+from ride_estimation.diagnosis.regression import Regression, offset_deviance
 from ride_estimation.diagnosis.response import respond
 from ride_estimation.diagnosis.result import Gain, ValidationGain
 from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
@@ -86,15 +86,24 @@ def test_regression_equals_stacked_least_squares_with_priors():
     rng = np.random.default_rng(3)
     columns, residual = rng.normal(size=(4, 50, 3)), rng.normal(size=(4, 50))
     std, offset = np.array([0.5, 2.0, 10.0]), np.array([0.1, 0.0, -1.0])
-    regression = Regression(residual, columns, np.array([0.3]), np.array([[0.0, 1.0, 0.0]]), std, offset)
+    regression = Regression(residual, columns, np.array([3.0]), np.array([[0.0, 1.0, 0.0]]), std, offset)
     fit = regression.fit(regression.grams, [0, 2, 3])
     rows = np.vstack([columns[[0, 2, 3]].reshape(-1, 3), np.diag(1 / std), [[0.0, 1.0, 0.0]]])
-    right = np.concatenate([residual[[0, 2, 3]].ravel(), offset / std, [0.3]])
+    right = np.concatenate([residual[[0, 2, 3]].ravel(), offset / std, [3.0]])
     expected, *_ = np.linalg.lstsq(rows, right, rcond=None)
     np.testing.assert_allclose(fit.coefficients, expected, rtol=1e-8)
     assert fit.objective == pytest.approx(float(np.sum((right - rows @ expected) ** 2)), rel=1e-8)
     left_out = residual[1] - columns[1] @ fit.coefficients
     assert regression.misfit(regression.grams, [1], fit.coefficients) == pytest.approx(float(left_out @ left_out), rel=1e-9)
+
+
+def test_one_offset_among_readings_that_agree_counts_more_than_among_readings_that_scatter():
+    """Closed form: with squares at or above their number the deviance is their sum, below it n + n ln(squares / n)."""
+    lone, scattered = 4.0**2, 24.0  # one of 24 readings four tolerances off; all of them off by one tolerance
+    assert offset_deviance(scattered + lone, 24) - offset_deviance(scattered, 24) == pytest.approx(lone)
+    assert offset_deviance(lone, 24) == pytest.approx(24.0 + 24.0 * np.log(lone / 24.0))
+    assert offset_deviance(lone, 24) - offset_deviance(0.0, 24) > 4.0 * lone
+    assert offset_deviance(0.0, 0) == 0.0
 
 
 def test_temper_weights_the_prior_and_not_the_data():

@@ -48,7 +48,6 @@ class FlexibleMode(Cause):
                 def columns(scene: Scene, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
                     f, z = float(shape["frequency"]), float(shape["damping"])
                     modal = scene.grid.signal(_modal(scene, f, z) @ w)
-                    modal = modal / max(float(np.std(modal)), 1e-300)
                     return [(Effect(Where.OUTPUT, i, modal),) for i in r]
 
                 grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (0.015, 0.05))
@@ -60,6 +59,8 @@ class FlexibleMode(Cause):
         """Return natural frequency [Hz], damping ratio and the channel that moves most."""
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
         largest = int(np.argmax(np.abs(fitted.coefficients)))
+        (modal,) = fitted.hypothesis.columns(scene, fitted.shape)[largest]
+        rms, std = (float(np.std(modal.signal)) * c for c in (abs(fitted.coefficients[largest]), fitted.std(largest)))
         rows = [
             s.name for s in scene.plant.outputs
             if s.kind == "acceleration" and scene.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
@@ -67,7 +68,7 @@ class FlexibleMode(Cause):
         return (
             Reported("natural frequency", f, 0.03 * f, "Hz"),
             Reported("damping ratio", z, 0.4 * z, "-"),
-            Reported(f"elastic rms at {rows[largest]}", abs(float(fitted.coefficients[largest])), fitted.std(largest), "m/s^2"),
+            Reported(f"elastic rms at {rows[largest]}", float(rms), float(std), "m/s^2"),
         )
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
@@ -104,7 +105,10 @@ def _modal(scene: Scene, frequency_hz: float, ratio: float) -> ComplexArray:
 
 
 def _drive_weights(scene: Scene, rows: list[int], frequency_hz: float) -> Array:
-    """Return how much every port drives the mode: alternating least squares of pattern and drive around the resonance."""
+    """Return how much every port drives the mode: alternating least squares of pattern and drive around the resonance.
+
+    In units of this run's modal acceleration: on another road the same mode is driven harder or less.
+    """
     f = scene.grid.frequency
     near = np.abs(f - frequency_hz) < 0.25 * frequency_hz
     residual = scene.residual_spectrum[near][:, rows]
@@ -122,4 +126,5 @@ def _drive_weights(scene: Scene, rows: list[int], frequency_hz: float) -> Array:
         drive = stacked @ weights
         pattern = target.T @ drive / max(float(drive @ drive), 1e-300)
         pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
-    return np.asarray(weights / scale)
+    weights = weights / scale
+    return np.asarray(weights / max(float(np.std(scene.grid.signal(_modal(scene, frequency_hz, 0.03) @ weights))), 1e-300))
