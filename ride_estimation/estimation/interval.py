@@ -80,13 +80,13 @@ class Scatter:
         return float(np.mean(np.diag(self.covariance) / self.values))
 
 
-def scatter_of(information: Array, scores: Array) -> Scatter:
+def scatter_of(told: tuple[Array, Array], scores: Array) -> Scatter:
     """Return the scatter of gradients, each with its neighbour: noise near a resonance is correlated over an interval.
 
     Parameters
     ----------
-    information
-        Of J intervals, shape (J, N, N).
+    told
+        Where J intervals together tell something, see :func:`told_directions`.
     scores
         Gradients at the parameters in question, shape (J, N).
     """
@@ -94,7 +94,7 @@ def scatter_of(information: Array, scores: Array) -> Scatter:
     # neighbours together: half of the scatter of sums of two
     pairs = scores[1:] + scores[:-1]
     scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
-    values, basis = told_directions(information.sum(axis=0))
+    values, basis = told
     return Scatter(values, basis, basis.T @ scatter @ basis)
 
 
@@ -119,6 +119,8 @@ class IntervalMemory:
         self._information: list[Array] = []
         self._gradient: list[Array] = []
         self._centre: list[Array] = []
+        self._stack: Array | None = None
+        self._told: tuple[Array, Array] | None = None
         self.inflation = _START
 
     def foresee(self, intervals: list[Interval]) -> None:
@@ -127,7 +129,7 @@ class IntervalMemory:
         """
         if len(intervals) >= _FEWEST:
             scores = np.array([i.gradient for i in intervals])
-            ratio = scatter_of(np.array([i.information for i in intervals]), scores).ratio
+            ratio = scatter_of(told_directions(np.sum([i.information for i in intervals], axis=0)), scores).ratio
             self.inflation = float(np.clip(ratio, _START, _INFLATION[1]))
 
     @property
@@ -150,10 +152,23 @@ class IntervalMemory:
             stack.append(np.array(item))
             if len(stack) > _LENGTH:
                 stack.pop(0)
+        self._stack = self._told = None
+
+    def _stacked(self) -> Array:
+        """Return the information of all intervals, shape (J, N, N); asked for several times per interval."""
+        if self._stack is None:
+            self._stack = np.array(self._information)
+        return self._stack
+
+    def _directions(self) -> tuple[Array, Array]:
+        """Return along which directions all intervals together tell something."""
+        if self._told is None:
+            self._told = told_directions(self._stacked().sum(axis=0))
+        return self._told
 
     def scores(self, theta: Array) -> tuple[Array, Array]:
         """Return the information of the intervals (J, N, N) and their gradients at given parameters (J, N)."""
-        information = np.array(self._information)
+        information = self._stacked()
         return information, np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
 
     def carry(self, step: Array, recent: int) -> None:
@@ -166,10 +181,9 @@ class IntervalMemory:
         if self.length < _FEWEST_STEADY:
             return 1.0
         before = self.inflation
-        information, scores = self.scores(theta)
-        values, basis = told_directions(information.sum(axis=0))
+        values, basis = self._directions()
         # parameters that move are no noise
-        steady = np.einsum("ai,ab,bi->i", basis, steady_scatter(scores), basis)
+        steady = np.einsum("ai,ab,bi->i", basis, steady_scatter(self.scores(theta)[1]), basis)
         self.inflation = float(np.clip(np.mean(steady / values), *_INFLATION))
         return self.inflation / before
 
@@ -189,7 +203,7 @@ class IntervalMemory:
             return stated
         information, scores = self.scores(theta)
         total = information.sum(axis=0)
-        scatter = scatter_of(information, scores)
+        scatter = scatter_of(self._directions(), scores)
         ratio = scatter.ratio
         # the filter remembers more than this memory: take its covariance, with the scatter instead of scaled theory
         half = p @ scatter.basis / self.inflation
@@ -219,3 +233,4 @@ class IntervalMemory:
         self._gradient = [np.array(g, dtype=float) for g in saved["gradient"]]
         self._centre = [np.array(c, dtype=float) for c in saved["centre"]]
         self.inflation = float(saved["inflation"])
+        self._stack = self._told = None

@@ -182,6 +182,9 @@ class MountForceEstimator:
         self.static_force = static_share(self._g, self._stiffness, weight[self._free]).reshape(self._count, 3)
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
+        vertical = np.zeros_like(self._stiffness)
+        vertical[2::3] = self._stiffness[2::3]
+        self._open_share = np.eye(3 * self._count) - share_by_stiffness(self._g, vertical) @ self._g
 
     def observe(
         self, deflection: DeflectionBlock, support: Array, load_covariance: Array, turn_rate: Array, dt: float
@@ -309,12 +312,9 @@ class MountForceEstimator:
 
     def _static_variance(self) -> Array:
         """Return the variance of the static forces, shape (3 M,): stiffness that shares them is only so well known; levelling."""
-        vertical = np.zeros_like(self._stiffness)
-        vertical[2::3] = self._stiffness[2::3]
-        open_share = np.eye(3 * self._count) - share_by_stiffness(self._g, vertical) @ self._g
         # without motion of the bases the share of the twist, which is as wide as the forces, stands for this too
         relative = STATIC_SHARE**2 + np.where(self.known, self.parameter_std[0] ** 2, 0.0).ravel()
-        return np.asarray(open_share**2 @ (relative * self.static_force.ravel() ** 2))
+        return np.asarray(self._open_share**2 @ (relative * self.static_force.ravel() ** 2))
 
     def _covariance(self, deflection: DeflectionBlock, frame: FrameDeformation, parameters: Array) -> Array:
         """Return the covariance of the constitutive forces: rigid motion, deformation of the frame, parameters."""

@@ -23,7 +23,7 @@ def scaled(element: ForceElement, stiffness: float, damping: float) -> ForceElem
     """Return the element with all stiffnesses times one factor and all dampings times another, lists and sums included."""
     factor = {"stiffness": stiffness, "damping": damping}
     return element.with_values({
-        address: float(np.clip(value * factor[p.role], p.lower, p.upper))
+        address: min(max(value * factor[p.role], p.lower), p.upper)
         for address, (p, value) in element.addressed().items()
         if p.role in factor and factor[p.role] != 1.0
     })

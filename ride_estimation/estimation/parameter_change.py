@@ -65,8 +65,8 @@ def moved(information: Array, scores: Array, p: Array, common: Array) -> tuple[A
         return step, added
     recent = information[-RECENT:].sum(axis=0)
     basis = np.hstack([common, told_directions(recent)[1]])
-    values = np.einsum("ai,ab,bi->i", basis, recent, basis)
-    size = np.einsum("ji,kjl,li->ki", basis, information, basis)
+    values = np.sum(basis * (recent @ basis), axis=0)
+    size = np.sum(basis * (information @ basis), axis=1)
     # rough stretches tell more and scatter more than smooth ones
     scatter = np.diag(steady_scatter(scores @ basis / np.sqrt(np.maximum(size, 1e-12 * values)))) / len(scores)
     scatter = (len(scores) * scatter + _SHRINK * scatter.mean()) / (len(scores) + _SHRINK)

@@ -37,6 +37,8 @@ class ModelResponse:
         #: step the response is prepared for [s], 0 before
         self.step = 0.0
         self._covariance, self._base_variance = np.eye(6), 0.0
+        points = balance.arrangement.wrench[balance.arrangement.free]
+        self._rigid = np.linalg.pinv(points @ points.T, hermitian=True)
         self.reset()
 
     def reset(self) -> None:
@@ -105,8 +107,7 @@ class ModelResponse:
         gain = np.zeros((12, 6))
         states = np.flatnonzero(np.concatenate([free, free]))
         outputs = np.flatnonzero(free)
-        points = self._balance.arrangement.wrench[free]
-        accel = self._base_variance * np.linalg.pinv(points @ points.T, hermitian=True)
+        accel = self._base_variance * self._rigid
         drive = (self.hold_old + self.hold_new)[np.ix_(states, outputs)]
         process = drive @ accel @ drive.T
         seen = -self.feedback[np.ix_(outputs, states)]
