@@ -67,6 +67,7 @@ def add_replay_arguments(parser: argparse.ArgumentParser, vehicle_required: bool
     )
     parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
     parser.add_argument("--settings", metavar="P.yaml", help="parameter file of the node, to replay with what ran live")
+    parser.add_argument("--no-hindsight", action="store_true", help="leave out the second pass over the forces of a finished run")
     parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")
     parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
     parser.add_argument("--slope", type=float, default=DEFAULT_SLOPE, metavar="K", help="of the damage line [-] (default 5)")
@@ -91,6 +92,8 @@ class ReplayJob:
         For A(8) and VDV [s].
     formats
         Of the report, of :data:`FORMATS`.
+    hindsight
+        Whether forces are made again with the whole run known.
     """
 
     vehicle: Vehicle
@@ -99,6 +102,7 @@ class ReplayJob:
     slope: float = DEFAULT_SLOPE
     daily_exposure_s: float = EIGHT_HOURS_S
     formats: tuple[str, ...] = ("html",)
+    hindsight: bool = True
 
     @classmethod
     def of(cls, options: argparse.Namespace, formats: Sequence[str]) -> ReplayJob:
@@ -116,7 +120,10 @@ class ReplayJob:
         if not 0.0 < options.daily_hours <= 24.0:
             raise ConfigurationError(f"--daily-hours {options.daily_hours:g}; allowed: more than 0, at most 24")
         chosen = tuple(f for f in dict.fromkeys(formats) if f != "none")
-        return cls(vehicle, settings, options.salvage, checked_slope(options.slope), 3600.0 * options.daily_hours, chosen)
+        return cls(
+            vehicle, settings, options.salvage, checked_slope(options.slope), 3600.0 * options.daily_hours, chosen,
+            not options.no_hindsight,
+        )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
@@ -176,14 +183,14 @@ def replay_run(
     recording = read_recording(path, vehicle, salvage=job.salvage)
     quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
-    result = run_offline(recording, pipeline, lambda done: advance(done, samples))
+    result = run_offline(recording, pipeline, lambda done: advance(done, samples), job.hindsight)
     if len(result.stamp_ns) < LEAST_TICKS:
         raise InputDataError(f"{path}: the run holds {len(result.stamp_ns)} ticks of the time base; {LEAST_TICKS} are needed")
     warnings = all_warnings(recording, vehicle, quality, result)
     layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
     side = side_signals(recording, vehicle, result)
     assessment = assess_run(
-        result.mount_names, result.signals["mount_force"], result.signals["mount_force_std"], result.valid, tick_rate(result),
+        result.mount_names, result.force, result.force_std, result.valid, tick_rate(result),
         side.accelerations, side.cells, job.slope, job.daily_exposure_s,
         mass_relative_std(result, pipeline.arrangement.body.name),
     )  # fmt: skip
@@ -274,11 +281,12 @@ def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], l
     if result.mount_names:
         heads = (_three_words(f"mean {axis}" for axis in AXES), _three_words(f"swing {axis}" for axis in AXES))
         lines.append(f"{'force on the body by mount [N]':<34}{heads[0]:>32}{heads[1]:>32}  (largest deviation from the mean)")
-        force = result.signals["mount_force"][result.valid]
+        force = result.force[result.valid]
         for i, name in enumerate(result.mount_names if len(force) else ()):
             mean = force[:, i].mean(axis=0)
             swing = abs(force[:, i] - mean).max(axis=0)
             lines.append(f"{name:<34}{_three(mean):>32}{_three(swing):>32}")
+        lines.append(result.forces_in_words())
     lines += [f"warning: {text}" for text in warnings[:12]]
     if len(warnings) > 12:
         lines.append(f"... {len(warnings) - 12} more warnings in result.json")

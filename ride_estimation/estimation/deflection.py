@@ -43,7 +43,7 @@ _LEAST = np.array([1e-4, 1e-4, 2e-4])
 @dataclasses.dataclass(frozen=True)
 class DeflectionBlock:
     """Deflection, rate, relative acceleration, rotation against the bracket (K, M, 3); rotation of the frame that the brackets do
-    not make and its rate (K, 3); std of deflection and rate (M, 3).
+    not make and its rate (K, 3); std of deflection and rate (M, 3); specific force of the brackets in bracket axes (K, M, 3).
     """
 
     deflection: Array
@@ -54,6 +54,7 @@ class DeflectionBlock:
     swing_rate: Array
     std: Array
     rate_std: Array
+    base: Array
 
 
 class DeflectionEstimator:
@@ -146,7 +147,7 @@ class DeflectionEstimator:
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
-        return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std)
+        return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
 
     def _follow_size(self, square: Array, duration: float) -> None:
         """Follow the mean squared deflection, quickly up and slowly down: at rest the deflection is known to be small."""

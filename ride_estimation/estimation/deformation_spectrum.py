@@ -18,6 +18,8 @@ _RATE, _PER_OCTAVE, _FIRST = 100.0, 5, 2
 _SHORTEST = 2.0
 #: memory of the mean over periodograms [s] and time between two of them [s]
 _MEMORY, _INTERVAL = 10.0, 0.5
+#: duration of averaged spectra from which on their lowest lines are not those of their neighbours [s]
+_RESOLVES_SLOW = 10.0
 #: equivalent noise bandwidth of the window in lines
 _BANDWIDTH = 1.5
 
@@ -113,6 +115,31 @@ class DeformationSpectrum:
         independent = self._lines / _BANDWIDTH
         segments = 1.0 + min(self.averaged, 2.0 * _MEMORY) / (_SEGMENT / 2.0) / 2.0
         return np.asarray(1.0 / np.sqrt(np.maximum(independent, 1.0)[:, None] * segments * np.maximum(self._freedom, 1.0)))
+
+    def split(self, axis: int, white: float, noise: Array) -> tuple[Array, Array, float]:
+        """Tell motion from noise: densities of the motion and of noise that is not white, (F,) each, and of white noise.
+
+        Parameters
+        ----------
+        axis
+            Which.
+        white, noise
+            Densities of white and of other noise that are stated [(m/s^2)^2/Hz]; noise of shape (F,).
+        """
+        measured, spread = self.density[:, axis], self.spread[:, axis]
+        # a stated noise larger than what was ever measured is too large
+        share = min(1.0, float(np.min(measured * (1.0 + 2.0 * spread) / (white + noise))))
+        white, noise = share * white, share * noise
+        if axis != 2:
+            # frames deform less and less quickly towards low frequency: acceleration that does not fall there is gravity through
+            # tilt that is not known of
+            white = max(white, float(measured[0] - noise[0]))
+        elif self.averaged >= _RESOLVES_SLOW:
+            # the same of what sensors at an angle make of braking, which is slow; short spectra leak into their lowest lines
+            slow = max(float(measured[0]) - white, 0.0)
+            noise = noise + slow * (self.frequencies[0] / self.frequencies) ** 2
+        signal = np.where(measured > (1.0 + 2.0 * spread) * (white + noise), measured - white - noise, 0.0)
+        return signal, noise, white
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

@@ -27,8 +27,6 @@ from ride_estimation.estimation.frame_kernel import filter_history, frame_block
 
 Array = NDArray[np.float64]
 
-#: duration of averaged spectra from which on their lowest lines are not those of their neighbours [s]
-_RESOLVES_SLOW = 10.0
 #: memory of the constant bias [s]
 _BIAS_MEMORY = 30.0
 #: deformation [m] and its rate [m/s] while nothing is known of the spectrum, standard deviations
@@ -84,10 +82,10 @@ class FrameDeformation:
     def take_tilt(self) -> None:
         """Take over how the brackets tilt: the maps of the twist, and what its doubts leave."""
         self._turn_map = self._tilting.maps.mean(axis=0)
-        self._tilt = self._gravity_map(self._tilting.maps)
-        self._tilt_square = self._square(self._tilt)
+        self.tilt = self._gravity_map(self._tilting.maps)
+        self.tilt_square = self._square(self.tilt)
         #: variance of what a unit of vertical deformation wrongly adds because the shares are uncertain, per axis
-        self._doubt_square = np.sum([self._square(self._gravity_map(maps)) for maps in self._tilting.doubt], axis=0)
+        self.doubt_square = np.sum([self._square(self._gravity_map(maps)) for maps in self._tilting.doubt], axis=0)
 
     def _gravity_map(self, tilt_maps: Array) -> Array:
         """Return what gravity adds to the projected relative acceleration through tilt, from vertical deformations, (3 M, M)."""
@@ -131,7 +129,7 @@ class FrameDeformation:
         value, rate = np.empty_like(flat), np.empty_like(flat)
         forget = 1.0 - math.exp(-dt / min(_BIAS_MEMORY, self._time))
         frame_block(
-            relative, turn, turn_rate, swing, swing_rate, self._turn_map, self._arms, self.projector, self._tilt, self._trust, dt,
+            relative, turn, turn_rate, swing, swing_rate, self._turn_map, self._arms, self.projector, self.tilt, self._trust, dt,
             forget, *self._filters, self._state, flat, value, rate,
         )  # fmt: skip
         self._trust = min(max(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0), 1.0)
@@ -165,7 +163,7 @@ class FrameDeformation:
         tilt = whole = np.zeros(len(self._spectrum.frequencies))
         for axis in (2, 0, 1):
             if self._freedom[axis] > 1e-6:
-                noise = tilt * self._tilt_square[axis] + whole * self._doubt_square[axis]
+                noise = tilt * self.tilt_square[axis] + whole * self.doubt_square[axis]
                 left, bend = self._choose_axis(axis, k2[axis], c2[axis], noise)
                 if axis == 2:
                     tilt, whole = left, bend
@@ -173,20 +171,8 @@ class FrameDeformation:
     def _choose_axis(self, axis: int, k2: float, c2: float, tilt: Array) -> tuple[Array, Array]:
         """Choose a filter for what errors cost; return the densities of the value's error and of the value [m^2/Hz]."""
         spectrum, bank, dt = self._spectrum, self._bank, self._step
-        measured, spread = spectrum.density[:, axis], spectrum.spread[:, axis]
-        white = 2.0 * self._base_variance * dt
-        # a stated noise larger than what was ever measured is too large
-        share = min(1.0, float(np.min(measured * (1.0 + 2.0 * spread) / (white + tilt))))
-        white, tilt = share * white, share * tilt
-        if axis != 2:
-            # frames deform less and less quickly towards low frequency: acceleration that does not fall there is gravity through
-            # tilt that is not known of
-            white = max(white, float(measured[0] - tilt[0]))
-        elif spectrum.averaged >= _RESOLVES_SLOW:
-            # the same of what sensors at an angle make of braking, which is slow; short spectra leak into their lowest lines
-            slow = max(float(measured[0]) - white, 0.0)
-            tilt = tilt + slow * (spectrum.frequencies[0] / spectrum.frequencies) ** 2
-        signal = np.where(measured > (1.0 + 2.0 * spread) * (white + tilt), measured - white - tilt, 0.0)
+        measured = spectrum.density[:, axis]
+        signal, tilt, white = spectrum.split(axis, 2.0 * self._base_variance * dt, tilt)
         signal = signal * max(1.0, float(spectrum.surge[axis]))
         value, rate = bank.errors(signal, tilt, white, self._time)
         # the mean that stands for the bias is as good as the slowest part of the signal lets it be

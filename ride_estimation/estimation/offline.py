@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.health import Health
+from ride_estimation.estimation.hindsight import Hindsight, HindsightRecorder, second_pass
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.signals.recording import Recording
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 HISTORY_STEP = 500_000_000
 #: samples between two calls of the progress function
 _REPORT_EVERY = 2000
+#: why there is no hindsight where it was not wanted
+SWITCHED_OFF = "it was not asked for"
 
 
 class EstimateDigest:
@@ -81,6 +84,8 @@ class OfflineRun:
         Name of an ``OutputBlock`` array -> shape (N, ...); standard deviations per tick.
     measured, predicted
         Per accelerometer of the body, shape (N, 3), single precision.
+    hindsight
+        Forces made again with the whole run known, or why they were not.
     """
 
     mount_names: tuple[str, ...]
@@ -94,6 +99,32 @@ class OfflineRun:
     health: Health
     identifiability: Mapping[str, Any]
     digest: str
+    hindsight: Hindsight | str = SWITCHED_OFF
+
+    @property
+    def force(self) -> Array:
+        """Return the best forces there are, shape (N, M, 3): with hindsight, else as live."""
+        return self.signals["mount_force"] if isinstance(self.hindsight, str) else self.hindsight.force
+
+    @property
+    def force_std(self) -> Array:
+        """Return the standard deviation of :attr:`force`."""
+        return self.signals["mount_force_std"] if isinstance(self.hindsight, str) else self.hindsight.std
+
+    @property
+    def deflection(self) -> Array:
+        """Return the best deflections there are, shape (N, M, 3)."""
+        return self.signals["mount_deflection"] if isinstance(self.hindsight, str) else self.hindsight.deflection
+
+    def forces_in_words(self) -> str:
+        """Return what the forces of the run are."""
+        if isinstance(self.hindsight, str):
+            return f"forces as the node publishes them, without hindsight: {self.hindsight}"
+        rest = 100.0 * (1.0 - self.hindsight.share)
+        return (
+            "forces with hindsight: deflections and parameters from the whole run, before and after every instant; "
+            f"the online estimate stands for {rest:.0f} % of it (ends of the run, beside gaps, where it states the smaller error)"
+        )
 
     @property
     def time_s(self) -> Array:
@@ -117,8 +148,10 @@ _KEPT = (
 )
 
 
-def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None) -> OfflineRun:
-    """Feed a recording to a pipeline in order of arrival.
+def run_offline(
+    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None, hindsight: bool = True
+) -> OfflineRun:
+    """Feed a recording to a pipeline in order of arrival, then look at the forces again with hindsight.
 
     Parameters
     ----------
@@ -128,6 +161,8 @@ def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[
         A fresh pipeline, or one that continues from a saved state.
     on_progress
         Called now and then with the number of samples since the last call.
+    hindsight
+        Whether the forces are made again with the whole run known; the estimates of the pipeline stay what they are.
 
     Raises
     ------
@@ -137,11 +172,12 @@ def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
     history = _History(pipeline)
+    recorder = HindsightRecorder(pipeline.arrangement, "" if hindsight else SWITCHED_OFF)
     count = 0
     for found, taken in pipeline.replay(recording):
         for block in found:
             _require_finite(block, recording)
-            blocks.append(block)
+            blocks.append(recorder.take(block))
             digest.update(block)
             history.note(int(block.stamp_ns[-1]))
         count += taken
@@ -150,7 +186,7 @@ def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[
             count = 0
     for block in pipeline.finish():
         _require_finite(block, recording)
-        blocks.append(block)
+        blocks.append(recorder.take(block))
         digest.update(block)
     on_progress(count)
     if not blocks:
@@ -158,7 +194,7 @@ def run_offline(recording: Recording, pipeline: Pipeline, on_progress: Callable[
     parameters = pipeline.parameters()
     digest.parameters(parameters)
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
-    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest())
+    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder)
 
 
 def _require_finite(block: OutputBlock, recording: Recording) -> None:
@@ -201,8 +237,9 @@ class _History:
 
 
 def _joined(
-    blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str
-) -> OfflineRun:
+    blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
+    recorder: HindsightRecorder,
+) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]
     for name in ("cg_accel", "inertial_load"):
@@ -221,4 +258,5 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
+        hindsight=second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory),
     )

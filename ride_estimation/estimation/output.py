@@ -9,6 +9,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.force_basis import ForceBasis
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -58,6 +60,8 @@ class OutputBlock:
         Shape (M, 3) [m].
     measured, predicted
         Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
+    basis
+        What the forces were made of, for a second look with hindsight.
     """
 
     stamp_ns: IntArray
@@ -81,6 +85,7 @@ class OutputBlock:
     mount_deflection_std: Array
     measured: Mapping[str, Array]
     predicted: Mapping[str, Array]
+    basis: ForceBasis | None = None
 
     @property
     def cg_accel_std(self) -> Array:

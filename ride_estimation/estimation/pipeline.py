@@ -27,6 +27,7 @@ from ride_estimation.estimation.channel_layout import ChannelLayout
 from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.estimate import Estimate
 from ride_estimation.estimation.force_balance import BalanceInput
+from ride_estimation.estimation.force_basis import ForceBasis
 from ride_estimation.estimation.force_kernel import follow_scaled
 from ride_estimation.estimation.health import Health, base_messages, rate_message, residual_message, sensor_messages
 from ride_estimation.estimation.hints import Hint, HintBlock, Hints
@@ -82,7 +83,7 @@ class Pipeline:
         self._motion = self._new_motion()
         self._loads = InertialLoads.of(a.body)
         self._carried = CarriedBodies(a, self.settings)
-        self._tilting = BracketTilt(a)
+        self.tilting = self._tilting = BracketTilt(a)
         self._deflection = DeflectionEstimator(a, self._tilting)
         self._fill = BaseFill(a)
         self._law = MountLaw(a)
@@ -229,14 +230,12 @@ class Pipeline:
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
         deflection = self._observe_deflection(block, motion, support, dt)
         turn_rate = self._deflection.turn_rate(deflection)
-        forces = self._forces.observe(deflection, support, self._load_covariance(motion), turn_rate, dt)
+        forces = self._forces.observe(deflection, support, covariance := self._load_covariance(motion), turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
         self._observe_cells(block, forces.force, ticks * dt)
-        complete = bool(block.valid[:, layout.needed].all() and motion.valid.all())
-        complete = complete and not verdict.suspects and not verdict.unusual
+        complete = bool(block.valid[:, layout.needed].all() and motion.valid.all()) and not (verdict.suspects or verdict.unusual)
         before, predicted = self._stamp, motion.predicted
-        usable = complete and bool(there.all())
-        seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
+        seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, complete and bool(there.all()))
 
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
@@ -258,6 +257,7 @@ class Pipeline:
             mount_deflection_std=forces.deflection_std,
             measured={name: measured[:, own] for name, own in layout.own_columns},
             predicted={name: predicted[:, own] for name, own in layout.own_columns},
+            basis=ForceBasis.of(self._forces, self._loads, deflection, covariance, complete),
         )  # fmt: skip
 
     def _checked(self, block: Block, dt: float) -> tuple[Block, GateVerdict]:

@@ -23,7 +23,7 @@ DIAGNOSIS_SCHEMA = "ride_estimation/diagnosis/1"
 
 @dataclasses.dataclass(frozen=True)
 class FinishedReplay:
-    """``result.json`` and the arrays of ``signals.npz`` of one folder."""
+    """``result.json`` and the arrays of ``signals.npz`` of one folder; ``mount_force`` with hindsight where that was computed."""
 
     name: str
     result: Mapping[str, Any]
@@ -52,6 +52,7 @@ def read_replay(folder: str | Path) -> FinishedReplay:
         result = read_json(folder / "result.json")
         signals = read_arrays(folder / "signals.npz")
         arrays = {name: signals[name] for name in ("time_s", "valid", "cg_accel", "mount_force", "mount_names")}
+        arrays["mount_force"] = signals.get("mount_force_hindsight", arrays["mount_force"])
     except KeyError as error:
         raise InputDataError(f"{folder}/signals.npz: the array {error} is missing: no results of a replay") from error
     if result.get("schema") != RESULT_SCHEMA:

@@ -134,14 +134,25 @@ def result_document(
         "identifiability": run.identifiability,
         "fit": channel_fit(run),
         **assessment.document(),
+        "forces": {
+            "hindsight": not isinstance(run.hindsight, str),
+            "meaning": {
+                "mount_force": "as the node publishes it live, from what came before every instant",
+                "mount_force_hindsight": run.forces_in_words(),
+            },
+        },
         "digest": run.digest,
         "warnings": list(warnings),
     }
 
 
 def write_signals(path: Path, run: OfflineRun) -> None:
-    """Write ``signals.npz``: the arrays of interface section 3 and some more."""
+    """Write ``signals.npz``: the arrays of interface section 3 and some more; those with hindsight where they were computed."""
     s = run.signals
+    later: dict[str, Any] = {}
+    if not isinstance(run.hindsight, str):
+        h = run.hindsight
+        later = {"mount_force_hindsight": h.force, "mount_force_hindsight_std": h.std, "mount_deflection_hindsight": h.deflection}
     np.savez(
         path,
         time_s=run.time_s,
@@ -160,4 +171,5 @@ def write_signals(path: Path, run: OfflineRun) -> None:
         mount_force_std_equilibrium=s["mount_force_std_equilibrium"],
         mount_force_std_model=s["mount_force_std_model"],
         mount_deflection=s["mount_deflection"],
+        **later,
     )

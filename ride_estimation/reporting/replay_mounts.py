@@ -65,8 +65,8 @@ def mount_curves(
     measured
         Force on the body that a load cell measured, shape (N,), or None.
     """
-    deflection = run.signals["mount_deflection"][:, mount, axis]
-    force = run.signals["mount_force"][:, mount, axis]
+    deflection = run.deflection[:, mount, axis]
+    force = run.force[:, mount, axis]
     law = None
     if element is not None:
         time = np.arange(len(deflection)) / tick_rate(run)

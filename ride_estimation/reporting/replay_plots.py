@@ -136,10 +136,10 @@ def motion_and_load(run: OfflineRun) -> Figure:
 
 
 def mount_forces(run: OfflineRun, mount: int, window_s: float = 5.0) -> Figure:
-    """Return the force on the body by one mount with its two-sigma band: whole run and the busiest stretch."""
+    """Return the force on the body by one mount with its two-sigma band: whole run and the busiest stretch, there as live too."""
     figure = Figure(figsize=(11, 6.2))
     axes = figure.subplots(3, 2, width_ratios=(2, 1))
-    time, force, std = run.time_s, run.signals["mount_force"][:, mount], run.signals["mount_force_std"][:, mount]
+    time, force, std, live = run.time_s, run.force[:, mount], run.force_std[:, mount], run.signals["mount_force"][:, mount]
     first, last = busiest_stretch(time, force[:, 2], window_s)
     for i, axis in enumerate(AXES):
         left, right = axes[i]
@@ -148,7 +148,11 @@ def mount_forces(run: OfflineRun, mount: int, window_s: float = 5.0) -> Figure:
         part = slice(first, last)
         low, high = force[part, i] - 2.0 * std[part, i], force[part, i] + 2.0 * std[part, i]
         right.fill_between(time[part], low, high, color=BAND, linewidth=0.0)
+        if not isinstance(run.hindsight, str):
+            right.plot(time[part], live[part, i], color=MEASURED, linewidth=0.6, linestyle="--", label="live")
         right.plot(time[part], force[part, i], color=MODEL, linewidth=0.8)
+    if not isinstance(run.hindsight, str):
+        legend_above(axes[2][1])
     axes[0][1].set_title("busiest stretch with ± 2 std", fontsize=9)
     for axis in axes[2]:
         axis.set_xlabel("time [s]")

@@ -164,23 +164,25 @@ def _forces(page: Page, run: OfflineRun) -> None:
     page.heading("Attachment forces")
     page.text(
         "Force on the body by each mount, body axes, static share included. The standard deviation has a part that rigid-body "
-        "equilibrium determines and a part that rests on the mount model (how the forces are split among the mounts)."
+        "equilibrium determines and a part that rests on the mount model (how the forces are split among the mounts). "
+        f"The table and the curves show {run.forces_in_words()}."
     )
+    later = not isinstance(run.hindsight, str)
+    if later:
+        page.text("Dashed beside them, and in signals.npz as mount_force: the estimate as the node publishes it live.")
     s = run.signals
     rows = []
     for m, mount in enumerate(run.mount_names):
         for i, axis in enumerate(AXES):
-            force = s["mount_force"][run.valid, m, i]
+            force = run.force[run.valid, m, i]
             if len(force):
-                parts = [
-                    Digits(plain(float(np.median(s[name][run.valid, m, i])), 2))
-                    for name in ("mount_force_std", "mount_force_std_equilibrium", "mount_force_std_model")
-                ]
+                stds = [run.force_std, *(s[f"mount_force_std{part}"] for part in ("", "_equilibrium", "_model"))]
+                parts = [Digits(plain(float(np.median(std[run.valid, m, i])), 2)) for std in (stds if later else stds[1:])]
                 numbers = (force.mean(), force.std(), force.min(), force.max())
                 rows.append([mount, axis, *(float(v) for v in numbers), *parts])
     page.table([
-        "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", "std [N]", "std of equilibrium [N]",
-        "std of the mount model [N]",
+        "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", *(["std [N]"] if later else []),
+        f"{'live ' if later else ''}std [N]", "of it equilibrium [N]", "of it the mount model [N]",
     ], rows)  # fmt: skip
     for m, mount in enumerate(run.mount_names):
         page.figure(plots.mount_forces(run, m), f"Force on the body by mount {mount}", tight=False)

@@ -118,7 +118,7 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
     page.table([*heads, "estimated / measured"] if measured else heads, rows)
     worst = damage_plots.worst(assessment.damages)
     leading = max(worst.values(), key=lambda d: d.estimated.value)
-    force = run.signals["mount_force"][run.valid, run.mount_names.index(leading.mount), AXES.index(leading.axis)]
+    force = run.force[run.valid, run.mount_names.index(leading.mount), AXES.index(leading.axis)]
     page.figure(
         damage_plots.matrix_plot(leading, force), f"Most damaged force, {leading.mount} {leading.axis}: rainflow and crossings",
         tight=False,

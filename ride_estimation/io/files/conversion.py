@@ -26,7 +26,10 @@ _TIMED = {
     "cg_accel": _SIX, "cg_accel_std": _SIX, "cg_specific_force": _SIX, "inertial_load": _LOAD, "inertial_load_std": _LOAD,
     "angular_rate": ("rad/s",) * 3, "tilt": ("rad",) * 3,
 }  # fmt: skip
-_PER_MOUNT = {"mount_force": "N", "mount_force_std": "N", "mount_deflection": "m"}
+_PER_MOUNT = {
+    "mount_force": "N", "mount_force_std": "N", "mount_deflection": "m", "mount_force_hindsight": "N",
+    "mount_force_hindsight_std": "N", "mount_deflection_hindsight": "m",
+}  # fmt: skip
 
 
 def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], channels: ChannelMap) -> Recording:
