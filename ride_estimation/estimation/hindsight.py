@@ -47,6 +47,13 @@ _WORSE = 2.0
 _FINE = 0.1
 
 
+#: arrays of the first pass that the second needs
+SIGNALS = (
+    "mount_force", "mount_force_std", "mount_force_std_model", "mount_deflection", "support_load", "cg_specific_force",
+    "angular_rate",
+)  # fmt: skip
+
+
 @dataclasses.dataclass(frozen=True)
 class Hindsight:
     """Forces with hindsight.
@@ -231,7 +238,7 @@ def second_pass(
     recorder
         Of the run.
     signals
-        Joined arrays of the first pass.
+        Joined arrays of the first pass, those of :data:`SIGNALS` at least.
     tilting
         How the brackets tilt, as learned in the end.
     memory
@@ -255,6 +262,8 @@ def second_pass(
         _Stretch(recorder, recorded, signals, tilting, memory).write(force, std, deflection, weight)
     if not looked:
         return f"no stretch of the run without a break is {_SHORTEST:g} s long"
+    if not all(np.isfinite(values).all() for values in (force, std, deflection)):
+        return "its forces are not finite: the sensors contradict each other beyond use for a time"
     return Hindsight(force, std, deflection, float(weight.mean()))
 
 
@@ -268,7 +277,7 @@ class _Stretch:
         self._pieces, self._dt = pieces, dt
         first, end = pieces[0].first, pieces[-1].end
         self._ticks = slice(first, end)
-        self._own = {name: values[self._ticks] for name, values in signals.items()}
+        self._own = {name: signals[name][self._ticks] for name in SIGNALS}
         models = [p.model for p in pieces]
         self._models = smoothed_course(models, np.array([(p.end - p.first) * dt for p in pieces]), memory)
         self._forces = _SmoothedForces(recorder.arrangement, tilting)

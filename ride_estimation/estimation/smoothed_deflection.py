@@ -40,13 +40,10 @@ _RESOLVED = 0.05
 
 @dataclasses.dataclass(frozen=True)
 class _Choice:
-    """Filter of one axis: error variance of value and rate (2,), what edges add at :data:`EDGES` (2, E), densities of the error
-    of the value and of the value [m^2/Hz].
-    """
+    """Filter of one axis: error variance of the value [m^2], densities of its error and of the value [m^2/Hz]."""
 
     index: int
-    variance: Array
-    edge: Array
+    variance: float
     left: Array
     whole: Array
 
@@ -106,9 +103,7 @@ class DeflectionSmoother:
         Tangents of the mounts, shape (M, 3): what an error of value and rate costs.
     """
 
-    def __init__(
-        self, arrangement: Arrangement, frame: FrameDeformation, maps: Array, stiffness: Array, damping: Array
-    ) -> None:
+    def __init__(self, arrangement: Arrangement, frame: FrameDeformation, maps: Array, stiffness: Array, damping: Array) -> None:
         self._arms, self._gravity = arrangement.arms, arrangement.vehicle.gravity
         self._frame, self._maps = frame, maps
         self._cost = np.mean(stiffness**2, axis=0), np.mean(damping**2, axis=0)
@@ -145,7 +140,9 @@ class DeflectionSmoother:
             end = ticks if i == count - 1 else int(centre[i + 1])
             low, high = max(start - margin, 0), min(end + margin, ticks)
             at = slice(low, high)
-            window = _Window(self, motion[at], spin[at], base[at], swing[at], (low > 0, high < ticks), motion_variance, dt)
+            window = _Window(
+                self, motion[at], spin[at], base[at], swing[at], (low > 0, high < ticks), centre[i] - low, motion_variance, dt
+            )
             own = window.deflection()
             weight = np.interp(np.arange(start, end), centre, np.eye(count)[i])[:, None]
             value[start:end] += weight * own[0][start - low : end - low]
@@ -161,10 +158,12 @@ class _Window:
 
     def __init__(
         self, smoother: DeflectionSmoother, motion: Array, spin: Array, base: Array, swing: Array, inside: tuple[bool, bool],
-        motion_variance: Array, dt: float,
+        centre: float, motion_variance: Array, dt: float,
     ) -> None:  # fmt: skip
         self._s, self._dt, self._swing, self._inside = smoother, dt, swing, inside
         self._motion, self._spin = motion, spin
+        #: spectra fade with a memory: the last sample they take lies so far after the middle that the middle counts most
+        self._heard = round(centre + _MARGIN / dt)
         self._shape = (len(base), len(smoother._arms), 3)
         self._base = base.reshape(self._shape)
         self._size = fft.next_fast_len(len(base) + round(_SILENCE / dt), real=True)
@@ -223,11 +222,11 @@ class _Window:
 
     def _rigid_motion(self, relative: Array) -> tuple[Complex, Complex]:
         """Return spectra of the deflections that count for rigid motion, (F, 3 M), and of the mean rotation, (F, 3)."""
-        s, none = self._s, 0.0
+        s = self._s
         given = self._spectrum(relative)
         spectrum = self._measured(relative @ s._rigid.T, s._rigid)
         found = np.zeros_like(given)
-        vertical = self._choose(0, 2, spectrum, none, none)
+        vertical = self._choose(0, 2, spectrum, 0.0)
         if vertical is not None:
             found[:, 2::3] = self._bank.response(vertical.index, self._omega)[:, None] * given[:, 2::3]
         # rotation against every bracket from the vertical deflections, and the gravity it brings in
@@ -237,7 +236,7 @@ class _Window:
         given[:, 1::3] -= s._gravity * tilt[:, :, 0]
         spectrum = self._measured(self._signals(given) @ s._rigid.T, s._rigid)
         for axis in range(2):
-            choice = self._choose(0, axis, spectrum, none, none)
+            choice = self._choose(0, axis, spectrum, 0.0)
             if choice is not None:
                 found[:, axis::3] = self._bank.response(choice.index, self._omega)[:, None] * given[:, axis::3]
         return found, found @ s._maps.mean(axis=0).T
@@ -248,18 +247,18 @@ class _Window:
         given = self._spectrum(flat)
         spectrum = self._measured(flat, s._deforming)
         found = np.zeros_like(given)
-        vertical = self._choose(1, 2, spectrum, 0.0, 0.0)
+        vertical = self._choose(1, 2, spectrum, 0.0)
         noise: Array | float = 0.0
         doubt: Array | float = 0.0
         if vertical is not None:
             found[:, 2::3] = self._bank.response(vertical.index, self._omega)[:, None] * given[:, 2::3]
-            trusted = vertical.variance[0] < _TRUSTED * float(spectrum.widths @ vertical.whole)
+            trusted = vertical.variance < _TRUSTED * float(spectrum.widths @ vertical.whole)
             if trusted:
                 given += found[:, 2::3] @ frame.tilt.T
                 spectrum = self._measured(self._signals(given), s._deforming)
             noise, doubt = (vertical.left if trusted else vertical.whole), vertical.whole
         for axis in range(2):
-            choice = self._choose(1, axis, spectrum, noise * frame.tilt_square[axis], doubt * frame.doubt_square[axis])
+            choice = self._choose(1, axis, spectrum, noise * frame.tilt_square[axis] + doubt * frame.doubt_square[axis])
             if choice is not None:
                 found[:, axis::3] = self._bank.response(choice.index, self._omega)[:, None] * given[:, axis::3]
         return found
@@ -269,24 +268,24 @@ class _Window:
         freedom = np.array([np.trace(projector[a::3, a::3]) for a in range(3)])
         spectrum = DeformationSpectrum(freedom, self._dt)
         portion = round(_PORTION / self._dt)
-        for first in range(0, len(signals), portion):
-            spectrum.add(signals[first : first + portion])
+        heard = signals[: self._heard]
+        for first in range(0, len(heard), portion):
+            spectrum.add(heard[first : first + portion])
         frequencies, widths = tuple(spectrum.frequencies.tolist()), tuple(spectrum.widths.tolist())
         self._bank: ZeroPhaseBank = zero_phase_bank(frequencies, widths, _RESOLVED / self._dt)
         self._freedom = freedom
         return spectrum
 
-    def _choose(
-        self, part: int, axis: int, spectrum: DeformationSpectrum, left: Array | float, doubt: Array | float
-    ) -> _Choice | None:
+    def _choose(self, part: int, axis: int, spectrum: DeformationSpectrum, noise: Array | float) -> _Choice | None:
         """Choose the filter of an axis for rigid motion (part 0) or deformation (1); None where there is no such motion."""
         if self._freedom[axis] < 1e-6:
             return None
-        signal, noise, white = spectrum.split(axis, self._white[part, axis], left + doubt + np.zeros(len(spectrum.frequencies)))
-        value, rate = self._bank.errors(signal, noise, white)
+        other = noise + np.zeros(len(spectrum.frequencies))
+        signal, other, white = spectrum.split(axis, self._white[part, axis], other)
+        value, rate = self._bank.errors(signal, other, white)
         index = int(np.argmin(self._s._cost[0][axis] * value + self._s._cost[1][axis] * rate))
-        variance = np.array([value[index], rate[index]])
-        edge = np.stack(self._bank.edge(index, spectrum.density[:, axis]))
-        self.variance[part, :, axis], self.edge[part, :, axis] = variance, edge
+        self.variance[part, :, axis] = value[index], rate[index]
+        if not all(self._inside):
+            self.edge[part, :, axis] = self._bank.edge(index, spectrum.density[:, axis])
         whole = signal / (2.0 * np.pi * spectrum.frequencies) ** 4
-        return _Choice(index, variance, edge, self._bank.left(index, signal, noise + white), whole)
+        return _Choice(index, float(value[index]), self._bank.left(index, signal, other + white), whole)

@@ -41,10 +41,11 @@ def test_force_errors_are_those_of_the_files(finished: Path) -> None:
     late = (signals["time_s"] >= 10.0) & (time <= true["time_s"][-1])
     row = next(r for r in demo.Comparison.of(finished / "replay", truth_folder).force_rows() if r[:2] == ("rear_right", "z"))
     known = np.interp(time[late], true["time_s"], true["mount_force"][:, list(true["mount_names"]).index("rear_right"), 2])
-    error = signals["mount_force"][late, 3, 2] - known
+    error, live = (signals[name][late, 3, 2] - known for name in ("mount_force_hindsight", "mount_force"))
     # both ways interpolate the 100 Hz truth linearly; they differ by the end samples only
     assert row[3] == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.01)
     assert row[2] == pytest.approx(100 * np.sqrt(np.mean(error**2)) / np.std(known), rel=0.01)
+    assert row[5] == pytest.approx(100 * np.sqrt(np.mean(live**2)) / np.std(known), rel=0.01)
 
 
 def test_true_parameters_are_those_the_run_was_made_with(finished: Path) -> None:
