@@ -164,7 +164,7 @@ class BaseFaults:
         """Follow what every base reads more than the body, sensor axes [m/s^2]."""
         mean = values.mean(axis=0).reshape(-1, 3)
         gain = duration / min(self._mean_time + duration, _MEAN_MEMORY)
-        self._mean += gain * (mean - np.einsum("sij,i->sj", self._rotation, force) - self._mean)
+        self._mean += gain * (mean - force @ self._rotation - self._mean)
         self._mean_time += duration
 
     def _take(self, values: Array, dt: float) -> None:

@@ -198,12 +198,6 @@ class FilterBank:
         return exact[:4, :4], exact[:4, 4] - exact[:4, 5], exact[:4, 5]
 
 
-@functools.lru_cache(maxsize=4)
-def filter_bank(frequencies: tuple[float, ...], widths: tuple[float, ...], highest: float) -> FilterBank:
-    """Return the bank of these bins, made once: a time base that begins anew has the same bins."""
-    return FilterBank(np.array(frequencies), np.array(widths), highest)
-
-
 def _integral(values: Array) -> Array:
     """Return the integral of densities (R, P) over the relative frequencies, shape (P,)."""
     step = np.diff(_RELATIVE)[:, None]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.bracket_tilt import BracketTilt
-from ride_estimation.estimation.deformation_filter import filter_bank
+from ride_estimation.estimation.deformation_filter import FilterBank
 from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
 from ride_estimation.estimation.frame_kernel import filter_history, frame_block
 
@@ -147,7 +147,7 @@ class FrameDeformation:
         self._step = dt
         self._spectrum = DeformationSpectrum(self._freedom, dt)
         frequencies, widths = self._spectrum.frequencies, self._spectrum.widths
-        self._bank = filter_bank(tuple(frequencies.tolist()), tuple(widths.tolist()), _RESOLVED / dt)
+        self._bank = FilterBank(frequencies, widths, _RESOLVED / dt)
         self._chosen[:] = -1
         for axis in range(3):
             self._use(axis, self._bank.discretised(len(self._bank.corner) - 1, dt))

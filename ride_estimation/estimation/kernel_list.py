@@ -41,5 +41,6 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.motion_kernel:motion_at", "f2C f2C f2C f3C"),
     ("estimation.motion_kernel:predict_block", "f2C f2C f2C f2C f2C f2C"),
     ("estimation.motion_kernel:remove_gravity", "f2C f2C f b1C f2C"),
+    ("estimation.slow_error:follow_lasting", "f2A f f f2C"),
     ("signals.interpolation:interpolate_streams", "i1C f1C i2C i i f2C b2C"),
 )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
+from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
 
@@ -24,14 +25,41 @@ _SHARE = math.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)
 #: times over which an acceleration counts as slow (twice, one after the other: what a road excites at a hertz or two does not
 #: last), after which it is part of gravity, and memory of its size [s]
 _SLOW, _LASTING, _MEMORY = 0.5, 30.0, 5.0
+#: rows of the state as they are saved
+_NAMES = ("first", "slow", "mean")
+
+
+@compile_kernel
+def follow_lasting(accel: Array, gain: float, lasting: float, state: Array) -> float:
+    """Follow the slow acceleration and its mean; return the square of how far they are apart.
+
+    Parameters
+    ----------
+    accel
+        Specific force at the ticks of a block, shape (K, 3).
+    gain, lasting
+        Share of a block in both slow accelerations, and in the mean.
+    state
+        Acceleration slow once and twice, and the mean, shape (3, 3); in place.
+    """
+    size = 0.0
+    for a in range(3):
+        total = 0.0
+        for k in range(accel.shape[0]):
+            total += accel[k, a]
+        state[0, a] += gain * (total / accel.shape[0] - state[0, a])
+        state[1, a] += gain * (state[0, a] - state[1, a])
+        state[2, a] += lasting * (state[1, a] - state[2, a])
+        size += (state[1, a] - state[2, a]) ** 2
+    return size
 
 
 class LastingAcceleration:
     """Size of the acceleration that lasts longer than half a second, and what sensors in good order make of it."""
 
     def __init__(self) -> None:
-        self._first, self._slow = np.zeros(3), np.zeros(3)
-        self._mean = np.zeros(3)
+        #: acceleration slow once and twice, and its mean
+        self._state = np.zeros((3, 3))
         self._age = 0.0
         self._square = 0.0
         #: squared share of an acceleration that a channel reads wrongly
@@ -57,29 +85,23 @@ class LastingAcceleration:
 
     def observe(self, accel: Array, duration: float) -> None:
         """Take the specific force at the ticks of a block, shape (K, 3), which lasts so long [s]."""
-        now = accel.mean(axis=0)
         if not self._age:
-            self._first, self._slow, self._mean = now, now.copy(), now.copy()
+            self._state[:] = accel.mean(axis=0)
         self._age += duration
-        gain = -math.expm1(-duration / _SLOW)
-        self._first = self._first + gain * (now - self._first)
-        self._slow = self._slow + gain * (self._first - self._slow)
-        self._mean = self._mean - math.expm1(-duration / min(_LASTING, self._age)) * (self._slow - self._mean)
-        away = self._slow - self._mean
-        size = float(away @ away)
+        gain, lasting = -math.expm1(-duration / _SLOW), -math.expm1(-duration / min(_LASTING, self._age))
+        size = float(follow_lasting(accel, gain, lasting, self._state))
         # at once up, slowly down
         self._square = max(size, self._square + math.expm1(-duration / _MEMORY) * (self._square - size))
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
-            "first": self._first.tolist(), "slow": self._slow.tolist(), "mean": self._mean.tolist(), "age": self._age,
-            "square": self._square, "share": self._share,
+            **dict(zip(_NAMES, self._state.tolist())), "age": self._age, "square": self._square, "share": self._share,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._first, self._slow, self._mean = (np.array(saved[name], dtype=float) for name in ("first", "slow", "mean"))
+        self._state = np.array([saved[name] for name in _NAMES], dtype=float)
         self._age, self._square, self._share = (float(saved[name]) for name in ("age", "square", "share"))
 
 
