@@ -46,7 +46,7 @@ from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, meas
 from ride_estimation.diagnosis.selection import Selection, Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import Splits, make_splits
-from ride_estimation.diagnosis.verdict import MISSED, describe, gained_nothing, name_causes, within_library
+from ride_estimation.diagnosis.verdict import MISSED, describe, gained_nothing, name_causes, shows_elsewhere, within_library
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.recording import UniformRun
@@ -57,6 +57,7 @@ Report = Callable[[float], None]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 _LEAST_BLOCKS = 4
+_FLOOR = 0.1  # share to which the noise floor itself is known: less above it is nothing that remains
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
 
@@ -235,9 +236,14 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     seen = scene if accepted is None else accepted.scene
     if soft is not None and _elsewhere(soft, seen, work) < settings.significance:
         soft = None
-    verdict, remaining = (UNEXPLAINED, 1.0) if refuted else _verdict(work, soft, base)
-    causes = name_causes(work.selection, soft, seen, work.splits.train)
-    causes = _tempered(causes, verdict, remaining, settings)
+    named = name_causes(work.selection, soft, seen, work.splits.train)
+    law = work.selector.better_law(accepted)
+    left, remaining = (1.0, 1.0) if refuted else _remaining(work, base, gain)
+    known = within_library(len(named), remaining if left > _FLOOR else 0.0, law, settings)
+    verdict = EXPLAINED if known >= 0.5 else UNEXPLAINED
+    if not named:
+        verdict = UNEXPLAINED if remaining > 0.0 else NO_DISCREPANCY
+    causes = _tempered(named, verdict, remaining, known)
     warnings = [*work.plant.warnings, *refused, *_bound_warnings(work, state)]
     if work.selection.spent:
         warnings.append(
@@ -255,7 +261,7 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     remarks += _installation(work, {c.location for c in causes})
     residual = residual_summary(base, extended, remaining, accepted is not None)
     doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
-    sentence = describe(verdict, causes, gain, remaining) + doubt
+    sentence = describe(verdict, causes, gain, remaining, law) + doubt
     return Diagnosis(
         verdict=verdict,
         sentence=sentence,
@@ -272,13 +278,10 @@ def _conclude(work: _Work, validation: Sequence[UniformRun]) -> Diagnosis:
     )
 
 
-def _tempered(
-    causes: tuple[NamedCause, ...], verdict: str, remaining: float, settings: Settings
-) -> tuple[NamedCause, ...]:
+def _tempered(causes: tuple[NamedCause, ...], verdict: str, remaining: float, known: float) -> tuple[NamedCause, ...]:
     """Return the causes as sure as the library can hold the answer; none where most of the residual remains."""
-    if verdict == NO_DISCREPANCY or (verdict == UNEXPLAINED and remaining > _MOSTLY_UNEXPLAINED):
+    if verdict == UNEXPLAINED and remaining > _MOSTLY_UNEXPLAINED:
         return ()
-    known = within_library(len(causes), remaining, settings)
     return tuple(dataclasses.replace(c, confidence=c.confidence * known) for c in causes)
 
 
@@ -333,8 +336,11 @@ def _noticeable(work: _Work, base: Prediction, extended: Prediction) -> bool:
     return bool(np.any(before - after > work.settings.adequacy**2 * base.scene.gross_ratio * signal))
 
 
-def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, float]:
-    """Return the verdict and the share of the residual energy above the floor that remains."""
+def _remaining(work: _Work, base: Prediction, gain: Gain) -> tuple[float, float]:
+    """Return the residual energy above the floor that remains, per degree of freedom, and its share of what there was.
+
+    Without causes both are zero unless the calibrated model misses more than one that counts as right, here and elsewhere.
+    """
     dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
     excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
     accepted = work.selection.accepted
@@ -343,18 +349,13 @@ def _verdict(work: _Work, soft: Fitted | None, base: Prediction) -> tuple[str, f
         nrmse = pooled_nrmse(errors, signal, work.splits.train)
         floor = noise_floor(base.scene, signal, work.splits.train)
         missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
-        wrong = excess > 0.1 and missed > MISSED * work.settings.adequacy
-        if wrong:
-            return UNEXPLAINED, 1.0
-        return (EXPLAINED if soft is not None else NO_DISCREPANCY), 0.0
+        wrong = excess > _FLOOR and missed > MISSED * work.settings.adequacy and shows_elsewhere(gain, work.settings)
+        return (excess, 1.0) if wrong else (0.0, 0.0)
     # a calibration strained far beyond a tolerance hides the fault and leaves no residual that the cause could remove
     excess = max(_misfit_within_tolerance(work, accepted) / dof - 1.0, excess)
     inherent = inherent_misfit(accepted, work.splits.train, work.settings.seed) / dof
     left = max(accepted.misfit / dof - 1.0 - inherent, 0.0)
-    remaining = left / max(excess - inherent, left, 1e-9) if excess > 0.02 else 0.0
-    if remaining > work.settings.unexplained and left > 0.1:
-        return UNEXPLAINED, remaining
-    return EXPLAINED, remaining
+    return left, (left / max(excess - inherent, left, 1e-9) if excess > 0.02 else 0.0)
 
 
 def _misfit_within_tolerance(work: _Work, accepted: FullFit) -> float:

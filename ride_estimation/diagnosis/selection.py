@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration import Calibrated
 from ride_estimation.diagnosis.fitting import FullFit, FullFitter, tolerance_of
+from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw, free_law
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.parallel import in_order, usable_threads
@@ -175,6 +176,21 @@ class Selector:
         return Selection(
             accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._spent
         )
+
+    def better_law(self, accepted: FullFit | None) -> FreeLaw:
+        """Return the law without a name that explains more than accepted causes; of causes that show in means only, none."""
+        if accepted is None or not np.any(accepted.rows):
+            return NO_LAW
+        scene, problem = self._residual_problem(accepted)
+        plain = self._cal.regression.block_misfit(self._cal.regression.grams, self._cal.fit.coefficients)
+        relieved = accepted.regression.temper * max(self._base_penalty - accepted.penalty, 0.0)
+        explained = float((plain - accepted.block_misfit).sum()) + relieved
+        # a stop that is hit in one block has no force without it: folds of the run may change a named law, not forget it
+        count = accepted.regression.count
+        named = accepted.coefficients[count:][accepted.coefficients[count:] != 0.0]
+        spread = np.concatenate([np.sqrt(problem.temper) * problem.prior_std[:count], np.abs(named)])
+        problem = problem.with_prior(spread, np.concatenate([problem.prior_offset[:count], named]))
+        return free_law(scene, self._cal.table, problem, explained, float((accepted.block_misfit - scene.block_dof).sum()))
 
     @property
     def _spent(self) -> bool:

@@ -74,10 +74,9 @@ class Settings:
     relevance
         Smallest share of the residual energy above the noise floor that a cause must remove [-].
     unexplained
-        Share of the residual energy above the floor that may remain before the verdict is ``unexplained`` [-].
+        Share of the residual energy above the floor above which causes are taken for wrong ones while others are tried [-].
     unknown_probability
-        Prior probability that the true cause is not in the library and something in the library fits all the same [-]; bounds
-        every stated confidence.
+        Prior probability that the true cause is not in the library and something in the library fits all the same [-].
     further_cause
         Prior probability that a vehicle with one cause has a further one [-].
     candidates
@@ -104,7 +103,7 @@ class Settings:
     significance: float = 15.0
     relevance: float = 0.1
     unexplained: float = 0.25
-    unknown_probability: float = 0.02
+    unknown_probability: float = 0.1
     further_cause: float = 0.15
     candidates: int = 6
     maximum_causes: int = 3

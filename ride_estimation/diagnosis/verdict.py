@@ -12,9 +12,10 @@ from scipy.special import ndtr
 
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
+from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Reported
 from ride_estimation.diagnosis.isolability import separation
-from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival
+from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival, ValidationGain
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.selection import Candidate, Round, Selection
 from ride_estimation.diagnosis.settings import Settings
@@ -31,6 +32,7 @@ _MOSTLY_NOISE = (
 )
 _NEAR = 1.5  # error over noise floor above which a clean verdict does not claim to reach the noise
 _FORM_LEFT = 0.05  # mean share of the residual that the right cause leaves because the real law has another form
+_FITS_ANYTHING = 1.0 / 30.0  # share of what else a model misses that a law of general form at the best of all places fits
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
@@ -73,13 +75,15 @@ def name_causes(
     return tuple(named for _, named in sorted(out, key=lambda item: -item[0]))
 
 
-def within_library(count: int, remaining: float, settings: Settings) -> float:
+def within_library(count: int, remaining: float, law: FreeLaw, settings: Settings) -> float:
     """Return the probability that the named causes, and not one effect that no library lists, explain the run.
 
     One effect outside the library rivals every set of causes. A further cause has its prior, so an unknown effect that takes
-    several causes to describe gets the likelier the more they are. The right cause leaves a share of the residual that is
-    exponential with a small mean, because the real law has another form; an effect that is only mimicked leaves any share up
-    to the one from which the answer is ``unexplained``.
+    several causes to describe gets the likelier the more they are. Two shares tell a cause that only mimics the real one:
+    what remains is exponential with a small mean for the right cause and anything up to all of it for a mimic; what a law of
+    general form explains beyond the right cause is exponential too, with the mean :data:`~hypothesis.FORM` and a share of
+    whatever else the model misses, and for a mimic anything from FORM on, every order of magnitude alike. They are no
+    independent evidence: the one that says more counts.
 
     Parameters
     ----------
@@ -87,12 +91,14 @@ def within_library(count: int, remaining: float, settings: Settings) -> float:
         Number of named causes.
     remaining
         Share of the residual energy above the noise floor that they leave.
+    law
+        The law without a name that explains most of that.
     """
-    prior = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
-    if remaining > settings.unexplained:
-        return (1.0 - remaining) / (1.0 + prior)
-    mimicked = _FORM_LEFT / settings.unexplained * float(np.exp(remaining / _FORM_LEFT))
-    return 1.0 / (1.0 + prior * max(mimicked, 1.0))
+    odds = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
+    left = _FORM_LEFT * math.exp(min(remaining, 1.0) / _FORM_LEFT)
+    mean, share = FORM + _FITS_ANYTHING * law.left, min(law.share, 1.0)
+    beyond = mean * math.exp(share / mean) / (max(share, FORM) * math.log(1.0 / FORM))
+    return 1.0 / (1.0 + odds * max(left, beyond))
 
 
 def _axis_of(scene: Scene, fitted: Fitted) -> str:
@@ -169,9 +175,8 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
     Nothing: the error is above the noise floor, the interval of the gain includes zero and excludes half of what could be gained.
     """
     for other in gain.validation:
-        missed = math.sqrt(max(other.baseline**2 - other.noise_floor**2, 0.0))
         nothing, little = other.ci95[0] <= 0.0, other.ci95[1] < 0.5 * (other.baseline - other.noise_floor)
-        if missed > MISSED * settings.adequacy and nothing and little:
+        if _missed(other) > MISSED * settings.adequacy and nothing and little:
             return (
                 f"fitted the run but gained nothing on {run_title(other.run)} (error {100 * other.baseline:.1f} % to "
                 f"{100 * other.extended:.1f} %, noise floor {100 * other.noise_floor:.1f} %)"
@@ -179,7 +184,21 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
     return ""
 
 
-def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float) -> str:
+def shows_elsewhere(gain: Gain, settings: Settings) -> bool:
+    """Return whether what the model misses on a run shows where nothing was fitted.
+
+    On another run, or clearly on the judge blocks; as a named cause has to gain there, an unnamed one has to be missed there.
+    """
+    clear = gain.baseline > _NEAR * gain.noise_floor
+    return clear or any(_missed(other) > MISSED * settings.adequacy for other in gain.validation)
+
+
+def _missed(run: ValidationGain) -> float:
+    """Return the error of the baseline without what the noise makes of it."""
+    return math.sqrt(max(run.baseline**2 - run.noise_floor**2, 0.0))
+
+
+def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float, law: FreeLaw = NO_LAW) -> str:
     """Return the verdict in words, numbers first."""
     if verdict == INSUFFICIENT or gain is None:
         return "The data cannot tell whether the model is right."
@@ -207,12 +226,20 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
     if causes:
         return (
             f"The model misses something that the library does not name: the best candidate ({named}) leaves "
-            f"{100 * remaining:.0f} % of the residual energy above the noise floor; {effect}."
+            f"{100 * remaining:.0f} % of the residual energy above the noise floor{_left_to(law)}; {effect}."
         )
     return (
         f"The model misses something that the library does not name: error {100 * judged.baseline:.1f} % against a noise "
         f"floor of {floor:.1f} %."
     )
+
+
+def _left_to(law: FreeLaw) -> str:
+    """Return where a force of another form explains more, empty where none does."""
+    if law.share <= FORM:
+        return ""
+    place = f"{law.location} {law.axis}".strip()
+    return f" and a force of another form at {place} explains {100 * law.share:.1f} % more than it does"
 
 
 def _phrase(cause: NamedCause) -> str:

@@ -13,6 +13,7 @@ from diagnosis_runs import quarter_car, quarter_car_run
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_columns, mean_table
 from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters, with_held_cg
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import Sign
 from ride_estimation.diagnosis.kinematics import rotation_matrices
 from ride_estimation.diagnosis.noise import noise_scale, temper_of
@@ -28,7 +29,7 @@ from ride_estimation.diagnosis.selection import beyond_tolerance
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
-from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, within_library
+from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, shows_elsewhere, within_library
 from ride_estimation.signals.recording import UniformRun
 
 
@@ -271,12 +272,31 @@ def test_a_cg_beyond_three_tolerances_is_left_in_the_residual(true, held):
 
 
 def test_stated_probability_counts_what_no_library_lists():
-    settings = Settings(unknown_probability=0.1, further_cause=0.2, unexplained=0.25)
-    assert within_library(1, 0.0, settings) == pytest.approx(0.9)
-    # odds of an unknown effect against two causes: 1 to 9, five times as likely
-    assert within_library(2, 0.0, settings) == pytest.approx(9.0 / 14.0)
-    assert within_library(1, 0.25, settings) == pytest.approx(9.0 / (9.0 + 0.2 * np.exp(5.0)))
-    assert within_library(1, 0.5, settings) == pytest.approx(0.45)
+    settings = Settings(unknown_probability=0.1, further_cause=0.2)
+    # nothing left: only what a law of general form might still explain, half a per cent, over ln 200 orders of magnitude
+    certain = within_library(1, 0.0, NO_LAW, settings)
+    assert certain == pytest.approx(9.0 / (9.0 + 1.0 / np.log(200.0)))
+    # odds of an unknown effect against two causes: five times as likely
+    assert 1.0 / within_library(2, 0.0, NO_LAW, settings) - 1.0 == pytest.approx(5.0 * (1.0 / certain - 1.0))
+    # a right cause leaves 5 %, a mimic anything: densities 20 exp(-r / 5 %) and 1
+    assert within_library(1, 0.3, NO_LAW, settings) == pytest.approx(9.0 / (9.0 + 0.05 * np.exp(6.0)))
+    # a law of general form explains 3 % more: six times the mean of a right cause, three times where 15 % are left by something
+    refuted, doubted = (within_library(1, 0.0, FreeLaw("mount", "z", 0.03, left), settings) for left in (0.0, 0.15))
+    assert refuted == pytest.approx(9.0 / (9.0 + np.exp(6.0) / (6.0 * np.log(200.0))))
+    assert doubted == pytest.approx(9.0 / (9.0 + np.exp(3.0) / (3.0 * np.log(200.0))))
+
+
+@pytest.mark.parametrize(
+    ("judge", "other", "shown"),
+    [
+        ((0.0234, 0.0203), (0.058, 0.069), False),  # a little on its own judge blocks, nothing on the other run
+        ((0.0234, 0.0203), (0.058, 0.050), True),
+        ((0.0434, 0.0203), (0.058, 0.069), True),  # clearly wrong on blocks that fitted nothing, whatever the other run shows
+    ],
+)
+def test_what_a_model_misses_has_to_show_where_nothing_was_fitted(judge, other, shown):
+    run = ValidationGain("other", other[0], other[0], (0.0, 0.0), other[1])
+    assert shows_elsewhere(Gain("NRMSE", judge[0], judge[0], judge[1], (run,)), Settings()) is shown
 
 
 @pytest.mark.parametrize(

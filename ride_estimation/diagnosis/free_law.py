@@ -1,0 +1,120 @@
+# Copyright 2026 ride_estimation contributors
+"""Whether a force law without a name would explain more than the causes that were named.
+
+The right cause in another functional form than the real law leaves little that any law could still explain. A cause that only
+mimics the real one leaves more: the real law is a function of the motion of some mount, so a law of general form at that mount
+takes over what the mimic misses, on stretches of road that fitted neither. Restoring-force surface and state-dependent
+terms of this kind: Kristensen, Madsen, Jorgensen (2004), Automatica 40.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.baseline import MeanTable
+from ride_estimation.diagnosis.hypothesis import Sign
+from ride_estimation.diagnosis.operators import friction_level, relaxed
+from ride_estimation.diagnosis.regression import Regression
+from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.screening import Projector, mean_rows, solve_signed
+from ride_estimation.diagnosis.sites import Site, force_columns, sites
+
+Array = NDArray[np.float64]
+
+_BENDS = (0.5, 1.0, 1.8)  # of a piecewise linear law, over the rms of deflection or rate
+_SLIDES = (0.03, 0.3, 1.0)  # reach of hysteresis, over the rms of the deflection
+_CELLS_HZ = (0.2, 1.0, 4.0, 16.0)  # corners of relaxation
+_FOLDS = 4
+_ROUNDING = 0.1  # rate over its rms at which a force turns round with the motion
+
+
+@dataclasses.dataclass(frozen=True)
+class FreeLaw:
+    """The law of general form that explains most of what named causes leave.
+
+    Attributes
+    ----------
+    location, axis
+        Mount and axis.
+    share
+        Energy it explains on blocks that took no part in its fit, over the energy that the named causes explain [-].
+    left
+        Energy above the noise floor that the named causes leave, over the same [-].
+    """
+
+    location: str
+    axis: str
+    share: float
+    left: float = 0.0
+
+
+#: nothing explains more
+NO_LAW = FreeLaw("", "", 0.0)
+
+
+def free_law(scene: Scene, table: MeanTable, problem: Regression, explained: float, left: float) -> FreeLaw:
+    """Return the best law of general form on top of a model.
+
+    Parameters
+    ----------
+    scene
+        Run seen through the model.
+    table
+        Mean readings.
+    problem
+        Residual against the columns of the calibration and of the named causes.
+    explained, left
+        Energy the named causes explain, in residual and tolerances, and what they leave above the noise floor.
+    """
+    projector = Projector(problem, np.arange(len(problem.grams)))
+    most, best, law = 0.0, None, np.zeros((0, 0, 0))
+    places = sites(scene)
+    for axis in dict.fromkeys(s.axis for s in places):
+        along = [s for s in places if s.axis == axis]
+        ports = sorted({p for s in along for p in s.ports})
+        columns = force_columns(scene, Site("", axis, tuple(ports)), lambda *motion: _general(scene, *motion))
+        count = len(columns) // len(ports)
+        rows = scene.push(columns, single=True)
+        normal, right = projector.reduce(rows, mean_rows(table, columns))
+        for site in along:
+            used = [count * ports.index(p) + i for p in site.ports for i in range(count)]
+            drop = solve_signed(normal[np.ix_(used, used)], right[used], [Sign.ANY] * len(used))[1]
+            drop -= 2.0 * problem.temper * len(used)  # what as many columns of mere chance bring (Akaike 1974)
+            if drop > most:
+                most, best, law = drop, site, rows[:, :, used]
+    if best is None or explained <= 0.0:
+        return NO_LAW
+    return FreeLaw(best.location, best.axis, _predicted(scene, problem, law, best) / explained, max(left, 0.0) / explained)
+
+
+def _general(scene: Scene, x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+    """Return the columns of a law of general form: elastic, dissipative, mixed, with memory, inertial."""
+    u, w = x / x_rms, v / v_rms
+    bends = [np.maximum(sign * part - bend, 0.0) for part in (u, w) for bend in _BENDS for sign in (1.0, -1.0)]
+    spectrum, omega = scene.grid.spectrum(u), scene.grid.omega
+    memory = [friction_level(x, reach * x_rms) for reach in _SLIDES]
+    memory += [scene.grid.signal(relaxed(omega, spectrum, corner)) for corner in _CELLS_HZ]
+    acceleration = scene.derivative(v)
+    return [
+        *bends, np.tanh(w / _ROUNDING), u * w, u * np.abs(w), np.abs(u) * w, *memory,
+        acceleration / max(float(np.std(acceleration)), 1e-12),
+    ]
+
+
+def _predicted(scene: Scene, problem: Regression, rows: Array, site: Site) -> float:
+    """Return the energy that a law explains on blocks that took no part in its fit, four folds of the run."""
+    stiffness, damping = scene.state.linear
+    # columns are of unit size: no unknown law carries more than the spring and the damper of its mount
+    size = [float(np.hypot(stiffness[p] * scene.scales[p][0], damping[p] * scene.scales[p][1])) for p in site.ports]
+    grams = problem.candidate_grams(rows.astype(float))
+    std = np.repeat(size, rows.shape[2] // len(size))
+    fold = np.arange(len(grams)) % _FOLDS
+    drop = 0.0
+    for number in range(_FOLDS):
+        held, fitted = np.flatnonzero(fold == number), np.flatnonzero(fold != number)
+        free, plain = problem.fit(grams, fitted, std), problem.fit(problem.grams, fitted)
+        drop += problem.misfit(problem.grams, held, plain.coefficients) - problem.misfit(grams, held, free.coefficients)
+    return max(drop, 0.0)

@@ -1,0 +1,73 @@
+# Copyright 2026 ride_estimation contributors
+"""The law without a name: how much it explains, where, and that a mimic of the real cause is found out by it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from diagnosis_runs import quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis.calibration import calibrate
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.effect import Effect, Where
+from ride_estimation.diagnosis.free_law import free_law
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.regression import Regression
+from ride_estimation.diagnosis.scene import measurement
+from ride_estimation.diagnosis.settings import Settings
+
+
+def planted(force: float, noise: float) -> tuple[float, str, float]:
+    """Return what a law on top of the linear quarter car explains, its place, and what the linear model misses without it."""
+    plant = build_plant(quarter_car(), {"body": 3, "base": 3})
+    calibrated = calibrate(plant, measurement(plant, quarter_car_run(41, 30.0)), Settings())
+    scene, base = calibrated.scene, calibrated.regression
+    u = scene.deflection[:, 0] / scene.scales[0][0]
+    # a spring that bends between two bends of the general law: none of its columns is the law
+    column = scene.push([(Effect(Where.PORT, 0, force * np.maximum(u - 0.75, 0.0)),)])[:, :, 0]
+    residual = column + noise * np.random.default_rng(42).standard_normal(column.shape)
+    problem = Regression(
+        residual, base.columns, 0.0 * base.mean_residual, 0.0 * base.mean_columns, np.full(base.count, 1e9), np.zeros(base.count)
+    )
+    used = base.columns[:, :, np.any(base.columns, axis=(0, 1))]
+    used = used / np.linalg.norm(used, axis=(0, 1))
+    missed, fold = 0.0, np.arange(len(column)) % 4
+    for number in range(4):
+        rest, held = fold != number, fold == number
+        fit = np.linalg.lstsq(used[rest].reshape(-1, used.shape[2]), column[rest].reshape(-1), rcond=1e-12)[0]
+        missed += float(np.sum((column[held] - used[held] @ fit) ** 2))
+    law = free_law(scene, calibrated.table, problem, 1.0, 0.0)
+    return law.share, f"{law.location} {law.axis}", missed
+
+
+def test_a_law_without_a_name_explains_the_energy_of_a_law_it_does_not_contain():
+    explained, place, missed = planted(40.0, 0.1)
+    assert place == "strut z"
+    # two bends at 0.5 and 1 rms draw a bend at 0.75 but for the corner between them
+    assert 0.95 * missed < explained < 1.01 * missed
+
+
+def test_a_law_without_a_name_explains_no_noise():
+    explained, _, _ = planted(0.0, 1.0)
+    assert explained == 0.0
+
+
+@pytest.mark.parametrize(("left_out", "verdict"), [((), "explained"), (("damping_nonlinearity",), "unexplained")])
+def test_a_neighbour_of_the_real_cause_is_found_out(left_out, verdict):
+    # friction draws a damper that saturates so well that a tenth of its residual remains
+    def law(x: float, v: float) -> float:
+        return 190.0 * math.tanh(v / 0.15)
+
+    known = set(library()) - set(left_out)
+    answer = diagnose(quarter_car(), quarter_car_run(43, law=law), [quarter_car_run(44, law=law)], causes=known)
+    assert answer.verdict == verdict, answer.sentence
+    if left_out:
+        assert [c.id for c in answer.causes] == ["coulomb_friction"]
+        assert answer.causes[0].confidence < 0.5
+        assert "a force of another form at strut z" in answer.sentence
+    else:
+        assert answer.causes[0].id == "damping_nonlinearity"
+        assert answer.causes[0].confidence > 0.9
