@@ -40,7 +40,7 @@ class FreeLaw:
     location, axis
         Mount and axis.
     share
-        Energy it explains on blocks that took no part in its fit, over the energy that the named causes explain [-].
+        Energy it explains, on blocks that took no part in its fit too, over the energy that the named causes explain [-].
     left
         Energy above the noise floor that the named causes leave, over the same [-].
     """
@@ -87,7 +87,9 @@ def free_law(scene: Scene, table: MeanTable, problem: Regression, explained: flo
                 most, best, law = drop, site, rows[:, :, used]
     if best is None or explained <= 0.0:
         return NO_LAW
-    return FreeLaw(best.location, best.axis, _predicted(scene, problem, law, best) / explained, max(left, 0.0) / explained)
+    # where one block holds most of the energy, folds without it are far off with any law: no more than in its own fit counts
+    energy = min(_predicted(scene, problem, law, best), most)
+    return FreeLaw(best.location, best.axis, energy / explained, max(left, 0.0) / explained)
 
 
 def _general(scene: Scene, x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
