@@ -49,8 +49,7 @@ _FINE = 0.1
 
 #: arrays of the first pass that the second needs
 SIGNALS = (
-    "mount_force", "mount_force_std", "mount_force_std_model", "mount_deflection", "support_load", "cg_specific_force",
-    "angular_rate",
+    "mount_force", "mount_force_std", "mount_deflection", "support_load", "cg_specific_force", "angular_rate",
 )  # fmt: skip
 
 
@@ -74,10 +73,13 @@ class Hindsight:
 
 @dataclasses.dataclass(frozen=True)
 class _Piece:
-    """Consecutive ticks ``first`` to ``end`` with what holds for all of them."""
+    """Consecutive ticks ``first`` to ``end`` with what holds for all of them; ``spread`` is the standard deviation of deflection
+    and rate as the online estimator stated it, shape (2, M, 3).
+    """
 
     first: int
     end: int
+    spread: Array
     load_covariance: Array
     constant_load: Array
     motion_covariance: Array
@@ -169,7 +171,8 @@ class HindsightRecorder:
         assert basis is not None
         complete = all(b.basis is not None and b.basis.complete for b in self._open)
         motion = last.cg_specific_force_covariance
-        piece = _Piece(first, self._ticks, basis.load_covariance, basis.constant_load, motion, complete, basis.model)
+        spread = np.stack([basis.deflection.std, basis.deflection.rate_std])
+        piece = _Piece(first, self._ticks, spread, basis.load_covariance, basis.constant_load, motion, complete, basis.model)
         self._stretches[-1][0].append(piece)
         self._open = []
 
@@ -308,8 +311,8 @@ class _Stretch:
             found_force[at], found_deflection[at] = block.force, block.deflection
             wide = doubt[n] ** 2 * scatter
             found.append(block.std[0] ** 2 + wide)
-            live = own["mount_force_std_model"][at.start] ** 2
-            ratio = (block.std_model[0] ** 2 + wide).mean(axis=0) / np.maximum(live.mean(axis=0), 1e-300)
+            live = own["mount_force_std"][at.start] ** 2
+            ratio = found[-1].mean(axis=0) / np.maximum(live.mean(axis=0), 1e-300)
             shares[n] = 1.0 / (1.0 + min(float(ratio.max()) / _WORSE, 1e3) ** 8)
         middle = np.array([0.5 * (p.first + p.end) - first for p in self._pieces])
         ticks = np.arange(len(found_force))
@@ -334,7 +337,8 @@ class _Stretch:
         forces.use(model)
         forces.frame.hold(value, rate, variance[1])
         forces.constant_load = piece.constant_load
-        spread, rate_spread = (np.tile(np.sqrt(v), (count, 1)) for v in variance[0])
+        # deflections slower than any filter lets through are errors here too; equilibrium puts them right if it may
+        spread, rate_spread = np.sqrt(piece.spread**2 + variance[0][:, None])
         block = DeflectionBlock(
             value.reshape(shape), rate.reshape(shape), value.reshape(shape), turn, swing, swing_rate, spread, rate_spread,
             value.reshape(shape),

@@ -235,8 +235,10 @@ class _Window:
         given[:, 0::3] += s._gravity * tilt[:, :, 1]
         given[:, 1::3] -= s._gravity * tilt[:, :, 0]
         spectrum = self._measured(self._signals(given) @ s._rigid.T, s._rigid)
+        # what is left of the vertical deflections leans the body: gravity makes noise of it, far the most at low frequency
+        leaning = s._gravity**2 * np.mean(np.sum(s._maps[:, [1, 0], 2::3] ** 2, axis=2), axis=0)
         for axis in range(2):
-            choice = self._choose(0, axis, spectrum, 0.0)
+            choice = self._choose(0, axis, spectrum, 0.0 if vertical is None else leaning[axis] * vertical.left)
             if choice is not None:
                 found[:, axis::3] = self._bank.response(choice.index, self._omega)[:, None] * given[:, axis::3]
         return found, found @ s._maps.mean(axis=0).T
