@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from ride_estimation.estimation.arrangement import LEAST_SPREAD, channel_geometry
+from ride_estimation.estimation.base_kernel import follow_means
 from ride_estimation.estimation.block_math import biquad_block
 from ride_estimation.estimation.sensor_faults import Fault, FaultTest
 from ride_estimation.estimation.sensor_gate import GateVerdict
@@ -162,9 +163,8 @@ class BaseFaults:
 
     def _follow_means(self, values: Array, force: Array, duration: float) -> None:
         """Follow what every base reads more than the body, sensor axes [m/s^2]."""
-        mean = values.mean(axis=0).reshape(-1, 3)
         gain = duration / min(self._mean_time + duration, _MEAN_MEMORY)
-        self._mean += gain * (mean - force @ self._rotation - self._mean)
+        follow_means(values, force, self._rotation, gain, self._mean)
         self._mean_time += duration
 
     def _take(self, values: Array, dt: float) -> None:

@@ -13,6 +13,33 @@ IntArray = NDArray[np.int64]
 
 
 @compile_kernel
+def follow_means(values: Array, force: Array, rotation: Array, gain: float, mean: Array) -> None:
+    """Follow what every sensor reads more than a specific force, sensor axes.
+
+    Parameters
+    ----------
+    values
+        Readings at the ticks of a block, shape (K, 3 N) [m/s^2].
+    force
+        In body axes, shape (3,) [m/s^2].
+    rotation
+        From sensor to body axes, shape (N, 3, 3).
+    gain
+        Share of the block.
+    mean
+        Shape (N, 3), in place.
+    """
+    for s in range(mean.shape[0]):
+        for j in range(3):
+            total, expected = 0.0, 0.0
+            for k in range(values.shape[0]):
+                total += values[k, 3 * s + j]
+            for i in range(3):
+                expected += rotation[s, i, j] * force[i]
+            mean[s, j] += gain * (total / values.shape[0] - expected - mean[s, j])
+
+
+@compile_kernel
 def follow_bases(
     values: Array, columns: IntArray, to_plane: Array, project: Array, b: Array, a: Array, state: Array, before: Array,
     numbers: Array, gain: float, size: float, moments: Array, joint: Array,

@@ -170,6 +170,8 @@ class BracketTilt:
         self._gravity = arrangement.vehicle.gravity
         place, self._fit = plate_fit(self._mounts)
         dc = all(s is not None and s.coupling == "dc" for s in arrangement.base_sensors)
+        #: from vertical specific force of the brackets to the angular acceleration of the frame, roll and pitch, shape (M, 2)
+        self._to_slopes = self._fit[[2, 1]].T * np.array([1.0, -1.0])
         self.learns = bool(arrangement.has_base_motion and dc and len(self._fit) == 4)
         self._noise = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
         #: what one unit of every share adds to the readings, order x and y of each bracket, per unit of W, shape (2 M, 4)
@@ -235,7 +237,7 @@ class BracketTilt:
             2.0 * np.pi * _BAND[0], 2.0 * np.pi * _BAND[1], dt, self._state, moments,
         )  # fmt: skip
         self._started += added * dt
-        if self._started < _SETTLED or not np.all(np.isfinite(moments)):
+        if self._started < _SETTLED or not np.isfinite(moments).all():
             return False
         # per second, so that the answer does not depend on the tick
         self._moments += moments * dt
@@ -258,7 +260,7 @@ class BracketTilt:
         angle, rate = np.zeros((len(base), 3)), np.zeros((len(base), 3))
         if not self.learns:
             return angle, rate
-        plane = base[:, :, 2] @ self._fit[[2, 1]].T * np.array([1.0, -1.0])
+        plane = base[:, :, 2] @ self._to_slopes
         # white noise s^2 dt integrated twice with a leak w leaves an angle of variance s^2 dt / (4 w^3)
         corner = (self._slope_variance * dt / (4.0 * _ANGLE_NOISE**2)) ** (1.0 / 3.0)
         corner = min(max(corner, 2.0 * np.pi * _CORNERS[0]), 2.0 * np.pi * _CORNERS[1])

@@ -183,8 +183,9 @@ class DeflectionEstimator:
         noise[:, :, 2] = np.maximum(self._mean_square, _LEAST**2) * _CORRELATION_TIME / dt
         # sensors on both sides whose angles and gains are not quite those of the file
         slow = 2.0 * self._lasting.error_variance
-        for i, a in np.ndindex(self._count, 3):
-            noise[i, a, 0] = with_slow_error(float(noise[i, a, 0]), slow, float(noise[i, a, 2]), dt)
+        if slow > 0.0:
+            both = zip(noise[:, :, 0].ravel().tolist(), noise[:, :, 2].ravel().tolist())
+            noise[:, :, 0] = np.reshape([with_slow_error(white, slow, held, dt) for white, held in both], (self._count, 3))
         # an error of the tilt, as slow as the drift of the vertical deflections, is an acceleration in the horizontal axes
         gravity = self.arrangement.vehicle.gravity
         corner = np.mean(noise[:, 2, 0] / noise[:, 2, 2]) ** 0.25 / dt**0.5 if self._count else 1.0

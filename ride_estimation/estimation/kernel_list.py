@@ -8,6 +8,7 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.balance_kernel:low_pass_block", "f2C f f f2C f2C"),
     ("estimation.balance_kernel:response_block", "f2C f3C f2C f2C f2C f2C f2C f2C f2C f2F f2C f2C f2C f3C"),
     ("estimation.base_kernel:follow_bases", "f2C i1C f2C f2C f1C f1C f2C f2C f1C f f f2C f2C"),
+    ("estimation.base_kernel:follow_means", "f2C f1C f3C f f2C"),
     ("estimation.block_math:_cross", "f3C f3C f3C"),
     ("estimation.block_math:biquad_block", "f2C f1C f1C f2C f2C"),
     ("estimation.block_math:count_unfit", "f2C b2C i1C i1C f1C i1C i1C"),

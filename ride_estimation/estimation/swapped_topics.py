@@ -70,6 +70,7 @@ class SwappedTopics:
         self._noise = float(np.mean([s.noise_std**2 for s in body])) if body else 0.0
         #: exchanges in force, pairs of sensors in the order of the sensors given
         self.pairs: list[tuple[int, int]] = []
+        self._all: BoolArray = np.ones(len(self._sensors), dtype=bool)
         self._setups: dict[bytes, tuple[Array, list[_Exchange]]] = {}
         self.reset()
 
@@ -101,8 +102,9 @@ class SwappedTopics:
         dt
             Tick [s].
         """
-        fit: BoolArray = np.asarray(valid[:, self._streams].all(axis=0))
-        if not np.array_equal(fit, self._fit):
+        # the normal case: every sensor spoke
+        fit: BoolArray = self._all if valid.all() else np.asarray(valid[:, self._streams].all(axis=0))
+        if fit is not self._fit and not np.array_equal(fit, self._fit):
             self.reset()
             self._fit = fit
         if not fit.any():
