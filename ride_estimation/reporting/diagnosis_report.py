@@ -62,8 +62,8 @@ def _title(cause: NamedCause) -> str:
 def _cause(page: Page, cause: NamedCause) -> None:
     page.heading(_title(cause))
     sure = f"{100 * cause.confidence:.0f} %"
-    answer = f"With {sure} confidence, yes." if cause.confidence >= 0.5 else f"The best candidate, but rather not: confidence {sure}."
-    page.text(f"{cause.question} {answer}")
+    doubt = f"The best candidate, but rather not: confidence {sure}."
+    page.text(f"{cause.question} {f'With {sure} confidence, yes.' if cause.confidence >= 0.5 else doubt}")
     rows = []
     for p in cause.parameters:
         value, std, unit = in_reading_unit(p.value, p.std, p.unit)
