@@ -189,8 +189,8 @@ def _check_excitation(scene: Scene, settings: Settings) -> None:
     )
     if ratio < settings.minimum_signal_to_noise:
         raise InputDataError(
-            f"the response is only {ratio:.1f} times the sensor noise in {settings.band_hz[0]:g}-{scene.grid.upper_hz:g} Hz; "
-            f"{settings.minimum_signal_to_noise:g} times are needed: drive over a rougher road"
+            f"the response is only {ratio:.1f} times the sensor noise in {settings.band_hz[0]:.3g}-{scene.grid.upper_hz:.3g} Hz; "
+            f"{settings.minimum_signal_to_noise:g} times are needed: a rougher road, or a longer stroke on a bench"
         )
 
 

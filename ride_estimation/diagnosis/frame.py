@@ -23,7 +23,10 @@ ComplexArray = NDArray[np.complex128]
 
 #: first bending mode of the frame of a heavy truck, 6 to 9 Hz (Gillespie 1985, SAE 850001), the softest of the usual bases
 _BENDING_HZ = 8.0
-_FLEX_SHARE = 0.2  # of what a base does that is bending or twist; a lever of 2 cm then errs by as much as a right model may
+_FLEX_SHARE = 0.2  # of what a base does that is bending; a lever of 2 cm then errs by as much as a right model may
+#: of the slope that three brackets show together. What left and right of the road differ by is independent at both axles: a soft
+#: frame twists as much at an axle as it rolls, and at brackets half way to the axles half as much
+_TWIST_SHARE = 0.5
 _LEAST_REACH = 0.1  # half the distance of brackets below which their slope is no plate's [m]
 
 
@@ -124,7 +127,7 @@ def unseen_tilt(plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray,
 
     From its first bending mode on, a share of the vertical motion of a frame is bending, which has a slope of its own; below
     it bends in proportion to its acceleration. Three brackets do not show a twist at all: each may then roll and pitch
-    by a share more or less than the slope that they show together.
+    by half of the slope that they show together, more or less.
 
     Parameters
     ----------
@@ -148,7 +151,7 @@ def unseen_tilt(plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray,
             reach = 0.5 * float(np.ptp(places[:, 1 - part]))
             out[:, 2 * j + part] = bends * vertical[:, j] * (_FLEX_SHARE / max(reach, _LEAST_REACH)) ** 2
             if all(slopes) and mount not in twisting:
-                out[:, 2 * j + part] += _FLEX_SHARE**2 * shown[:, 3 * j + part]
+                out[:, 2 * j + part] += _TWIST_SHARE**2 * shown[:, 3 * j + part]
     return out
 
 

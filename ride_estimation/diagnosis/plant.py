@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.bracket_tilts import BracketTilt, bracket_tilts
 from ride_estimation.diagnosis.extension import linear_part
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
@@ -58,29 +59,6 @@ class Signal:
     def name(self) -> str:
         """Return ``<sensor>.<axis>``."""
         return f"{self.sensor}.{AXES[self.component]}" if self.kind == "acceleration" else self.sensor
-
-
-@dataclasses.dataclass(frozen=True)
-class BracketTilt:
-    """One way in which brackets tilt, inferred from the vertical motion of their neighbours.
-
-    With a rigid frame brackets follow it fully, unless their sensors are levelled or a rig only translates them. How much
-    each follows a twisting frame depends on the member it sits on: a cross member rolls with it, a rail pitches with it.
-
-    Attributes
-    ----------
-    kind
-        ``tilt`` (rigid frame) or ``twist``.
-    place, axis
-        ``frame`` or a mount; ``roll`` or ``pitch``.
-    slope
-        Roll, pitch, yaw of the brackets from twice integrated readings, shape (nb, nu).
-    """
-
-    kind: str
-    place: str
-    axis: str
-    slope: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -302,7 +280,7 @@ def _base_maps(
             twist[3 * j], twist[3 * j + 1] = twist_y[k] @ rotation[2::3], -twist_x[k] @ rotation[2::3]
             rigid[3 * j : 3 * j + 2] = angular[:2] - twist[3 * j : 3 * j + 2]
             dc[j] = sensors[own[k]].coupling == "dc"
-    return direct, lever, yaw, _bracket_tilts(mounts, rigid, twist), dc, missing
+    return direct, lever, yaw, bracket_tilts(mounts, rigid, twist), dc, missing
 
 
 def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array, along_y: Array) -> None:
@@ -314,20 +292,6 @@ def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array
                 f"{abs(length):.2f} m away and {', '.join(sensors)} cannot show the {name} between them; an accelerometer on "
                 f"{mount.base} at or beyond {mount.name} is needed"
             )
-
-
-def _bracket_tilts(mounts: tuple[str, ...], rigid: Array, twist: Array) -> tuple[BracketTilt, ...]:
-    """Return the tilts of a rigid frame and, bracket by bracket, of a twisting one that the base sensors show at all."""
-    out: list[BracketTilt] = []
-    for part, axis in enumerate(("roll", "pitch")):
-        whole = np.zeros_like(rigid)
-        whole[part::3] = rigid[part::3]
-        out.append(BracketTilt("tilt", "frame", axis, whole))
-        for j, mount in enumerate(mounts):
-            own = np.zeros_like(twist)
-            own[3 * j + part] = twist[3 * j + part]
-            out.append(BracketTilt("twist", mount, axis, own))
-    return tuple(t for t in out if np.any(t.slope))
 
 
 def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:

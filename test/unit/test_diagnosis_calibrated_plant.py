@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
+from ride_estimation.diagnosis import calibration
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanced
 from ride_estimation.diagnosis.diagnose import _noticeable
@@ -74,6 +75,24 @@ def test_a_rebalanced_plant_is_the_one_of_a_file_with_that_cg_and_inertia():
     for name in ("mass", "port_map", "gravity_stiffness", "out_acceleration", "static_force"):
         assert np.allclose(getattr(moved, name), getattr(expected, name), rtol=1e-12, atol=1e-9), name
     assert moved.body_errors[("cg", "cab", "z")] == pytest.approx(-0.025)
+
+
+@pytest.mark.parametrize(
+    ("left", "answer"),
+    [
+        ([0.4], 0),  # explained at once
+        ([1.1, 0.3, 0.02], 2),  # explained with CG and inertia to all orders: goes on from there
+        ([1.1, 0.6], 0),  # a step that explains less than half: something else bends them
+        ([8.0, 3.0, 1.0, 0.3, 0.02], 4),
+        ([8.0, 3.0, 2.0], 0),
+    ],
+)
+def test_cg_and_inertia_enter_a_model_that_misses_much_only_where_they_explain_it(monkeypatch, left, answer):
+    steps = iter([SimpleNamespace(number=i, left=value) for i, value in enumerate(left)])
+    monkeypatch.setattr(calibration, "_gauss_newton", lambda *_: next(steps))
+    monkeypatch.setattr(calibration, "_excess", lambda found: found.left)
+    assert calibrate(None, None, Settings()).number == answer
+    assert next(steps, None) is None
 
 
 def test_a_transducer_measures_along_an_axis_that_turns_with_its_base():

@@ -123,9 +123,19 @@ def test_bending_that_no_sensor_shows_grows_to_the_first_mode_and_twist_is_unkno
     np.testing.assert_allclose(power[8:], power[7] * np.ones((8, 1)))
     turn = readings(roll, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])) * np.ones((16, 1), dtype=complex)
     unknown = unseen_tilt(roll, np.zeros((16, 3 * len(roll.mounts)), dtype=complex), turn, omega, 1, 1)
-    # a fifth of the slope that the three show, of roll alone
-    np.testing.assert_allclose(np.sqrt(unknown[:, ::2]), 0.2, rtol=1e-9)
+    # half of the slope that the three show, of roll alone
+    np.testing.assert_allclose(np.sqrt(unknown[:, ::2]), 0.5, rtol=1e-9)
     np.testing.assert_allclose(unknown[:, 1::2], 0.0, atol=1e-12)
+
+
+def test_three_brackets_each_follow_the_tilt_they_show_by_a_share_of_their_own():
+    four, three = (displaced_plant((0.05, -0.03, 0.04), without) for without in ("", "rear_left"))
+    assert {(t.kind, t.place) for t in four.tilts if t.kind == "tilt"} == {("tilt", "frame")}
+    assert {(t.kind, t.place) for t in three.tilts} == {("tilt", m) for m in three.mounts}
+    # together they are the tilt of the rigid frame
+    motion = np.array([0.0, 0.0, 1.0, 0.7, -0.5, 0.0])
+    turned = (three.slope - three.base_yaw) @ readings(three, motion)
+    np.testing.assert_allclose(turned.reshape(-1, 3), np.tile([0.7, -0.5, 0.0], (len(three.mounts), 1)), atol=1e-9)
 
 
 def test_null_directions_are_orthogonal_to_the_motion():
