@@ -27,6 +27,7 @@ from ride_estimation.estimation.sensor_drift import motion_error
 from ride_estimation.estimation.sensor_faults import FaultTest
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
+from ride_estimation.estimation.spare_rate import SpareRate
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.sensor import Sensor
 
@@ -38,26 +39,20 @@ UNKNOWN_ANGULAR_ACCEL = 20.0
 #: standard deviation of a linear acceleration that no channel tells [m/s^2]
 UNKNOWN_ACCEL = 100.0
 #: growth of accelerometer biases: (rad/s^2)^2/s and (rad/s)^2/s for gyros
-_BIAS_DENSITY = 1.0e-8
-_GYRO_BIAS_DENSITY = 1.0e-10
+_BIAS_DENSITY, _GYRO_BIAS_DENSITY = 1.0e-8, 1.0e-10
 #: standard deviation of a constant bias at the start
-_ALPHA_BIAS = 0.1
-_GYRO_BIAS = 0.02
-_YAW_STD = 0.1
-_YAW_TIME = 3.0
+_ALPHA_BIAS, _GYRO_BIAS = 0.1, 0.02
+#: angular rate about the vertical of a body without gyros [rad/s] and how long it lasts [s]
+_YAW_STD, _YAW_TIME = 0.1, 3.0
 _MASKS = 64
 #: standard deviation of the angular rate [rad/s] from which on residuals count, and no longer do: centripetal terms are a guess
 _RATE_KNOWN, _RATE_LOST = 0.03, 0.15
 #: ticks handled with one covariance of the angular rate
 _LONGEST = 100
-#: memory of the residual test [s]
-_TEST_MEMORY = 60.0
-#: longest time for which attitude and rates wait for the verdict on a gross error [s]
-_HOLD = 0.5
-#: ticks of them that say something
-_LEAST_SUMS = 50.0
-#: cosine from which a channel reads of an acceleration that is no coordinate of the body
-_ACROSS = 0.1
+#: memory of the residual test, longest time for which attitude and rates wait for the verdict on a gross error [s]
+_TEST_MEMORY, _HOLD = 60.0, 0.5
+#: ticks of residuals that say something; cosine from which a channel reads of an acceleration that is no coordinate of the body
+_LEAST_SUMS, _ACROSS = 50.0, 0.1
 #: time after which a sensor that does not speak or is refused counts as left out [s]
 _LEFT_OUT = 2.0
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
@@ -98,8 +93,8 @@ def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Weights:
-    """Least squares for one set of channels that speak: weights (6, C), covariance (6, 6), rank of the rows, mean variance of
-    roll and pitch acceleration per unit variance of independent errors of the accelerometer channels.
+    """Least squares for the channels that speak: weights (6, C), covariance (6, 6), rank of the rows, mean variance of roll
+    and pitch acceleration per unit variance of independent errors of the accelerometer channels.
     """
 
     matrix: Array
@@ -111,8 +106,8 @@ class Weights:
 
 @dataclasses.dataclass(frozen=True)
 class MotionBlock:
-    """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the
-    accelerometers read for it (K, C).
+    """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the accelerometers read for
+    it (K, C); variance of the rate (3,).
     """
 
     motion: Array
@@ -122,6 +117,7 @@ class MotionBlock:
     tilt_variance: float
     predicted: Array
     valid: BoolArray
+    rate_variance: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 class CgMotionEstimator:
@@ -168,11 +164,12 @@ class CgMotionEstimator:
         self._spare = max(int(np.sum(self._asked)) - self._needed, 0)
         self._free_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._free])
         self._centripetal = centripetal_terms(self.directions, self.points)
+        told = self._spare if self._free[3:].all() else 0
+        self._turning = SpareRate(self._centripetal[: len(directions)], self._accelerometer_rows, told)
         self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
-        self.doubted = False
-        self._held = 0.0
+        self.doubted, self._held = False, 0.0
         #: sums of the residuals since the last look, and ticks
         self._fresh, self._drift = np.zeros(len(directions) + 1), np.zeros((6, 6))
         #: sensors that spoke last, and how long it is those [s]
@@ -183,18 +180,18 @@ class CgMotionEstimator:
     def reset(self) -> None:
         """Forget attitude and rates; what the residuals told stays."""
         self._faults.interrupt()
+        self._turning.reset()
         self._begin_attitude()
         self._last_gyro: Array | None = None
         #: residuals while the angular rate is not known yet
         self._early = ResidualSums.empty(3 * len(self.sensors))
         self._last_good, self._slow = np.zeros(6), np.zeros(4)
-        s = self._settings
-        self._lasting = LastingAcceleration()
+        s, self._lasting = self._settings, LastingAcceleration()
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def _begin_attitude(self) -> None:
         """Begin attitude and rates anew from the next specific force."""
-        self._state, self._rate_known = np.zeros((5, 3)), False
+        self._state, self._rate_known, self._rate_variance = np.zeros((5, 3)), False, np.zeros(3)
         self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
         self._p_yaw = self._p_tilt.copy()
 
@@ -209,8 +206,8 @@ class CgMotionEstimator:
         """Take angular rates from the other gyros or else from the accelerometers; attitude and rates begin anew."""
         self._gyro_fit[gyro] = False
         self._cache.clear()
-        rate_std = 0.0 if self._gyro_fit.any() else _YAW_STD
-        self._faults = FaultTest(self.sensors, self._free_rows, self.points[: 3 * len(self.sensors) : 3], rate_std)
+        points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
+        self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
         self._faults.set_variance(self.variance)
         self._sums = ResidualSums.empty(3 * len(self.sensors))
         self.reset()
@@ -246,11 +243,10 @@ class CgMotionEstimator:
         scaled = self.rows[np.concatenate([channels, gyro_ok])][:, self._free]
         rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if scaled.size else 0
         turn_gain = 0.5 * float(np.sum(matrix[3:5, :n] ** 2))
-        weights = Weights(np.ascontiguousarray(matrix), covariance, np.maximum(residual_variance, 0.0), rank, turn_gain)
         if len(self._cache) >= _MASKS:
             self._cache.clear()
-        self._cache[key] = weights
-        return weights
+        made = Weights(np.ascontiguousarray(matrix), covariance, np.maximum(residual_variance, 0.0), rank, turn_gain)
+        return self._cache.setdefault(key, made)
 
     def observe(self, samples: Array, gyro: Array, valid: BoolArray, dt: float) -> MotionBlock:
         """Estimate the motion at the ticks of a block.
@@ -283,7 +279,7 @@ class CgMotionEstimator:
         if before is not None:
             self._state = before
         tilt_variance = float(self._p_tilt[0, 0]) if self._observed_tilt else 0.0
-        return dataclasses.replace(out, covariance=covariance, tilt_variance=tilt_variance)
+        return dataclasses.replace(out, covariance=covariance, tilt_variance=tilt_variance, rate_variance=self._rate_variance)
 
     def body_rates(self, gyro: Array) -> Array:
         """Return gyro rates in body axes, shape (K, G, 3)."""
@@ -336,7 +332,11 @@ class CgMotionEstimator:
             asked = self._asked & np.repeat(mask, 3)
             said = y if asked.all() else np.where(asked, y, predicted)
             (self._sums if self._rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
-            self._fresh += [*np.sum(said - predicted, axis=0), len(y)]
+            left = said - predicted
+            self._fresh += [*np.sum(left, axis=0), len(y)]
+            if not use_gyro and mask.all() and self._turning.observe(left, rate, dt):
+                own, white, lasts = weights.matrix[:, : y.shape[1]], float(np.mean(self.variance)), self._lasting.error_variance
+                self._turning.correct(own, white, lasts, self._state, self._p_tilt, self._p_yaw, dt)
         if tells and self._rate_known:
             self._faults.observe(said, motion, rate, dt)
         else:
@@ -356,9 +356,8 @@ class CgMotionEstimator:
     def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
         """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
         at, more = (2, float(np.mean(self._gyro_variance)) / len(self.gyros)) if use_gyro else (1, 0.0)
-        tilt, yaw = self._p_tilt[at, at] + more, self._p_yaw[at, at] + more
-        variance = np.where(self._free[3:], [tilt, tilt, yaw], 0.0)
-        return centripetal_covariance(weights.matrix, self._centripetal, rate, variance)
+        self._rate_variance = self._free[3:] * (np.array([p[at, at] for p in (self._p_tilt, self._p_tilt, self._p_yaw)]) + more)
+        return centripetal_covariance(weights.matrix, self._centripetal, rate, self._rate_variance)
 
     def _filter_noise(self, weights: Weights, dt: float) -> Array:
         s = self._settings
@@ -476,7 +475,7 @@ class CgMotionEstimator:
         return {
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
             "variance": self.variance.tolist(), "own_variance": self._own_variance.tolist(),
-            "residuals": self._sums.save(), "faults": self._faults.save(),
+            "residuals": self._sums.save(), "faults": self._faults.save(), "turning": self._turning.save(),
             "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
@@ -492,6 +491,7 @@ class CgMotionEstimator:
         self._sums = ResidualSums.load(saved["residuals"])
         self._faults.set_variance(self.variance)
         self._faults.load(saved["faults"])
+        self._turning.load(saved.get("turning", self._turning.save()))
         self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
         self._lasting.load(saved["lasting"])
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)

@@ -77,6 +77,9 @@ class DeflectionEstimator:
         self._count = len(arrangement.mounts)
         self.has_base = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
         self._base_variance = np.array([s.noise_std**2 if s else _UNKNOWN_RELATIVE**2 for s in arrangement.base_sensors])
+        wrench = arrangement.wrench[arrangement.free]
+        #: part of deflections that a rigid motion makes, shape (3 M, 3 M)
+        self._rigid = np.linalg.pinv(wrench) @ wrench
         self._slots = [
             (arrangement.mount_names.index(s.mount), AXES.index(s.axis), s.noise_std**2) for s in arrangement.transducers
         ]
@@ -115,6 +118,7 @@ class DeflectionEstimator:
         displaced_ok: BoolArray,
         expected_square: Array,
         dt: float,
+        missing: Array | None = None,
     ) -> DeflectionBlock:
         """Integrate over the ticks of a block.
 
@@ -130,6 +134,9 @@ class DeflectionEstimator:
             Mean squared deflection that the forces on the body and the stiffness let expect, shape (M, 3): it cannot drift.
         dt
             Tick [s].
+        missing
+            Rigid deflection that equilibrium asked for beyond the estimated one in the last block, shape (M, 3) [m];
+            None where it tells nothing.
         """
         ticks = len(base)
         shape = (ticks, self._count, 3)
@@ -139,10 +146,17 @@ class DeflectionEstimator:
             self._mean_square = _MARGIN * expected_square
         self._lasting.observe(motion.motion[:, :3], ticks * dt)
         swing, swing_rate = self._tilting.swing(base, dt)
+        noise = self._noise_now(motion.covariance, ticks, dt)
+        # rigid motion is drawn to where equilibrium has it, deformation of the frame to nothing
+        target = np.zeros((self._count, 3))
+        if missing is not None:
+            target = (self._rigid @ self._state[0].ravel()).reshape(self._count, 3) + missing
+        drawn = np.where(self.has_transducer, displaced, target)
+        drawn_variance = np.where(self.has_transducer, self._transducer_variance, noise[:, :, 2])
         deflection_block(
             motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._tilting.maps,
             swing, self.arrangement.vehicle.gravity, dt, self._state,
-            self._p, self._noise_now(motion.covariance, ticks, dt), displaced, displaced_ok, self._transducer_variance,
+            self._p, noise, drawn, displaced_ok | ~self.has_transducer, drawn_variance,
             deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)

@@ -44,7 +44,8 @@ def turned_motion(
 ) -> None:
     """Turn deflection and rate from cab axes into those of mounts that follow a share of their bracket's rotation.
 
-    ``x = d + theta x d``, ``v = d' + theta x d' + theta' x d``; zero where no sensor tells the deflection.
+    ``x = d + theta x d + theta x (theta x d) / 2``, ``v = d' + theta x d' + theta' x d``; zero where no sensor
+    tells the deflection.
 
     Parameters
     ----------
@@ -61,13 +62,17 @@ def turned_motion(
     """
     for k in range(value.shape[0]):
         for i in range(value.shape[1]):
+            d0, d1, d2 = value[k, i, 0], value[k, i, 1], value[k, i, 2]
+            along = follow * follow * (turn[k, i, 0] * d0 + turn[k, i, 1] * d1 + turn[k, i, 2] * d2)
+            square = follow * follow * (turn[k, i, 0] ** 2 + turn[k, i, 1] ** 2 + turn[k, i, 2] ** 2)
             for a in range(3):
                 b, c = (a + 1) % 3, (a + 2) % 3
                 if known[i, a]:
                     t_b, t_c = follow * turn[k, i, b], follow * turn[k, i, c]
                     r_b, r_c = follow * turn_rate[k, i, b], follow * turn_rate[k, i, c]
                     d_b, d_c = value[k, i, b], value[k, i, c]
-                    x[k, i, a] = value[k, i, a] + (t_b * d_c - t_c * d_b)
+                    second = 0.5 * (turn[k, i, a] * along - square * value[k, i, a])
+                    x[k, i, a] = value[k, i, a] + (t_b * d_c - t_c * d_b) + second
                     v[k, i, a] = rate[k, i, a] + (t_b * rate[k, i, c] - t_c * rate[k, i, b]) + (r_b * d_c - r_c * d_b)
                 else:
                     x[k, i, a], v[k, i, a] = 0.0, 0.0
@@ -126,9 +131,11 @@ def balanced_forces(
         for i in range(mounts):
             f0, f1, f2 = static[i, 0] - tension[k, i, 0], static[i, 1] - tension[k, i, 1], static[i, 2] - tension[k, i, 2]
             t0, t1, t2 = follow * turn[k, i, 0], follow * turn[k, i, 1], follow * turn[k, i, 2]
-            force[k, i, 0] = f0 - (t1 * f2 - t2 * f1)
-            force[k, i, 1] = f1 - (t2 * f0 - t0 * f2)
-            force[k, i, 2] = f2 - (t0 * f1 - t1 * f0)
+            # R f = f - theta x f + theta x (theta x f) / 2
+            c0, c1, c2 = t1 * f2 - t2 * f1, t2 * f0 - t0 * f2, t0 * f1 - t1 * f0
+            force[k, i, 0] = f0 - c0 + 0.5 * (t1 * c2 - t2 * c1)
+            force[k, i, 1] = f1 - c1 + 0.5 * (t2 * c0 - t0 * c2)
+            force[k, i, 2] = f2 - c2 + 0.5 * (t0 * c1 - t1 * c0)
             for a in range(3):
                 for r in range(6):
                     missing[k, r] -= wrench[r, 3 * i + a] * force[k, i, a]

@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 TWIST_SHARE = 0.7
 #: relative standard deviation of the static share that equilibrium leaves open (levelling, free lengths)
 STATIC_SHARE = 0.003
-#: memory of mean squares [s]
-_MEMORY = 5.0
+#: memory of mean squares [s], and of those of spring forces where that is more: a bend is over before a mean has followed it
+_MEMORY, _SHORT_MEMORY = 5.0, 0.5
 #: time between two recomputations of the gains [s]
 _INTERVAL = 0.2
 #: memory of the residual of equilibrium against its covariance [s]
@@ -92,6 +92,21 @@ def static_share(wrench: Array, stiffness: Array, weight: Array) -> Array:
     return np.asarray(force)
 
 
+def double_cross_gradient(vector: Array, arms: Array) -> Array:
+    """Return the derivative of ``w x (w x r)`` by w at every arm r, shape (3 M, 3).
+
+    Parameters
+    ----------
+    vector
+        w, shape (3,).
+    arms
+        Shape (M, 3).
+    """
+    along = np.einsum("mi,j->mij", arms, vector)
+    inner = (arms @ vector)[:, None, None] * np.eye(3)
+    return np.asarray((inner + along.transpose(0, 2, 1) - 2.0 * along).reshape(-1, 3))
+
+
 class MountForceEstimator:
     """Attachment forces block by block.
 
@@ -111,10 +126,13 @@ class MountForceEstimator:
         self.arrangement = arrangement
         self.law = law
         self.known = known
+        self._tilting = tilting
         self.mass = arrangement.body.mass.value
         self.mass_relative_std = 0.0
         #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
         self.constant_load = np.zeros((6, 6))
+        #: angular rate of the body and the variance of its components, shape (3,) each
+        self.turning: tuple[Array, Array] = (np.zeros(3), np.zeros(3))
         #: share of the rotation of the brackets that the mount axes follow
         self.follow = 1.0
         count = len(arrangement.mounts)
@@ -151,7 +169,7 @@ class MountForceEstimator:
         count = self._count
         if self._frame is not None:
             self._frame.reset()
-        self._elastic_square = np.zeros((count, 3))
+        self._elastic_square, self._elastic_now = np.zeros((count, 3)), np.zeros((count, 3))
         self._viscous_square = np.zeros((count, 3))
         self._dynamic_square = np.zeros((count, 3))
         self._slow = np.zeros(6)
@@ -243,6 +261,7 @@ class MountForceEstimator:
         self._time += ticks * dt
         forget = 1.0 - math.exp(-ticks * dt / min(_MEMORY, max(self._time, 1e-9)))
         follow_scaled(x, self.law.stiffness, forget, self._elastic_square)
+        follow_scaled(x, self.law.stiffness, 1.0 - math.exp(-ticks * dt / min(_SHORT_MEMORY, self._time)), self._elastic_now)
         follow_scaled(v, self.law.damping, forget, self._viscous_square)
         follow_scaled(self.shared(support), self._ones, forget, self._dynamic_square)
 
@@ -258,6 +277,16 @@ class MountForceEstimator:
             found = np.asarray(((support - self._weight()) @ self._gain_slow.T).reshape(len(support), self._count, 3))
             self._shared = support, self._gain_slow, self.mass, found
         return found
+
+    def missing_deflection(self) -> Array | None:
+        """Return the rigid deflection that equilibrium asked for beyond the estimated one in the last block, shape (M, 3) [m].
+
+        None where not every mount has a deflection from sensors: what the others carry is not known there.
+        """
+        if not (self._all_known and len(self.missing)):
+            return None
+        force = self._gain_slow @ self.missing.mean(axis=0)
+        return np.asarray(-(force / self._stiffness).reshape(self._count, 3))
 
     def _judge(self) -> None:
         """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.
@@ -284,7 +313,8 @@ class MountForceEstimator:
         self._judge()
         self._update_static()
         count, k, c = self._count, self.law.stiffness, self.law.damping
-        parameters = self.parameter_std[0] ** 2 * self._elastic_square + self.parameter_std[1] ** 2 * self._viscous_square
+        elastic = np.maximum(self._elastic_square, self._elastic_now)
+        parameters = self.parameter_std[0] ** 2 * elastic + self.parameter_std[1] ** 2 * self._viscous_square
         variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2 + parameters
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
         seen = np.where(self.known, variance, hidden).ravel()
@@ -328,12 +358,28 @@ class MountForceEstimator:
             total[self._transducer] = 0.0
             total[:, self._transducer] = 0.0
             total[self._transducer, self._transducer] = measured[self._transducer]
+        value = value + self._strain_covariance(deflection, frame)
         return np.asarray(k[:, None] * value * k + c[:, None] * rate * c + np.diag(parameters.ravel()))
+
+    def _strain_covariance(self, deflection: DeflectionBlock, frame: FrameDeformation) -> Array:
+        """Return the covariance of deflections that an uncertain rotation is wrongly taken to strain the mounts by, (3 M, 3 M).
+
+        A finite rotation theta strains them by ``theta x (theta x r) / 2``, and the filter of the deformation takes what an error
+        of the rate omega leaves of ``omega x (omega x r)``, as slow as a bend, for one.
+        """
+        arms, maps = self.arrangement.arms, self._tilting.maps
+        turned = maps.mean(axis=0) ** 2 @ deflection.std.ravel() ** 2
+        rate, rate_variance = self.turning
+        theta = deflection.turn[-1].mean(axis=0)
+        bent = 0.5 * frame.projector @ double_cross_gradient(theta, arms)
+        thrown = np.sqrt(np.tile(frame.static_gain, self._count))[:, None] * (frame.projector @ double_cross_gradient(rate, arms))
+        return np.asarray((bent * turned) @ bent.T + (thrown * rate_variance) @ thrown.T)
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         names = (
             "_elastic_square",
+            "_elastic_now",
             "_viscous_square",
             "_dynamic_square",
             "_slow",
@@ -354,6 +400,7 @@ class MountForceEstimator:
         """Continue from :meth:`save`."""
         for name in (
             "elastic_square",
+            "elastic_now",
             "viscous_square",
             "dynamic_square",
             "slow",
@@ -364,7 +411,7 @@ class MountForceEstimator:
             "std",
         ):
             own = getattr(self, "_" + name)
-            setattr(self, "_" + name, np.array(saved[name], dtype=float).reshape(own.shape))
+            setattr(self, "_" + name, np.array(saved.get(name, own), dtype=float).reshape(own.shape))
         if self._frame is not None and saved.get("frame") is not None:
             self._frame.load(saved["frame"])
         self._static_of = None, 0.0

@@ -31,6 +31,7 @@ from ride_estimation.estimation.parameter_status import StatusTracker
 from ride_estimation.estimation.refinement import Kept, Refinement
 from ride_estimation.estimation.repetition import Repetition
 from ride_estimation.estimation.saved_state import plain
+from ride_estimation.estimation.sensor_faults import GAIN_TOLERANCE
 from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.slots import find_slots
 from ride_estimation.estimation.transducer_balance import transducers_suffice
@@ -46,6 +47,9 @@ _INERTIA_RATIO = 2.0
 _SETTLE = 9.0
 #: time in which a simulated body that begins where the measured one is forgets that beginning [s]
 _FADE = 1.0
+#: rotation against the brackets from which on nothing is learned [rad]: the balance is that of small rotations, and half
+#: their square, which it leaves out, exceeds what the gains of good sensors are off
+_LEANING = float(np.sqrt(2.0 * GAIN_TOLERANCE))
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the stretch that is looked at as a whole [s]
@@ -122,6 +126,7 @@ class ParameterEstimator:
         self._blocks: list[BalanceInput] = []
         self._pending_ticks = 0
         self._settled = self._followed = 0.0
+        self._upright = 0.0
         self._interval = Interval(len(self.theta))
         self._kept: list[Kept] = []
         self._repetition = Repetition()
@@ -258,6 +263,8 @@ class ParameterEstimator:
 
     def _filtered(self, dt: float) -> BalanceChunk:
         joined = BalanceInput.join(self._blocks)
+        leans = bool(np.abs(joined.turn).max() > _LEANING)
+        self._upright = 0.0 if leans else self._upright + len(joined.support) * dt
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         if self._doubt is not None and self._model.inertial is not None:
@@ -269,7 +276,8 @@ class ParameterEstimator:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
         size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
         repeats = self._repetition.observe(chunk.measured[:, :3], chunk.step)
-        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise)) and not repeats
+        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
+        self.excited = self.excited and not repeats and self._upright >= _SETTLE / self._model.balance.corner
         weights = self._weights(covariance)
         duration = len(chunk.measured) * chunk.step
         self._keep(chunk)

@@ -295,7 +295,7 @@ class Pipeline:
         if self._constant.any():
             moving = motion.covariance - self._constant
             own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
-        self._forces.constant_load = whole - own
+        self._forces.constant_load, self._forces.turning = whole - own, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + self._factor**2 * self._carried.covariance)
 
     def _observe_cells(self, block: Block, force: Array, duration: float) -> None:
@@ -372,9 +372,9 @@ class Pipeline:
         for i, axis, stream, start in self._layout.transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
-        expected = np.zeros((count, 3))
+        expected, missing = np.zeros((count, 3)), self._forces.missing_deflection()
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
-        found = self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt)
+        found = self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt, missing)
         return self._fill.widen(found, ticks * dt)
 
     def _settle(self) -> None:

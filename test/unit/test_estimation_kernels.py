@@ -35,7 +35,8 @@ def test_forces_are_those_of_the_law_corrected_by_equilibrium(rng):
     force, missing = np.empty((K, M, 3)), np.empty((K, 6))
     balanced_forces(tension, turn, 0.7, static, support, wrench, gain, gain_slow, 0.2, slow, square, missing, force)
     in_mount_axes = static - tension
-    law = (in_mount_axes - np.cross(0.7 * turn, in_mount_axes)).reshape(K, -1)
+    across = np.cross(0.7 * turn, in_mount_axes)
+    law = (in_mount_axes - across + 0.5 * np.cross(0.7 * turn, across)).reshape(K, -1)
     error = support - law @ wrench.T
     followed = np.empty_like(error)
     for k in range(K):
@@ -54,7 +55,7 @@ def test_motion_is_turned_into_the_axes_of_the_mounts(rng):
     x, v = np.empty((K, M, 3)), np.empty((K, M, 3))
     turned_motion(value, rate, turn, turn_rate, 0.6, known, x, v)
     t, w = 0.6 * turn, 0.6 * turn_rate
-    np.testing.assert_allclose(x, known * (value + np.cross(t, value)), atol=ROUNDING)
+    np.testing.assert_allclose(x, known * (value + np.cross(t, value) + 0.5 * np.cross(t, np.cross(t, value))), atol=ROUNDING)
     np.testing.assert_allclose(v, known * (rate + np.cross(t, rate) + np.cross(w, value)), atol=ROUNDING)
 
 

@@ -89,9 +89,6 @@ def test_forces_over_potholes(scenes):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    reason="bends: 60 to 89 % of horizontal forces inside two standard deviations on four worlds, errors 29 to 133 %"
-)
 def test_forces_in_bends(scenes):
     """Lateral accelerations of 1.5 to 4 m/s^2 for seconds, the vehicle turning: horizontal forces within their intervals."""
     inside = []
