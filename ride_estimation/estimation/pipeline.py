@@ -233,9 +233,10 @@ class Pipeline:
         forces = self._forces.observe(deflection, support, covariance := self._load_covariance(motion), turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
         self._observe_cells(block, forces.force, ticks * dt)
-        complete = bool(block.valid[:, layout.needed].all() and motion.valid.all()) and not (verdict.suspects or verdict.unusual)
-        before, predicted = self._stamp, motion.predicted
-        seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, complete and bool(there.all()))
+        lost, whole = ticks - int(np.count_nonzero(motion.valid)), bool(block.valid.all())
+        complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
+        before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
+        seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
 
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
@@ -243,8 +244,7 @@ class Pipeline:
             self._checks.learn(dt)
 
         self._due = learn
-        self._ticks += ticks
-        self._invalid_ticks += ticks - int(np.count_nonzero(motion.valid))
+        self._ticks, self._invalid_ticks = self._ticks + ticks, self._invalid_ticks + lost
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,

@@ -8,7 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import linalg
 
+from ride_estimation.estimation.deformation_filter import FilterBank
 from ride_estimation.estimation.frame_deformation import FrameDeformation
 from ride_estimation.frames import skew
 
@@ -136,3 +138,26 @@ def test_saved_state_continues_alike() -> None:
     integrate(first, acceleration[:2000])
     second.load(json.loads(json.dumps(first.save())))
     assert np.array_equal(integrate(second, acceleration[2000:]), expected)
+
+
+@pytest.mark.parametrize("index", [0, 10, 333, 747])
+def test_bank_knows_what_its_filters_do(index: int) -> None:
+    """The transfer functions against the filter that runs, solved at every frequency; white noise against Lyapunov's equation."""
+    frequencies, widths = np.geomspace(0.05, 60.0, 40), np.full(40, 0.1)
+    bank = FilterBank(frequencies, widths, 25.0)
+    transition, old, new = bank.discretised(index, 1e-6)
+    # a tick far below every time constant (8 Hz): transition and input over the tick are the system itself within 1e-4
+    system, drive = linalg.logm(transition) / 1e-6, (old + new) / 1e-6
+    omega = 2.0 * np.pi * frequencies
+    states = np.array([np.linalg.solve(1j * w * np.eye(4) - system, drive) for w in omega])
+    missed, passed = np.abs(1.0 + omega**2 * states[:, 2]) ** 2, np.abs(omega**2 * states[:, 2]) ** 2
+    for line in (0, 15, 30):
+        signal, nothing = np.eye(40)[line], np.zeros(40)
+        # long after the start
+        assert bank.errors(signal, nothing, 0.0, 1e6)[0][index] == pytest.approx(missed[line] * 0.1 / omega[line] ** 4, rel=1e-3)
+        assert bank.errors(nothing, signal, 0.0, 1e6)[0][index] == pytest.approx(passed[line] * 0.1 / omega[line] ** 4, rel=1e-3)
+    # one-sided density 1 is a two-sided one of a half; the bank's sum from 1e-3 to 3e3 of the corner leaves out less than a per cent
+    spread = linalg.solve_continuous_lyapunov(system, -0.5 * np.outer(drive, drive))
+    value, rate = (v[index] for v in bank.errors(np.zeros(40), np.zeros(40), 1.0, 1e6))
+    assert value == pytest.approx(spread[2, 2], rel=1e-2)
+    assert rate == pytest.approx(spread[3, 3], rel=1e-2)
