@@ -156,7 +156,7 @@ def test_bank_knows_what_its_filters_do(index: int) -> None:
         # long after the start
         assert bank.errors(signal, nothing, 0.0, 1e6)[0][index] == pytest.approx(missed[line] * 0.1 / omega[line] ** 4, rel=1e-3)
         assert bank.errors(nothing, signal, 0.0, 1e6)[0][index] == pytest.approx(passed[line] * 0.1 / omega[line] ** 4, rel=1e-3)
-    # one-sided density 1 is a two-sided one of a half; the bank's sum from 1e-3 to 3e3 of the corner leaves out less than a per cent
+    # one-sided density 1 is a two-sided one of a half; the sum from 1e-3 to 3e3 of the corner leaves out less than a per cent
     spread = linalg.solve_continuous_lyapunov(system, -0.5 * np.outer(drive, drive))
     value, rate = (v[index] for v in bank.errors(np.zeros(40), np.zeros(40), 1.0, 1e6))
     assert value == pytest.approx(spread[2, 2], rel=1e-2)
