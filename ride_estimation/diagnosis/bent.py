@@ -53,9 +53,18 @@ def odd_form(u: Array, shape: Shapes) -> Array:
             return np.asarray(np.sign(u) * np.abs(u) ** scale)
 
 
-def even_form(u: Array, over_rate: bool) -> Array:
-    """Return the lopsided part: ``|u|`` of a damper with two slopes, ``u^2`` of a spring, shape as ``u``."""
-    return np.abs(u) if over_rate else u**2
+def even_form(u: Array, shape: Shapes, over_rate: bool) -> Array:
+    """Return the lopsided part, shape as ``u``: ``|u|`` of a damper with two slopes, ``u^2`` of a spring.
+
+    With ``s sinh(u / s)`` it is ``s (cosh(u / s) - 1)``: both together hold a spring that stiffens in one direction only, as
+    rubber and gas do in compression.
+    """
+    if over_rate:
+        return np.abs(u)
+    if int(shape["family"]) == Family.GROWING:
+        scale = float(shape["scale"])
+        return np.asarray(scale * (np.cosh(np.clip(u / scale, -_LIMIT, _LIMIT)) - 1.0))
+    return u**2
 
 
 def bent_hypotheses(
@@ -76,7 +85,7 @@ def bent_hypotheses(
         def columns(scene: Scene, shape: Shapes) -> list[Column]:
             def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
                 u = v / v_rms if over_rate else x / x_rms
-                even = even_form(u, over_rate)
+                even = even_form(u, shape, over_rate)
                 return [odd_form(u, shape), even - np.mean(even)]
 
             return force_columns(scene, site, law)

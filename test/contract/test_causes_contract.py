@@ -116,6 +116,15 @@ def test_what_a_linear_cause_does_on_a_road_twice_as_rough_is_twice_as_large(nam
             np.testing.assert_allclose(after.signal, 2.0 * before.signal, rtol=1e-9, atol=1e-12 * np.max(np.abs(after.signal)))
 
 
+def test_a_mass_changes_within_the_stretch_that_is_analysed():
+    """What happened before its first block is a wrong mass and no change."""
+    scene = cab_scene()
+    (h,) = library()["mass_change"].hypotheses(scene)
+    first, last = scene.blocks.time_s[[0, -1]]
+    (instant,) = h.shapes
+    assert first <= instant.lower <= min(g["at"] for g in h.grid) < max(g["at"] for g in h.grid) <= instant.upper <= last
+
+
 def test_one_soft_mount_has_no_residual_hypothesis():
     assert library()["one_soft_mount"].hypotheses(cab_scene()) == ()
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from diagnosis_runs import quarter_car, quarter_car_run
+from diagnosis_runs import MASS, quarter_car, quarter_car_run
 
+from ride_estimation.diagnosis.bent import Family, even_form, odd_form
 from ride_estimation.diagnosis.causes.bump_stop import _hardening
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypothesis import Hypothesis
@@ -29,6 +30,13 @@ def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_whe
     # convex up to what is known, then one slope: the last one
     assert np.all(np.diff(slope[: known.sum() - 1]) > 0.0)
     np.testing.assert_allclose(slope[known.sum() :], 2.0 * 0.0005 * np.expm1(4.0), rtol=1e-9)
+
+
+def test_both_parts_of_a_growing_spring_make_one_that_stiffens_in_one_direction_only():
+    """Closed form: s sinh(u / s) + s (cosh(u / s) - 1) = s (exp(u / s) - 1), which has unit slope at rest."""
+    u, shape = np.linspace(-3.0, 3.0, 61), {"family": float(Family.GROWING), "scale": 1.3}
+    both = odd_form(u, shape) + even_form(u, shape, over_rate=False)
+    np.testing.assert_allclose(both, 1.3 * np.expm1(u / 1.3), atol=1e-12)
 
 
 @pytest.mark.parametrize(("mass", "means"), [(150.0, True), (250.0, False)])
@@ -59,6 +67,32 @@ def test_overtones_that_a_law_makes_beyond_the_band_do_not_fold_into_it():
     assert grid.refinement == 2
     assert folded < 1.25 * stays
     assert plain > 2.0 * folded
+
+
+def test_the_measured_loop_of_a_mount_is_its_real_force_whatever_the_model_misses():
+    """A quarter car has one mount: its tension is minus mass times acceleration."""
+    run = quarter_car_run(23, seconds=24.0, law=lambda x, v: 120.0 * np.tanh(v / 0.002))
+    answer = diagnose(quarter_car(), run, causes=())
+    _, linear, extended, measured = answer.evidence.loops["strut.z"]
+    grid = make_grid(run.samples, run.rate_hz, Settings().band_hz)
+    band = grid.band_weight[:, None]
+    real, *models = (
+        grid.signal(grid.spectrum((values - values.mean())[:, None]) * band)[:, 0]
+        for values in (-MASS * run.data["body"][:, 2], *(_padded(f, run.samples) for f in (linear, extended, measured)))
+    )
+    inner = slice(500, 1100)  # of the ten seconds from the third on
+    missed = [np.std((f - real)[inner]) / np.std(real[inner]) for f in models]
+    np.testing.assert_array_equal(linear, extended)  # no cause was allowed
+    assert missed[0] > 0.1
+    # noise of both sensors, 0.005 m/s^2 of 1, and a Wiener estimate that leaves a tenth of what the linear model misses
+    assert missed[2] < 0.2 * missed[0]
+
+
+def _padded(values: np.ndarray, samples: int) -> np.ndarray:
+    """Return ten seconds from the third on as part of a run of zeros."""
+    out = np.zeros(samples)
+    out[300 : 300 + len(values)] = values
+    return out
 
 
 def test_a_run_sampled_densely_enough_is_not_refined():

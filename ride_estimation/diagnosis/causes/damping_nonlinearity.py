@@ -67,7 +67,8 @@ class DampingNonlinearity(Cause):
             pair = fitted.coefficients[2 * i : 2 * i + 2]
 
             def curve(rate: Array, pair: Array = pair, scale: float = v_rms) -> Array:
-                return np.asarray(pair[0] * odd_form(rate / scale, fitted.shape) + pair[1] * even_form(rate / scale, True))
+                u = rate / scale
+                return np.asarray(pair[0] * odd_form(u, fitted.shape) + pair[1] * even_form(u, fitted.shape, True))
 
             vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(scene.state.damping[p]))
             notes += note

@@ -33,10 +33,10 @@ class MassChange(Cause):
     RUN_BOUND = True
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per body, the instant on a grid."""
-        total = float(scene.time_s[-1])
-        grid = tuple({"at": float(t)} for t in np.arange(0.12, 0.89, 0.04) * total)
-        bounds = (Shape("at", 0.5 * total, 0.05 * total, 0.95 * total, 0.008 * total),)
+        """Return one hypothesis per body, the instant on a grid between the middles of the first and the last block."""
+        first, last = (float(t) for t in scene.blocks.time_s[[0, -1]])
+        grid = tuple({"at": float(t)} for t in np.linspace(first, last, 20))
+        bounds = (Shape("at", 0.5 * (first + last), first, last, 0.01 * (last - first)),)
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
 

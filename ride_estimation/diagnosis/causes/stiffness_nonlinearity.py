@@ -52,8 +52,9 @@ class StiffnessNonlinearity(Cause):
             changes = []
             for u in (2.0, -2.0, 0.0):
                 step = 1e-3
-                unit = float(np.diff(odd_form(np.array([u - step, u + step]), fitted.shape))[0])
-                weights = np.array([unit / (2.0 * step), 2.0 * u]) / x_rms
+                near = np.array([u - step, u + step])
+                units = odd_form(near, fitted.shape), even_form(near, fitted.shape, False)
+                weights = np.array([float(np.diff(unit)[0]) / (2.0 * step) for unit in units]) / x_rms
                 pair = fitted.coefficients[2 * i : 2 * i + 2]
                 changes.append(float(weights @ pair))
                 if u == 2.0:
@@ -76,6 +77,6 @@ class StiffnessNonlinearity(Cause):
             grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
             u = grid / x_rms
             pair = fitted.coefficients[2 * i : 2 * i + 2]
-            force = pair[0] * odd_form(u, fitted.shape) + pair[1] * even_form(u, False)
+            force = pair[0] * odd_form(u, fitted.shape) + pair[1] * even_form(u, fitted.shape, False)
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ()
