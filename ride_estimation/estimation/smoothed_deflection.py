@@ -21,6 +21,7 @@ from ride_estimation.estimation.deformation_spectrum import DeformationSpectrum
 from ride_estimation.estimation.frame_deformation import FrameDeformation
 from ride_estimation.estimation.frame_kernel import straighten
 from ride_estimation.estimation.motion_kernel import motion_at
+from ride_estimation.estimation.sensor_faults import GAIN_TOLERANCE
 from ride_estimation.estimation.zero_phase import EDGES, ZeroPhaseBank, zero_phase_bank
 
 Array = NDArray[np.float64]
@@ -34,16 +35,21 @@ _SILENCE = 8.0
 _PORTION = 4.0
 #: share of the twist's mean square its error must be below for its tilt to be taken out
 _TRUSTED = 0.25
+#: least standard deviation of the angle at which a base sensor is mounted [rad] and that of its gain, as in mounting_doubt
+_ANGLE, _GAIN = np.radians(0.1), GAIN_TOLERANCE / np.sqrt(3.0)
 #: largest corner over the rate of the ticks
 _RESOLVED = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
 class _Choice:
-    """Filter of one axis: error variance of the value [m^2], densities of its error and of the value [m^2/Hz]."""
+    """Filter of one axis: error variance of the value [m^2], density of the motion [(m/s^2)^2/Hz], densities of the error of
+    the value and of the value [m^2/Hz].
+    """
 
     index: int
     variance: float
+    signal: Array
     left: Array
     whole: Array
 
@@ -184,6 +190,17 @@ class _Window:
             flat[-fade:] *= rise[::-1]
         return np.asarray(flat)
 
+    def _wrongly_read(self, apart: Array) -> Array:
+        """Return the density of what a base sensor wrongly takes from the vertical motion of its bracket, shape (F, 3).
+
+        It is turned by a tenth of a degree, or by what gravity shows beyond what all have in common; its gain is a little off.
+        """
+        flat = self._base.reshape(len(self._base), -1)
+        vertical = self._measured(flat - flat.mean(axis=0), np.eye(flat.shape[1])).density[:, 2:]
+        lean = apart[:, :, :2].mean(axis=0) / self._s._gravity
+        own = np.mean(np.maximum(np.abs(lean - lean.mean(axis=0)), _ANGLE) ** 2, axis=0)
+        return np.asarray(vertical * np.append(own, _GAIN**2))
+
     def _second_order(self, value: Array, rate: Array, turn: Array) -> Array:
         """Return what turning axes add to the relative acceleration, gravity apart, (n, M, 3).
 
@@ -206,6 +223,7 @@ class _Window:
         apart = np.empty(self._shape)
         motion_at(self._motion, self._spin, s._arms, apart)
         apart -= self._base
+        self._wrong = self._wrongly_read(apart)
         relative = self._faded(apart)
         motion, turn = self._rigid_motion(relative)
         value, rate = (self._signals(x).reshape(self._shape) for x in (motion, slope * motion))
@@ -226,7 +244,7 @@ class _Window:
         given = self._spectrum(relative)
         spectrum = self._measured(relative @ s._rigid.T, s._rigid)
         found = np.zeros_like(given)
-        vertical = self._choose(0, 2, spectrum, 0.0)
+        vertical = self._choose(0, 2, spectrum, np.zeros(len(spectrum.frequencies)))
         if vertical is not None:
             found[:, 2::3] = self._bank.response(vertical.index, self._omega)[:, None] * given[:, 2::3]
         # rotation against every bracket from the vertical deflections, and the gravity it brings in
@@ -238,7 +256,8 @@ class _Window:
         # what is left of the vertical deflections leans the body: gravity makes noise of it, far the most at low frequency
         leaning = s._gravity**2 * np.mean(np.sum(s._maps[:, [1, 0], 2::3] ** 2, axis=2), axis=0)
         for axis in range(2):
-            choice = self._choose(0, axis, spectrum, 0.0 if vertical is None else leaning[axis] * vertical.left)
+            noise = np.zeros(len(spectrum.frequencies)) if vertical is None else leaning[axis] * vertical.left
+            choice = self._choose(0, axis, spectrum, noise)
             if choice is not None:
                 found[:, axis::3] = self._bank.response(choice.index, self._omega)[:, None] * given[:, axis::3]
         return found, found @ s._maps.mean(axis=0).T
@@ -249,9 +268,8 @@ class _Window:
         given = self._spectrum(flat)
         spectrum = self._measured(flat, s._deforming)
         found = np.zeros_like(given)
-        vertical = self._choose(1, 2, spectrum, 0.0)
-        noise: Array | float = 0.0
-        doubt: Array | float = 0.0
+        noise = doubt = np.zeros(len(spectrum.frequencies))
+        vertical = self._choose(1, 2, spectrum, noise)
         if vertical is not None:
             found[:, 2::3] = self._bank.response(vertical.index, self._omega)[:, None] * given[:, 2::3]
             trusted = vertical.variance < _TRUSTED * float(spectrum.widths @ vertical.whole)
@@ -260,7 +278,8 @@ class _Window:
                 spectrum = self._measured(self._signals(given), s._deforming)
             noise, doubt = (vertical.left if trusted else vertical.whole), vertical.whole
         for axis in range(2):
-            choice = self._choose(1, axis, spectrum, noise * frame.tilt_square[axis] + doubt * frame.doubt_square[axis])
+            leaning = noise * frame.tilt_square[axis] + doubt * frame.doubt_square[axis]
+            choice = self._choose(1, axis, spectrum, leaning, None if vertical is None else vertical.signal)
             if choice is not None:
                 found[:, axis::3] = self._bank.response(choice.index, self._omega)[:, None] * given[:, axis::3]
         return found
@@ -278,16 +297,43 @@ class _Window:
         self._freedom = freedom
         return spectrum
 
-    def _choose(self, part: int, axis: int, spectrum: DeformationSpectrum, noise: Array | float) -> _Choice | None:
-        """Choose the filter of an axis for rigid motion (part 0) or deformation (1); None where there is no such motion."""
+    def _choose(
+        self, part: int, axis: int, spectrum: DeformationSpectrum, noise: Array, vertical: Array | None = None
+    ) -> _Choice | None:
+        """Choose the filter of an axis for rigid motion (part 0) or deformation (1); None where there is no such motion.
+
+        Parameters
+        ----------
+        part, axis
+            Which.
+        spectrum, noise
+            Measured acceleration, and density of what is known to be none of the motion, shape (F,).
+        vertical
+            Density of the vertical deformation, shape (F,): a frame that twists slowly moves its brackets sideways too.
+        """
         if self._freedom[axis] < 1e-6:
             return None
-        other = noise + np.zeros(len(spectrum.frequencies))
-        signal, other, white = spectrum.split(axis, self._white[part, axis], other)
+        signal, other, white = spectrum.split(axis, self._white[part, axis], noise + self._wrong[:, axis])
+        if vertical is not None:
+            signal = signal + _hidden(spectrum, axis, signal, noise + self._white[part, axis], vertical)
         value, rate = self._bank.errors(signal, other, white)
         index = int(np.argmin(self._s._cost[0][axis] * value + self._s._cost[1][axis] * rate))
         self.variance[part, :, axis] = value[index], rate[index]
         if not all(self._inside):
             self.edge[part, :, axis] = self._bank.edge(index, spectrum.density[:, axis])
-        whole = signal / (2.0 * np.pi * spectrum.frequencies) ** 4
-        return _Choice(index, float(value[index]), self._bank.left(index, signal, other + white), whole)
+        left = self._bank.left(index, signal, other + white)
+        # what passes is motion for the most part, also where it cannot be told from noise
+        return _Choice(index, float(value[index]), signal, left, left + self._bank.passed(index, spectrum.density[:, axis]))
+
+
+def _hidden(spectrum: DeformationSpectrum, axis: int, signal: Array, noise: Array, vertical: Array) -> Array:
+    """Return the density of horizontal deformation that may be where the spectrum does not tell it from noise, shape (F,).
+
+    As much of the vertical deformation as where it is told, and no more than was measured beyond the known noise.
+    """
+    told = signal > 0.0
+    weight = spectrum.widths / spectrum.frequencies**4
+    size = float(np.sum((vertical * weight)[told]))
+    ratio = float(np.sum((signal * weight)[told])) / size if size > 0.0 else 0.0
+    open_ = np.clip(spectrum.density[:, axis] - noise, 0.0, None)
+    return np.asarray(np.where(told, 0.0, np.minimum(open_, ratio * vertical)))

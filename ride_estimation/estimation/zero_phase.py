@@ -69,6 +69,10 @@ class ZeroPhaseBank:
         """Return the density of the error of the value of a filter, shape (F,) [m^2/Hz]."""
         return np.asarray((self._missed[index] * signal + self._passed[index] * noise) * self._weight / self._widths)
 
+    def passed(self, index: int, measured: Array) -> Array:
+        """Return the density of what a filter makes of measured acceleration, shape (F,) [m^2/Hz]."""
+        return np.asarray(self._passed[index] * measured * self._weight / self._widths)
+
     def response(self, index: int, omega: Array) -> Array:
         """Return H over ``-omega^2`` at angular frequencies, 0 at zero: from acceleration to deflection."""
         safe = np.where(omega > 0.0, omega, 1.0)
