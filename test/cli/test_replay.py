@@ -67,7 +67,8 @@ def test_files_have_the_shapes_outsiders_rely_on(case: Case) -> None:
         assert m == 4 and n >= 200 * SECONDS - 5
         shapes = {
             "cg_accel": (n, 6), "cg_accel_std": (n, 6), "inertial_load": (n, 6), "mount_force": (n, m, 3),
-            "mount_force_std": (n, m, 3), "mount_deflection": (n, m, 3),
+            "mount_force_std": (n, m, 3), "mount_deflection": (n, m, 3), "mount_force_hindsight": (n, m, 3),
+            "mount_force_hindsight_std": (n, m, 3), "mount_deflection_hindsight": (n, m, 3),
         }  # fmt: skip
         for name, shape in shapes.items():
             assert s[name].shape == shape and np.isfinite(s[name]).all(), name
@@ -81,6 +82,17 @@ def test_files_have_the_shapes_outsiders_rely_on(case: Case) -> None:
     assert result["vehicle"]["checksum"] == load_vehicle(case.vehicle).checksum
     for p in result["parameters"]:
         assert set(p) == {"name", "value", "std", "unit", "prior", "status", "reason"}
+
+
+def test_hindsight_can_be_left_out_and_the_forces_are_then_those_of_the_node(case: Case, tmp_path: Path) -> None:
+    assert replayed(case, tmp_path / "bare", None, "--no-hindsight") == 0
+    bare, whole = (json.loads((place / "result.json").read_text()) for place in (tmp_path / "bare", case.out))
+    assert whole["forces"]["hindsight"] and not bare["forces"]["hindsight"]
+    assert "not asked for" in bare["forces"]["meaning"]["mount_force_hindsight"]
+    assert bare["digest"] == whole["digest"]
+    with np.load(tmp_path / "bare" / "signals.npz") as live, np.load(case.out / "signals.npz") as both:
+        assert set(both) - set(live) == {"mount_force_hindsight", "mount_force_hindsight_std", "mount_deflection_hindsight"}
+        assert all(np.array_equal(live[name], both[name]) for name in live)
 
 
 def test_the_motion_is_that_of_the_world(case: Case) -> None:
@@ -99,6 +111,7 @@ def test_the_report_is_one_offline_file_with_pictures(case: Case) -> None:
     assert "http://" not in text and "https://" not in text
     assert len(re.findall("data:image/png;base64", text)) >= 4 + 1 + 4 + 2
     assert text.index("Data quality") < text.index("Attachment forces") < text.index("can and cannot tell")
+    assert "forces with hindsight" in text and "Dashed beside them" in text
     assert len(text) < 6_000_000
 
 
