@@ -451,14 +451,15 @@ def _gain(
                 f"validation run {other.name}: the extended model is worse there than the calibrated one; "
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
             )
+        before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
         results.append(ValidationGain(
-            other.name, pooled_nrmse(e0, s0, judged), pooled_nrmse(e1, s0, judged),
-            bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
-            noise_floor(probe.scene, s0, judged),
+            other.name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
+            min(noise_floor(probe.scene, s0, judged), before, left),
         ))
     judge = work.splits.judge
-    floor = noise_floor(base.scene, base_squares[1], judge)
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
+    # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
+    floor = min(noise_floor(base.scene, base_squares[1], judge), baseline, after)
     if not results:
         results.append(ValidationGain(
             f"{work.data.name} (judge blocks)", baseline, after,

@@ -94,7 +94,7 @@ def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
     return Evidence(
         grid.frequency, residual[0].sum(axis=1) / n, residual[1].sum(axis=1) / n, noise.sum(axis=1),
         tuple(s.name for s in scene.plant.outputs), table, band_table(base, extended), scene.blocks.time_s, blocks,
-        _loops(base.scene, extended.scene), stretch, _unit(scene),
+        _loops(base, extended), stretch, _unit(scene),
     )
 
 
@@ -110,17 +110,24 @@ def _block_misfit(prediction: Prediction) -> Array:
     return np.asarray((rows**2).sum(axis=1) / np.maximum(scene.block_dof, 1e-9))
 
 
-def _loops(base: Scene, extended: Scene) -> dict[str, tuple[Array, Array, Array]]:
-    """Return deflection, linear force and force with found causes of every port over ten seconds."""
-    trim = round(base.settings.trim_s * base.data.rate_hz)
-    part = slice(trim, min(trim + round(10.0 * base.data.rate_hz), base.grid.samples))
-    extra = np.zeros_like(extended.deflection)
-    for effect in extended.state.effects:
+def _loops(base: Prediction, extended: Prediction) -> dict[str, tuple[Array, Array, Array, Array]]:
+    """Return deflection, force of the calibrated and of the extended model and measured force of every port over ten seconds.
+
+    Measured: the extended model and the forces that explain what it leaves of the readings; all along the deflection with these.
+    """
+    scene, plain = extended.scene, base.scene.state
+    trim = round(scene.settings.trim_s * scene.data.rate_hz)
+    part = slice(trim, min(trim + round(10.0 * scene.data.rate_hz), scene.grid.samples))
+    extra = np.zeros_like(scene.deflection)
+    for effect in scene.state.effects:
         if effect.where is Where.PORT:
             extra[:, effect.index] += effect.signal
+    missed = scene.grid.signal(scene.missing_forces(scene.residual_spectrum, 1.0))
+    moved = scene.with_port_forces(range(len(scene.plant.ports)), missed)
+    stiffness, damping = scene.state.linear
     out = {}
-    for p, port in enumerate(base.plant.ports):
-        x, v = extended.deflection[part, p], extended.deflection_rate[part, p]
-        linear = extended.state.stiffness[p] * x + extended.state.damping[p] * v
-        out[port.name] = (x, linear, linear + extra[part, p])
+    for p, port in enumerate(scene.plant.ports):
+        x, v = moved.deflection[part, p], moved.deflection_rate[part, p]
+        total = stiffness[p] * x + damping[p] * v + extra[part, p]
+        out[port.name] = (x, plain.stiffness[p] * x + plain.damping[p] * v, total, total + missed[part, p])
     return out

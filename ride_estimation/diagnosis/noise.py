@@ -125,6 +125,26 @@ def _null_level(white: ComplexArray, motion: Array, samples: int) -> float | Non
     return float(np.median(np.abs(white @ null) ** 2 / samples) / np.log(2.0))
 
 
+def missing_forces(residual: ComplexArray, transfer: ComplexArray, power: Array, noise: ComplexArray) -> ComplexArray:
+    """Return the forces that explain a residual best, shape (F, P): Wiener estimate of independent forces of known power.
+
+    Parameters
+    ----------
+    residual
+        Shape (F, ny).
+    transfer
+        Residual of unit forces, shape (F, ny, P).
+    power
+        Of the forces, variance per sample, shape (F, P).
+    noise
+        Covariance of the rest of the residual, shape (F, ny, ny).
+    """
+    shaped = transfer * power[:, None, :]
+    total = shaped @ np.conj(np.swapaxes(transfer, 1, 2)) + noise
+    weighted = np.linalg.solve(total, residual[:, :, None])
+    return np.asarray((np.conj(np.swapaxes(shaped, 1, 2)) @ weighted)[:, :, 0])
+
+
 @dataclasses.dataclass(frozen=True)
 class DeflectionFilter:
     """Wiener filter of deflections against base sensor noise, in the principal directions of that noise.

@@ -112,7 +112,8 @@ class Evidence:
     block_time_s, block_misfit
         Baseline and extended model, shape (B,) and (B, 2).
     loops
-        By port name: deflection, model force, force with the found cause, (N,) each.
+        By port name: deflection, force of the calibrated and of the extended model, measured force as far as the run tells
+        it (what the residual asks for added), (N,) each.
     stretch
         A few seconds of every channel: time, measured, baseline, extended.
     unit
@@ -128,7 +129,7 @@ class Evidence:
     band_table: tuple[tuple[str, float, float], ...]
     block_time_s: Array
     block_misfit: Array
-    loops: dict[str, tuple[Array, Array, Array]]
+    loops: dict[str, tuple[Array, Array, Array, Array]]
     stretch: dict[str, tuple[Array, Array, Array, Array]]
     unit: str = "m/s^2"
 

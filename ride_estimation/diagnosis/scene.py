@@ -26,6 +26,7 @@ from ride_estimation.diagnosis.noise import (
     deflection_filter,
     excess_inefficiency,
     gross_power,
+    missing_forces,
     noise_scale,
     residual_covariance,
     smoothed_power,
@@ -396,9 +397,8 @@ class Scene:
     def _smooth_motion(self, correct: bool, like: Scene | None) -> None:
         """Correct deflections and body motion by what the residual says about forces the model does not have.
 
-        Unknown port forces with the spectrum of the known ones, at the level that explains the excess of the residual, are
-        estimated by a Wiener smoother; laws are evaluated on the corrected deflection, which is the real one to first order
-        whatever the cause is.
+        Unknown port forces have the spectrum of the known ones, at the level that explains the excess of the residual; laws
+        are evaluated on the corrected deflection, which is the real one to first order whatever the cause is.
         """
         grid, r, n = self.grid, self.response, self.grid.samples
         stiffness, damping = self.state.linear
@@ -408,10 +408,8 @@ class Scene:
             self.deflection_spectrum, self._deflection_noise * self.disturbance[:, None, :], n, max(3, self._smoothing // 2)
         )
         self.deflection_spectrum = grid.low_flank[:, None] * self._filter.apply(self.deflection_spectrum)
-        force_power = smoothed_power(modulus * self.deflection_spectrum, n, self._smoothing)
-        transfer = r.output_from_port
-        shaped = transfer * force_power[:, None, :]
-        signal = shaped @ np.conj(np.swapaxes(transfer, 1, 2))
+        self._force_power = smoothed_power(modulus * self.deflection_spectrum, n, self._smoothing)
+        signal = (r.output_from_port * self._force_power[:, None, :]) @ np.conj(np.swapaxes(r.output_from_port, 1, 2))
         white_signal = self.whitener @ signal @ np.conj(np.swapaxes(self.whitener, 1, 2))
         expected = float(np.real(np.trace(white_signal, axis1=1, axis2=2)).sum())
         white = np.einsum("fij,fj->fi", self.whitener, self.inside(self.residual_spectrum))
@@ -422,15 +420,17 @@ class Scene:
         #: share of the port force power that the model does not have
         self.missing_share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
         if correct and self.missing_share > 0.0:
-            total = self.missing_share * signal + self.noise_covariance
-            seen = grid.spectrum(grid.signal(self.residual_spectrum) * self._inside[:, None]) * grid.low_flank[:, None]
-            weighted = np.linalg.solve(total, seen[:, :, None])
-            force = self.missing_share * np.conj(np.swapaxes(shaped, 1, 2)) @ weighted
+            force = self.missing_forces(self.residual_spectrum, self.missing_share)[:, :, None]
             self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
             wrench = -(self.plant.port_map.T @ force)
             self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
         self.deflection = grid.signal(self.deflection_spectrum)
         self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
+
+    def missing_forces(self, residual: ComplexArray, share: float) -> ComplexArray:
+        """Return the port forces (F, P) that a residual (F, ny) asks for if they have a share of the power of the known ones."""
+        seen = self.grid.spectrum(self.grid.signal(residual) * self._inside[:, None]) * self.grid.low_flank[:, None]
+        return missing_forces(seen, self.response.output_from_port, share * self._force_power, self.noise_covariance)
 
     def _port_scales(self) -> dict[int, tuple[float, float]]:
         """Return deflection and rate rms of every port without the faded ends."""
@@ -478,18 +478,17 @@ class Scene:
         white = rng.standard_normal((self.grid.samples, self.disturbance.shape[1]))
         noise = self.grid.spectrum(white) * self.disturbance
         error = np.einsum("fij,fj->fi", self._deflection_noise, noise)
-        error = self.grid.low_flank[:, None] * self._filter.apply(error, 0.5)
-        other = copy.copy(self)
-        other.deflection_spectrum = self.deflection_spectrum + error
-        other.deflection = self.grid.signal(other.deflection_spectrum)
-        other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
-        return other
+        return self._deflected(self.grid.low_flank[:, None] * self._filter.apply(error, 0.5))
 
     def with_port_forces(self, ports: Sequence[int], forces: Array) -> Scene:
         """Return the scene with deflections moved by further port forces, shape (N, ports); full rotation left out."""
         spectrum = np.einsum("fij,fj->fi", self.response.deflection_from_port[:, :, list(ports)], self.grid.spectrum(forces))
+        return self._deflected(self.grid.low_flank[:, None] * self._filter.apply(spectrum))
+
+    def _deflected(self, further: ComplexArray) -> Scene:
+        """Return the scene with its deflections moved by a spectrum, shape (F, P)."""
         other = copy.copy(self)
-        other.deflection_spectrum = self.deflection_spectrum + self.grid.low_flank[:, None] * self._filter.apply(spectrum)
+        other.deflection_spectrum = self.deflection_spectrum + further
         other.deflection = self.grid.signal(other.deflection_spectrum)
         other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
         return other

@@ -197,7 +197,8 @@ def _evidence(page: Page, evidence: Evidence) -> None:
     )
     page.figure(residual_over_time(evidence), "Misfit over the run; 1 = down to the noise")
     if evidence.loops:
-        page.figure(loops(evidence), "Force over deflection: linear part and with what was found")
+        words = "Force over deflection; measured: the extended model and what it leaves of the readings"
+        page.figure(loops(evidence), words if len(evidence.loops) == 1 else f"{words}, split among the mounts")
     page.figure(stretch(evidence), "Measured and modelled, the channel with the largest misfit")
     page.text("Error of every channel over the whole run that was fitted:")
     page.table(
@@ -267,10 +268,12 @@ def loops(evidence: Evidence) -> Figure:
     columns = min(count, 3)
     rows = -(-count // columns)
     figure = Figure(figsize=(3.4 * columns, 2.5 * rows))
-    for number, (name, (x, linear, total)) in enumerate(evidence.loops.items(), start=1):
+    for number, (name, (x, *forces)) in enumerate(evidence.loops.items(), start=1):
         axes = figure.add_subplot(rows, columns, number)
-        axes.plot(1e3 * x, linear, "C3", lw=1.4, alpha=0.5, label="linear part")
-        axes.plot(1e3 * x, total, "C0", lw=0.5, label="with cause")
+        styles = (("C3", "calibrated linear model"), ("C0", "extended model"))
+        axes.plot(1e3 * x, forces[2], "k", lw=1.4, alpha=0.4, label="measured")
+        for force, (colour, label) in zip(forces, styles):
+            axes.plot(1e3 * x, force, colour, lw=0.6, label=label)
         axes.set_title(name, fontsize=8)
         axes.tick_params(labelsize=7)
         axes.set_xlabel("deflection [mm]", fontsize=7)
