@@ -179,6 +179,9 @@ class BracketTilt:
         self._pattern[0::2, 2], self._pattern[0::2, 3] = self._gravity * place[:, 1], self._gravity
         self._pattern[1::2, 0], self._pattern[1::2, 1] = self._gravity * place[:, 0], self._gravity
         self._slope_variance = float(np.max(self._fit[1:3] ** 2 @ self._noise)) if self.learns else 0.0
+        #: the maps where no bracket follows the twist, and what a unit of every share adds, (M, 3, 3 M) and (4, M, 3, 3 M)
+        self._stiff = relative_tilt_maps(self._mounts, np.zeros(4))
+        self._per_share = np.array([relative_tilt_maps(self._mounts, unit) - self._stiff for unit in np.eye(4)])
         self.reset()
 
     def reset(self) -> None:
@@ -201,7 +204,7 @@ class BracketTilt:
 
     def _conclude(self) -> None:
         #: from the stacked deflections to the rotation of the body relative to each bracket, shape (M, 3, 3 M)
-        self.maps = relative_tilt_maps(self._mounts, self.shares[:4])
+        self.maps = self._stiff + np.tensordot(self.shares[:4], self._per_share, 1)
         share, std = self.shares[4:], np.sqrt(np.diag(self.covariance)[4:])
         #: share of roll and pitch of the frame that its brackets do not make, zero unless it is certain
         self.levelled = np.where((share > _LEVELLED) & (share > _CERTAIN * std), share, 0.0)
@@ -210,9 +213,7 @@ class BracketTilt:
     def doubt(self) -> Array:
         """Return maps like :attr:`maps` of one standard deviation of every independent error of the shares, (4, M, 3, 3 M)."""
         values, vectors = np.linalg.eigh(self.covariance[:4, :4])
-        none = relative_tilt_maps(self._mounts, np.zeros(4))
-        scaled = vectors * np.sqrt(np.maximum(values, 0.0))
-        return np.array([relative_tilt_maps(self._mounts, scaled[:, i]) - none for i in range(4)])
+        return np.tensordot((vectors * np.sqrt(np.maximum(values, 0.0))).T, self._per_share, 1)
 
     def observe(self, base: Array, body: Array, ok: BoolArray, dt: float) -> bool:
         """Learn from a block where :attr:`learns`; return whether the maps changed.
