@@ -83,6 +83,12 @@ def run(options: argparse.Namespace) -> int:
     plain = min((r for r in results if not r.model.sine), key=lambda r: r.sum_of_squares, default=best)
     residual = body - QuarterCarSimulation(*masses, road, rate).run(plain.values, "")[:, 0]
     print(f"best fit: model {best.model.number}, {best.model.title}")
+    samples = 2 * time.size
+    # Schwarz 1978, Ann. Statist. 6: a model with more parameters always fits at least as well
+    price = [samples * np.log(r.sum_of_squares) + len(r.std) * np.log(samples) for r in results]
+    enough = results[int(np.argmin(price))]
+    if enough is not best:
+        print(f"the simplest that explains as much: model {enough.model.number}, {enough.model.title}")
     if best.sinusoid is not None:
         coherence = line_coherence(residual, rate, best.sinusoid.frequency_hz)
         print(f"phase coherence of the line over the record: {coherence:.2f} (1 for a sinusoid, about 0.4 for chance)")

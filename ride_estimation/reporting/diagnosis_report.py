@@ -267,7 +267,7 @@ def loops(evidence: Evidence) -> Figure:
     count = len(evidence.loops)
     columns = min(count, 3)
     rows = -(-count // columns)
-    figure = Figure(figsize=(3.4 * columns, 2.5 * rows))
+    figure = Figure(figsize=(max(3.4 * columns, 6.0), 2.5 * rows if columns > 1 else 4.0))
     for number, (name, (x, *forces)) in enumerate(evidence.loops.items(), start=1):
         axes = figure.add_subplot(rows, columns, number)
         styles = (("C3", "calibrated linear model"), ("C0", "extended model"))
