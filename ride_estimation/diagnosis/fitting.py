@@ -175,7 +175,7 @@ def with_effects(scene: Scene, state: ModelState, effects: Sequence[Effect]) -> 
     return dataclasses.replace(state, effects=tuple(out), held=held if np.any(held) else None)
 
 
-def _searched(
+def searched_shape(
     hypothesis: Hypothesis, start: dict[str, float], drop: Callable[[Shapes], float]
 ) -> dict[str, float]:
     """Return shape parameters improved one at a time by fixed moves."""
@@ -351,6 +351,8 @@ class FullFitter:
             scene = Scene(
                 self._cal.scene.plant, self._cal.scene.data, _advanced(scene, result), self._cal.scene.settings, self._cal.scene
             )
+            if not np.all(np.isfinite(scene.residual)):
+                break  # the step led where the model has no finite motion: what was found before it stands
         if best is None:
             raise ValueError("at least one pass is needed")
         return best
@@ -458,7 +460,7 @@ class FullFitter:
                 return solve_signed(normal, right, [*h.column_signs(len(own)), *[Sign.ANY] * len(slopes), *signs])
 
             if searched[index]:
-                shapes[index] = _searched(h, shapes[index], lambda trial, solve=solve: solve(trial)[1])  # type: ignore[misc]
+                shapes[index] = searched_shape(h, shapes[index], lambda trial, solve=solve: solve(trial)[1])  # type: ignore[misc]
             for _ in range(_STEPS):
                 coefficients, current = solve(shapes[index])
                 slopes, sizes = _slopes(h, scene, shapes[index], coefficients)

@@ -14,10 +14,10 @@ from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mea
 from ride_estimation.diagnosis.calibration import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.fitting import combined_effects, held_effects, with_effects
-from ride_estimation.diagnosis.hypothesis import Fitted
+from ride_estimation.diagnosis.fitting import combined_effects, held_effects, searched_shape, with_effects
+from ride_estimation.diagnosis.hypothesis import Fitted, Shapes
 from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
-from ride_estimation.diagnosis.screening import Projector, screen
+from ride_estimation.diagnosis.screening import Projector, mean_rows, screen, solve_signed
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.waveform import port_forces
 
@@ -205,8 +205,16 @@ def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted
     if not same:
         return dataclasses.replace(fitted, coefficients=np.zeros_like(fitted.coefficients))
     table, _, regression = build_regression(scene, file_parameters(scene.plant))
-    best = screen(scene, table, Projector(regression, blocks), same, float(scene.block_dof[blocks].sum()))[0]
-    return Fitted(best.hypothesis, best.coefficients, fitted.covariance, dict(best.shape))
+    projector = Projector(regression, blocks)
+    best = screen(scene, table, projector, same, float(scene.block_dof[blocks].sum()))[0]
+    h = best.hypothesis
+
+    def solve(shape: Shapes) -> tuple[Array, float]:
+        columns = h.columns(scene, shape)
+        return solve_signed(*projector.reduce(scene.push(columns), mean_rows(table, columns)), h.column_signs(len(columns)))
+
+    shape = searched_shape(h, dict(best.shape), lambda trial: solve(trial)[1])
+    return Fitted(h, solve(shape)[0], fitted.covariance, shape)
 
 
 def block_squares(prediction: Prediction) -> tuple[Array, Array]:
