@@ -30,6 +30,7 @@ _TOLERATED = {
 _STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
 _SHARES = (1.0, 0.4, 0.15)  # of such a step that are tried: the edge of a contact is no straight line
 _CLOSE = 2  # best entries of a grid whose scales are varied before the best of all is chosen
+_RUNAWAY = 1e6  # energy of the residual over that of the calibrated model from which a trial model means nothing
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
 
@@ -351,6 +352,8 @@ class FullFitter:
             scene = Scene(
                 self._cal.scene.plant, self._cal.scene.data, _advanced(scene, result), self._cal.scene.settings, self._cal.scene
             )
+            if not float(np.sum(scene.residual**2)) < _RUNAWAY * float(np.sum(self._cal.scene.residual**2)):
+                break  # the step led where the motion of the model runs away: what was found before it stands
             if not np.all(np.isfinite(scene.residual)):
                 break  # the step led where the model has no finite motion: what was found before it stands
         if best is None:

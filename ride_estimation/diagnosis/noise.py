@@ -214,6 +214,8 @@ def excess_inefficiency(white: ComplexArray, samples: int, group: int = 15) -> f
         return 1.0
     part = white[: count * group].reshape(count, group, -1)
     cross = np.einsum("gbi,gbj->gij", part, np.conj(part)) / (group * samples)
+    if not np.all(np.isfinite(cross)):  # a trial model without finite motion
+        return 1.0
     values = np.clip(np.linalg.eigvalsh(cross) - 1.0, 0.0, None)
     if not np.any(values > 0.0):
         return 1.0

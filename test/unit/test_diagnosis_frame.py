@@ -15,7 +15,7 @@ from ride_estimation.diagnosis.bent import Family, odd_form
 from ride_estimation.diagnosis.calibration import file_parameters
 from ride_estimation.diagnosis.declipping import domes, missing_readings
 from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion, unseen_tilt
-from ride_estimation.diagnosis.noise import noise_scale
+from ride_estimation.diagnosis.noise import excess_inefficiency, noise_scale
 from ride_estimation.diagnosis.outlier import soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.prediction import Model as PredictionModel
@@ -143,6 +143,13 @@ def test_null_directions_are_orthogonal_to_the_motion():
     null = null_directions(motion)
     assert null.shape == (12, 5)
     np.testing.assert_allclose(null.T @ (motion / np.linalg.norm(motion, axis=0)), 0.0, atol=1e-12)
+
+
+def test_a_trial_model_without_finite_motion_is_judged_and_raises_nothing():
+    white = np.random.default_rng(6).normal(size=(600, 4)) + 0j
+    assert excess_inefficiency(3.0 * white, 1) >= 1.0
+    white[100, 2] = np.nan
+    assert excess_inefficiency(white, 1) == 1.0
 
 
 def test_one_faulty_body_sensor_does_not_count_as_noise():
