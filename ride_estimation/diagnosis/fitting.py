@@ -354,8 +354,6 @@ class FullFitter:
             )
             if not float(np.sum(scene.residual**2)) < _RUNAWAY * float(np.sum(self._cal.scene.residual**2)):
                 break  # the step led where the motion of the model runs away: what was found before it stands
-            if not np.all(np.isfinite(scene.residual)):
-                break  # the step led where the model has no finite motion: what was found before it stands
         if best is None:
             raise ValueError("at least one pass is needed")
         return best
