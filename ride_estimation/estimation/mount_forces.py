@@ -131,6 +131,8 @@ class MountForceEstimator:
         self.mass_relative_std = 0.0
         #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
         self.constant_load = np.zeros((6, 6))
+        #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
+        self.load_share = 0.0
         #: angular rate of the body and the variance of its components, shape (3,) each
         self.turning: tuple[Array, Array] = (np.zeros(3), np.zeros(3))
         #: share of the rotation of the brackets that the mount axes follow
@@ -336,9 +338,19 @@ class MountForceEstimator:
         rest = np.eye(3 * count) - gain @ g
         left = np.einsum("ij,jk,ik->i", rest, model, rest) + self._static_variance()
         determined = np.einsum("ij,jk,ik->i", gain, load, gain)
-        determined = determined + np.einsum("ij,jk,ik->i", self._gain_slow, self.constant_load, self._gain_slow)
+        constant = self.constant_load + self._placed_load()
+        determined = determined + np.einsum("ij,jk,ik->i", self._gain_slow, constant, self._gain_slow)
         determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
         self._std = np.sqrt(np.stack([left + determined, determined, left])).reshape(3, count, 3)
+
+    def _placed_load(self) -> Array:
+        """Return the covariance of the moments of a load that may lie anywhere between the mounts, as wrench (6, 6).
+
+        At rest no accelerometer shows where it lies. Places are rectangular (GUM 4.3.7): the span over the root of twelve.
+        """
+        span = np.ptp(self.arrangement.arms[:, :2], axis=0) if self._count else np.zeros(2)
+        weight = self.load_share * self.mass * self.arrangement.vehicle.gravity
+        return np.asarray(np.diag([0.0, 0.0, 0.0, *(weight**2 * span[::-1] ** 2 / 12.0), 0.0]))
 
     def _static_variance(self) -> Array:
         """Return the variance of the static forces, shape (3 M,): stiffness that shares them is only so well known; levelling."""

@@ -417,7 +417,7 @@ class Pipeline:
         a = self.arrangement
         self._forces.mass = self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
-        self._forces.follow = self._parameters.follow
+        self._forces.follow, self._forces.load_share = self._parameters.follow, self._anchor.doubt
         self._forces.parameter_std = self._parameters.stds()
 
     # -- results ----------------------------------------------------------------------------------------------------------
