@@ -41,7 +41,7 @@ class SpareRate:
 
     def __init__(self, terms: Array, rows: Array, spare: int) -> None:
         self._terms, self._rows, self._spare = terms.reshape(len(terms), 3, 3), rows, spare
-        self._bias, self._age = np.zeros(len(terms)), 0.0
+        self._bias, self._seen, self._age = np.zeros(len(terms)), np.zeros((len(terms), 3)), 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -79,9 +79,15 @@ class SpareRate:
         variance = np.array([tilt[1, 1], tilt[1, 1], yaw[1, 1]])
         project = residual_of_errors(self._rows, weights)
         seen = project @ (self._terms @ rate)
-        left = mean - self._bias
-        # what d d / 2 leaves, errors that last, and a mean in which the window itself may be
-        known = BIAS_TOLERANCE * min(1.0, _ALIKE / max(self._age, 1e-9))
+        # a constant error of a sensor looks like a constant rate: only what changes tells
+        self._age += duration
+        gain = min(duration / min(self._age, _MEMORY), 1.0)
+        self._bias += gain * (mean - self._bias)
+        self._seen += gain * (seen - self._seen)
+        left, seen = mean - self._bias, seen - self._seen
+        # what d d / 2 leaves, errors that last, and a mean in which the window itself may be: of a faulty sensor that is large
+        size = max(BIAS_TOLERANCE, float(np.sqrt(self._bias @ self._bias / self._spare)))
+        known = size * min(1.0, _ALIKE / self._age)
         lasting = (slow + known**2) * max(_ALIKE / duration, 1.0) + float(np.mean(self._terms**2)) * float(variance @ variance)
         stated = _DEPENDENT * noise / ticks + lasting
         information, asked = seen.T @ seen, seen.T @ left
@@ -95,13 +101,12 @@ class SpareRate:
         for p, now in ((tilt, max(after[0, 0], after[1, 1])), (yaw, after[2, 2])):
             gain = p[:, 1] / p[1, 1]
             p[...] = p - np.outer(gain, gain) * (p[1, 1] - now)
-        self._age += duration
-        self._bias += min(duration / min(self._age, _MEMORY), 1.0) * (left - seen @ step)
 
     def save(self) -> dict[str, Any]:
         """Return what was learned as plain lists."""
-        return {"bias": self._bias.tolist(), "age": self._age}
+        return {"bias": self._bias.tolist(), "seen": self._seen.tolist(), "age": self._age}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._bias, self._age = np.array(saved["bias"], dtype=float), float(saved["age"])
+        self._bias, self._seen = np.array(saved["bias"], dtype=float), np.array(saved["seen"], dtype=float)
+        self._age = float(saved["age"])
