@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: values of a scan
+_SCANNED = 161
+
 
 class Where(enum.Enum):
     """Where a pseudo-signal enters the plant."""
@@ -53,6 +56,8 @@ class Shape:
         Start and bounds.
     step
         Step of the search; 0 searches by factors.
+    scan
+        How far to both sides of its grid all values are tried first, where the best is a narrow peak that steps do not find.
     """
 
     name: str
@@ -60,6 +65,13 @@ class Shape:
     lower: float
     upper: float
     step: float = 0.0
+    scan: float = 0.0
+
+    def scanned(self, current: float) -> tuple[float, ...]:
+        """Return the values of a scan around a current one."""
+        if self.scan == 0.0:
+            return ()
+        return tuple(np.clip(current + np.linspace(-self.scan, self.scan, _SCANNED), self.lower, self.upper).tolist())
 
     def moves(self, current: float) -> tuple[tuple[float, ...], ...]:
         """Return the values to try from a current one: per direction, near the first to go."""

@@ -179,9 +179,13 @@ def with_effects(scene: Scene, state: ModelState, effects: Sequence[Effect]) -> 
 def searched_shape(
     hypothesis: Hypothesis, start: dict[str, float], drop: Callable[[Shapes], float]
 ) -> dict[str, float]:
-    """Return shape parameters improved one at a time by fixed moves."""
+    """Return shape parameters improved one at a time: by a scan where one starts on the grid, and by fixed moves."""
     best, current = start, drop(start)
     for shape in hypothesis.shapes:
+        for value in shape.scanned(best[shape.name]) if start in hypothesis.grid else ():
+            trial = {**best, shape.name: value}
+            if (gained := drop(trial)) > current:
+                current, best = gained, trial
         for number in range(len(shape.moves(best[shape.name]))):
             for value in shape.moves(best[shape.name])[number]:
                 trial = {**best, shape.name: value}

@@ -13,8 +13,8 @@ from diagnosis_runs import DAMPING, GRAVITY, MASS, STIFFNESS, quarter_car, quart
 from scipy.special import ndtr
 
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.fitting import with_effects
+from ride_estimation.diagnosis.effect import Effect, Shape, Where
+from ride_estimation.diagnosis.fitting import searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.scene import ModelState
 from ride_estimation.diagnosis.screening import Score
@@ -142,3 +142,20 @@ def test_the_form_of_a_law_limits_how_sure_a_lead_is():
 class _Candidate:
     log_likelihood: float
     fit: object
+
+
+def test_a_scan_finds_a_peak_too_narrow_for_steps():
+    """As the instant of a sudden load: a broad hill at 3, a peak at 5 a twentieth wide, and steps that stop on the hill."""
+
+    def drop(trial):
+        return 10.0 * np.exp(-((trial["at"] - 3.0) ** 2)) + 40.0 * np.exp(-((20.0 * (trial["at"] - 5.0)) ** 2))
+
+    found = {}
+    for scan in (0.0, 2.5):
+        bounds = (Shape("at", 5.0, 0.0, 10.0, 0.4, scan),)
+        hypothesis = Hypothesis("mass_change", "cab", "", lambda scene, shape: [], ({"at": 3.0},), bounds)
+        found[scan] = searched_shape(hypothesis, {"at": 3.0}, drop)["at"]
+    assert abs(found[0.0] - 3.0) < 0.2
+    assert abs(found[2.5] - 5.0) < 0.05
+    assert min(bounds[0].scanned(9.0)) == 6.5
+    assert max(bounds[0].scanned(9.0)) == 10.0

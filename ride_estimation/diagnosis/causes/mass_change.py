@@ -17,6 +17,8 @@ from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.vehicles.vehicle import Vehicle
 
 _UP = np.array([0.0, 0.0, 1.0])
+#: instants on the grid, and distance of two of them over which more are tried around the best
+_INSTANTS, _NEIGHBOURS = 20, 1.5
 
 
 @final
@@ -35,8 +37,10 @@ class MassChange(Cause):
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per body, the instant on a grid between the middles of the first and the last block."""
         first, last = (float(t) for t in scene.blocks.time_s[[0, -1]])
-        grid = tuple({"at": float(t)} for t in np.linspace(first, last, 20))
-        bounds = (Shape("at", 0.5 * (first + last), first, last, 0.01 * (last - first)),)
+        grid = tuple({"at": float(t)} for t in np.linspace(first, last, _INSTANTS))
+        # how the body bounces after a sudden load tells the instant to a twentieth of a second, and only there
+        apart = (last - first) / (_INSTANTS - 1)
+        bounds = (Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart),)
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
 
