@@ -83,12 +83,12 @@ class Pipeline:
         self._motion = self._new_motion()
         self._loads = InertialLoads.of(a.body)
         self._carried = CarriedBodies(a, self.settings)
-        self.tilting = self._tilting = BracketTilt(a)
-        self._deflection = DeflectionEstimator(a, self._tilting)
+        self.tilting = BracketTilt(a)
+        self._deflection = DeflectionEstimator(a, self.tilting)
         self._fill = BaseFill(a)
         self._law = MountLaw(a)
-        self._forces = MountForceEstimator(a, self._law, self._deflection.known, self._tilting)
-        self._parameters = ParameterEstimator(a, self._tilting, self.settings)
+        self._forces = MountForceEstimator(a, self._law, self._deflection.known, self.tilting)
+        self._parameters = ParameterEstimator(a, self.tilting, self.settings)
         self._anchor = MassAnchor(a, self._parameters.slots)
         self._factor = 1.0
         cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
@@ -186,9 +186,9 @@ class Pipeline:
     def reset(self, reason: str) -> None:
         """Forget motion and learned parameters and begin again from the vehicle file."""
         self._due = None
-        self._tilting.reset()
+        self.tilting.reset()
         self._forces.take_tilt()
-        self._parameters = ParameterEstimator(self.arrangement, self._tilting, self.settings)
+        self._parameters = ParameterEstimator(self.arrangement, self.tilting, self.settings)
         self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
         self._copies.clear()
         self._apply()
@@ -200,7 +200,7 @@ class Pipeline:
         self._restarts[reason] += 1
         self._motion.reset()
         self._carried.reset()
-        self._tilting.restart()
+        self.tilting.restart()
         self._deflection.reset()
         self._forces.reset()
         self._parameters.restart()
@@ -319,14 +319,14 @@ class Pipeline:
         return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added + self._constant)
 
     def _learned(self) -> dict[str, Any]:
-        return {"parameters": self._parameters.snapshot(), "anchor": self._anchor.save(), "tilt": self._tilting.save()}
+        return {"parameters": self._parameters.snapshot(), "anchor": self._anchor.save(), "tilt": self.tilting.save()}
 
     def _go_back_to(self, learned: dict[str, Any]) -> None:
         """Return to what was learned at another time; filters of the signals begin anew."""
         self._parameters.load(learned["parameters"])
         self._anchor.load(learned["anchor"])
-        self._tilting.load(learned["tilt"])
-        self._tilting.restart()
+        self.tilting.load(learned["tilt"])
+        self.tilting.restart()
         self._forces.take_tilt()
         self._apply()
 
@@ -366,7 +366,7 @@ class Pipeline:
         measured = base_ok
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
-        if self._tilting.learns and self._tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
+        if self.tilting.learns and self.tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
             self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._layout.transducers:
@@ -451,7 +451,7 @@ class Pipeline:
         messages = self._checks.messages()
         messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
-        messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._anchor.notes(), *self._tilting.notes()]
+        messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._anchor.notes(), *self.tilting.notes()]
         if self._copies.taken:
             messages.append(f"{self._copies.taken} times what was learned in the last seconds was taken back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
@@ -470,7 +470,7 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
-            "tilt": self._tilting.save(), "carried": self._carried.save(), **self._checks.save(),
+            "tilt": self.tilting.save(), "carried": self._carried.save(), **self._checks.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -486,7 +486,7 @@ class Pipeline:
         self._checks.load(state)
         self._leave_out(self._checks.gyros.found)
         self._motion.load(state["motion"])
-        self._tilting.load(state["tilt"])
+        self.tilting.load(state["tilt"])
         if "carried" in state:
             self._carried.load(state["carried"])
         self._forces.take_tilt()

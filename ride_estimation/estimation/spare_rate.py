@@ -6,6 +6,8 @@ Centripetal terms of a wrong rate are no motion of a rigid body: with omega = w 
 ``r = M T w d`` in the spare equations, ``M = I - H W``, T of :func:`centripetal.centripetal_terms`. A body that turns tells its
 rate so, the better the faster; one that does not turn tells nothing, and nothing is taken. (Schuler, Grammatikos and Fegley,
 IEEE Trans. Aerosp. Electron. Syst. AES-3, 465, 1967, measured rotation with accelerometers alone.)
+
+A constant error of a sensor looks like a constant rate, so only what differs from the means of the last minute tells it.
 """
 
 from __future__ import annotations
@@ -79,7 +81,6 @@ class SpareRate:
         variance = np.array([tilt[1, 1], tilt[1, 1], yaw[1, 1]])
         project = residual_of_errors(self._rows, weights)
         seen = project @ (self._terms @ rate)
-        # a constant error of a sensor looks like a constant rate: only what changes tells
         self._age += duration
         gain = min(duration / min(self._age, _MEMORY), 1.0)
         self._bias += gain * (mean - self._bias)
@@ -96,11 +97,10 @@ class SpareRate:
             step = after @ asked / stated
             # a faulty sensor leaves what no rate explains
             stated = max(stated, float(np.sum((left - seen @ step) ** 2)) / self._spare)
-        for axis, p in ((0, tilt), (1, tilt), (2, yaw)):
-            state[:3, axis] += p[:, 1] / p[1, 1] * step[axis]
-        for p, now in ((tilt, max(after[0, 0], after[1, 1])), (yaw, after[2, 2])):
-            gain = p[:, 1] / p[1, 1]
-            p[...] = p - np.outer(gain, gain) * (p[1, 1] - now)
+        for axes, p, now in (([0, 1], tilt, max(after[0, 0], after[1, 1])), ([2], yaw, after[2, 2])):
+            along = p[:, 1] / p[1, 1]
+            state[:3, axes] += np.outer(along, step[axes])
+            p[...] = p - np.outer(along, along) * (p[1, 1] - now)
 
     def save(self) -> dict[str, Any]:
         """Return what was learned as plain lists."""
