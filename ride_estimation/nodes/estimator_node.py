@@ -38,10 +38,11 @@ from ride_estimation.nodes.cdr import stamp_of_payload
 from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, pipeline_settings
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
-from ride_estimation.nodes.node_health import NODE, load_status
+from ride_estimation.nodes.node_health import NODE, TopicState, load_status
 from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
 from ride_estimation.nodes.session import Session
+from ride_estimation.nodes.silence import LOOK_PERIOD_S
 
 #: period of the watch over topics and silence [s], steady clock; not in the data path
 WATCH_PERIOD_S = 1.0
@@ -63,7 +64,8 @@ class EstimatorNode(LifecycleNode):
         super().__init__("estimator", namespace="ride", **options)
         self._session: Session | None = None
         self._outputs: EstimatePublishers | None = None
-        self._subscriptions_by_topic: dict[str, Subscription] = {}
+        self._subscriptions_by_topic: dict[str, tuple[str, Subscription]] = {}
+        self._types_changed = False
         self._active = False
         self._fault = ""
         self._reported_ns: int | None = None
@@ -80,7 +82,10 @@ class EstimatorNode(LifecycleNode):
         )
         self.create_service(Trigger, "~/reset", self._serve_reset)
         self.create_service(Trigger, "~/save_parameters", self._serve_save)
-        self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=steady)
+        self._looked_s = time.monotonic()
+        self._look_timer = self.create_timer(LOOK_PERIOD_S, self.look, clock=steady)
         if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
 
@@ -125,6 +130,8 @@ class EstimatorNode(LifecycleNode):
         """Subscribe to the inputs."""
         result = super().on_activate(state)
         self._active = result == TransitionCallbackReturn.SUCCESS
+        if self._session is not None:
+            self._session.listen()
         self._follow_topics()
         return result
 
@@ -153,7 +160,7 @@ class EstimatorNode(LifecycleNode):
 
     def _unsubscribe(self) -> None:
         self._active = False
-        for subscription in self._subscriptions_by_topic.values():
+        for _, subscription in self._subscriptions_by_topic.values():
             self.destroy_subscription(subscription)
         self._subscriptions_by_topic.clear()
 
@@ -189,43 +196,51 @@ class EstimatorNode(LifecycleNode):
     # ---- inputs ----
 
     def _follow_topics(self) -> None:
-        """Subscribe to every input with the type its publishers offer; look again while topics are silent."""
+        """Subscribe to every input with the type its publishers offer, also when they come back with another one."""
         if self._session is None or not self._active:
             return
-        graph = dict(self.get_topic_names_and_types())
         for name, topic in self._session.topics.items():
             state = self._session.states[name]
-            resolved = self.resolve_topic_name(name)
-            state.publishers = self.count_publishers(resolved)
-            state.offered = tuple(graph.get(resolved, ())) if state.publishers else ()
-            chosen = topic.choose(state.offered)
-            if state.received or chosen == state.type_name:
-                continue
-            if name in self._subscriptions_by_topic:
-                self.destroy_subscription(self._subscriptions_by_topic.pop(name))
-            state.type_name = chosen
-            if chosen:
-                self._subscriptions_by_topic[name] = self._subscribe(name, chosen)
+            publishers = self.get_publishers_info_by_topic(name)  # the types of the topic would contain the own subscription's
+            state.publishers = len(publishers)
+            state.offered = tuple(sorted({publisher.topic_type for publisher in publishers}))
+            if not publishers:
+                state.incompatible_qos = ""
+            state.type_name = topic.choose(state.offered, state.type_name)
+            type_name, subscription = self._subscriptions_by_topic.get(name, ("", None))
+            if subscription is not None and type_name != state.type_name:
+                del self._subscriptions_by_topic[name]
+                self.destroy_subscription(subscription)
+                self._types_changed = True  # the middleware keeps the old type until the executor has let go of it
+            elif subscription is None and state.type_name:
+                self._subscribe(name, state)
 
-    def _subscribe(self, topic: str, type_name: str) -> Subscription:
+    def _subscribe(self, topic: str, state: TopicState) -> None:
         def mismatch(info: QoSRequestedIncompatibleQoSInfo) -> None:
-            if self._session is not None:
-                self._session.states[topic].incompatible_qos = str(qos_policy_name_from_kind(info.last_policy_kind))
+            state.incompatible_qos = str(qos_policy_name_from_kind(info.last_policy_kind))
 
-        return self.create_subscription(
-            MESSAGE_CLASSES[type_name],
-            topic,
-            functools.partial(self._arrived, topic, type_name),
-            qos.sensor_input(int(self.get_parameter("input_depth").value)),
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            raw=True,
-        )
+        try:
+            subscription = self.create_subscription(
+                MESSAGE_CLASSES[state.type_name],
+                topic,
+                functools.partial(self._arrived, topic, state.type_name),
+                qos.sensor_input(int(self.get_parameter("input_depth").value)),
+                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                raw=True,
+            )
+        except RuntimeError as error:  # of the middleware: this process uses the topic with another type, for example
+            state.not_subscribed = str(error)
+        else:
+            state.not_subscribed = ""
+            self._subscriptions_by_topic[topic] = (state.type_name, subscription)
 
     def _arrived(self, topic: str, type_name: str, payload: bytes) -> None:
         """Take a live message, unless the node is too far behind."""
         began = time.monotonic()
         stamp = stamp_of_payload(payload)
+        if self._session is not None:
+            self._session.states[topic].arrived += 1
         if stamp is None or self._load.admit(topic, stamp * 1e-9, began):
             self.receive(topic, type_name, payload)
         self._load.handled(began, time.monotonic())
@@ -297,6 +312,17 @@ class EstimatorNode(LifecycleNode):
             self._publish_diagnostics(self.get_clock().now().nanoseconds)
         self._reported_since_watch = False
         self._save_if_due()
+
+    def look(self) -> None:
+        """Tell at once when inputs or estimates stop or come back; subscribe where the type of a topic has changed."""
+        if self._types_changed:
+            self._types_changed = False
+            self._follow_topics()
+        now = time.monotonic()
+        passed, self._looked_s = now - self._looked_s, now
+        limit = float(self.get_parameter("input_timeout").value)
+        if self._session is not None and self._active and self._session.look(passed, limit):
+            self._publish_diagnostics(self.get_clock().now().nanoseconds)
 
     def destroy_node(self) -> None:
         """Save what was learned and leave."""
