@@ -30,7 +30,7 @@ from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.io.state_file import restore_state, save_results, save_state
+from ride_estimation.io.state_file import restore_state, save_results
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
 from ride_estimation.nodes.backpressure import THIN, Load
@@ -42,6 +42,7 @@ from ride_estimation.nodes.node_health import NODE, load_status
 from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
 from ride_estimation.nodes.session import Session
+from ride_estimation.nodes.state_saver import SAVE_ERRORS, StateSaver
 
 #: period of the watch over topics and silence [s], steady clock; not in the data path
 WATCH_PERIOD_S = 1.0
@@ -70,7 +71,8 @@ class EstimatorNode(LifecycleNode):
         self._diagnostics_due = False
         self._reported_since_watch = False
         self._saved_ns: int | None = None
-        self._save_problem = ""
+        self._saver = StateSaver()
+        self._save_problem_said = ""
         self._load = Load()
         declare(self, TABLE)
         self.add_on_set_parameters_callback(self._judge_parameters)
@@ -131,7 +133,7 @@ class EstimatorNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Unsubscribe; what was learned stays and is saved."""
         self._unsubscribe()
-        self._save_state()
+        self._save_at_the_end()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -141,7 +143,9 @@ class EstimatorNode(LifecycleNode):
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave like cleanup."""
+        """Save what was learned and leave like cleanup."""
+        self._unsubscribe()
+        self._save_at_the_end()
         result = super().on_shutdown(state)
         self._tear_down()
         return result
@@ -286,8 +290,8 @@ class EstimatorNode(LifecycleNode):
         if not self._active:
             yield conversions.status(DiagnosticStatus.WARN, "estimator node", "not active", NODE, {})
         yield load_status(self._load)
-        if self._save_problem:
-            yield conversions.status(DiagnosticStatus.WARN, "saved state", self._save_problem, NODE, {})
+        if self._saver.problem:
+            yield conversions.status(DiagnosticStatus.WARN, "saved state", self._saver.problem, NODE, {})
         yield from self._session.statuses()
 
     def watch(self) -> None:
@@ -300,34 +304,41 @@ class EstimatorNode(LifecycleNode):
 
     def destroy_node(self) -> None:
         """Save what was learned and leave."""
-        self._save_state()
+        self._save_at_the_end()
         super().destroy_node()
 
     # ---- saved state ----
 
     def _save_if_due(self) -> None:
-        """Save to ``state_file`` once per interval of the steady clock."""
+        """Begin to save to ``state_file`` once per interval of the steady clock; the thread of the saver writes."""
         interval_ns = round(float(self.get_parameter("save_interval").value) * 1e9)
         now = Clock(clock_type=ClockType.STEADY_TIME).now().nanoseconds
         if self._saved_ns is None:
             self._saved_ns = now
-        if interval_ns and now - self._saved_ns >= interval_ns:
+        path = self._state_path()
+        if self._session is not None and path is not None and now - self._saved_ns >= interval_ns:
             self._saved_ns = now
-            self._save_state()
+            self._saver.begin(path, self._session.pipeline)
+        self._say_save_problem()
 
-    def _save_state(self) -> None:
-        """Save to ``state_file`` if there is one and something to save; a failure is said once and on diagnostics."""
+    def _save_at_the_end(self) -> None:
+        """Save to ``state_file`` and return when it is done."""
+        path = self._state_path()
+        if self._session is not None and path is not None:
+            self._saver.complete(path, self._session.pipeline)
+            self._say_save_problem()
+
+    def _state_path(self) -> Path | None:
+        """Return where the state is saved, None where it is not."""
         path = str(self.get_parameter("state_file").value)
-        if self._session is None or not path or not float(self.get_parameter("save_interval").value):
-            return
-        try:
-            save_state(Path(path).expanduser(), self._session.pipeline)
-        except (OSError, ValueError) as error:
-            if not self._save_problem:
-                self.get_logger().warning(f"state not saved: {error}")
-            self._save_problem = f"not saved: {error}"
-        else:
-            self._save_problem = ""
+        return Path(path).expanduser() if path and float(self.get_parameter("save_interval").value) else None
+
+    def _say_save_problem(self) -> None:
+        """Log a save that failed, once until one succeeds; diagnostics say it all the time."""
+        problem = self._saver.problem
+        if problem and not self._save_problem_said:
+            self.get_logger().warning(f"state {problem}")
+        self._save_problem_said = problem
 
     # ---- services ----
 
@@ -346,7 +357,7 @@ class EstimatorNode(LifecycleNode):
         folder = Path(str(self.get_parameter("save_directory").value)).expanduser()
         try:
             files = save_results(folder, self._session.pipeline)
-        except (OSError, RideEstimationError) as error:
+        except SAVE_ERRORS as error:
             response.message = f"not saved: {error}"
             return response
         response.success, response.message = True, "saved " + " and ".join(str(file) for file in files)
