@@ -20,7 +20,7 @@ import yaml
 
 import ride_estimation
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.json_file import read_json, write_atomically
 from ride_estimation.io.packed_arrays import pack, unpack

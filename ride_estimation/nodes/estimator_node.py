@@ -27,9 +27,9 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.state_file import restore_state, save_results
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos

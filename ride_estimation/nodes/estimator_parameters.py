@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.nodes.executors import EXECUTORS
 from ride_estimation.nodes.parameters import NodeParameter, Value, markdown, parameter_file
 

@@ -9,7 +9,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ride_estimation.estimation.health import Health, SensorHealth
+from ride_estimation.estimation.faults.health import Health, SensorHealth
 from ride_estimation.nodes.backpressure import Load
 from ride_estimation.nodes.conversions import status
 from ride_estimation.nodes.silence import Silence

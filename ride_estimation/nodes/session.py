@@ -12,9 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError, RideEstimationError
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.warm_up import warm_up
 from ride_estimation.io.messages import Converter, Sample, make_converter
 from ride_estimation.io.vehicle_file import body_layout
