@@ -18,7 +18,7 @@ DEEPEST = 64
 #: most values a document may have; the largest vehicle file has a thousandth of it
 LARGEST_DOCUMENT = 200_000
 #: most digits of an integer, what 64 bits hold; more are read as text, which a number may be as well
-_MOST_DIGITS = 18
+_MOST_DIGITS = 19
 
 _INTEGER = re.compile(rf"[-+]?[0-9]{{1,{_MOST_DIGITS}}}$")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$|[-+]?\.(?:inf|Inf|INF)$|\.(?:nan|NaN|NAN)$")
