@@ -26,6 +26,13 @@ LARGEST_RATIO = 200
 LARGEST_TEXT = 64 << 20
 
 
+class TooLargeError(ValueError):
+    """A file unpacks to more than :func:`allowance` says."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(f"unpacks to more than {limit} bytes, which is refused")
+
+
 def allowance(packed_bytes: int) -> int:
     """Return how many bytes a file or record of this size may unpack to."""
     return SPARE_BYTES + LARGEST_RATIO * packed_bytes
@@ -53,8 +60,10 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
 
     Raises
     ------
+    TooLargeError
+        More than that.
     ValueError
-        More than that, a frame that is damaged or cut off, or an unknown compression.
+        A frame that is damaged or cut off, or an unknown compression.
     """
     parts: list[bytes] = []
     size = 0
@@ -68,7 +77,7 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
         size += len(piece)
         parts.append(piece)
         if size > limit:
-            raise ValueError(f"unpacks to more than {limit} bytes, which is refused")
+            raise TooLargeError(limit)
         if not frame.eof:
             raise ValueError("a compressed frame is cut off")
         rest = frame.unused_data or b""
