@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
@@ -206,6 +207,10 @@ def checksum_of(path: Path) -> str:
 
 
 def _words(error: BaseException) -> str:
+    if isinstance(error, struct.error):
+        return "a record is cut off or too short"
+    if isinstance(error, KeyError):
+        return f"a record without {error}"
     return " ".join(str(error).split()) or type(error).__name__
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import bz2
 import importlib
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,10 @@ class TooLargeError(ValueError):
         super().__init__(f"unpacks to more than {limit} bytes, which is refused")
 
 
+class DamagedError(ValueError):
+    """Compressed bytes that cannot be unpacked."""
+
+
 def allowance(packed_bytes: int) -> int:
     """Return how many bytes a file or record of this size may unpack to."""
     return SPARE_BYTES + LARGEST_RATIO * packed_bytes
@@ -54,7 +59,7 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
     packed
         One or more frames.
     compression
-        ``zstd``, ``lz4`` or ``bz2``.
+        ``zstd``, ``lz4``, ``bz2`` or ``deflate``.
     limit
         Largest result [bytes].
 
@@ -62,7 +67,7 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
     ------
     TooLargeError
         More than that.
-    ValueError
+    DamagedError
         A frame that is damaged or cut off, or an unknown compression.
     """
     parts: list[bytes] = []
@@ -73,13 +78,13 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
         try:
             piece = frame.decompress(rest, limit - size + 1)
         except Exception as error:  # each library has its own: ZstdError, RuntimeError, OSError
-            raise ValueError(f"a compressed frame is damaged: {error}") from error
+            raise DamagedError(f"a compressed frame is damaged: {error}") from error
         size += len(piece)
         parts.append(piece)
         if size > limit:
             raise TooLargeError(limit)
         if not frame.eof:
-            raise ValueError("a compressed frame is cut off")
+            raise DamagedError("a compressed frame is cut off")
         rest = frame.unused_data or b""
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
@@ -108,7 +113,9 @@ def _unpacker(compression: str) -> Any:
         return importlib.import_module("lz4.frame").LZ4FrameDecompressor()
     if compression == "bz2":
         return bz2.BZ2Decompressor()
-    raise ValueError(f"compression {compression!r} is unknown")
+    if compression == "deflate":
+        return zlib.decompressobj()
+    raise DamagedError(f"compression {compression!r} is unknown")
 
 
 def read_text(path: Path) -> str:

@@ -96,7 +96,7 @@ def _sized(stream: BinaryIO, length: bytes, size: int) -> bytes:
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
     at = 0
     while at < len(header):
-        (length,) = struct.unpack_from("<I", header, at)
+        length = int.from_bytes(header[at : at + 4], "little")
         name, equals, value = header[at + 4 : at + 4 + length].partition(b"=")
         if not equals or at + 4 + length > len(header):
             raise ValueError("a field of a record's header is damaged")

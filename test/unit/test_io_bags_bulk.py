@@ -148,7 +148,8 @@ def record(code: int, body: bytes) -> bytes:
 
 def channel(number: int, topic: str) -> bytes:
     text = topic.encode()
-    return record(4, struct.pack("<HH", number, 1) + struct.pack("<I", len(text)) + text + struct.pack("<I", 3) + b"cdr" + b"\0" * 4)
+    encoding = struct.pack("<I", 3) + b"cdr"
+    return record(4, struct.pack("<HHI", number, 1, len(text)) + text + encoding + b"\0" * 4)
 
 
 def message(number: int, arrival: int, raw: bytes) -> bytes:

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""MCAP files as the ``mcap`` library and other programs write them are read as that library reads them; flipped bits are found."""
+"""MCAP files of the ``mcap`` library and of other programs are read as that library reads them; flipped bits are found."""
 
 from __future__ import annotations
 
