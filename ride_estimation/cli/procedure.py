@@ -139,8 +139,8 @@ def _loop(options: argparse.Namespace) -> None:
         loops.append(hysteresis_loop.analyse_loop(time_s, displacement, force, frequency))
         r = loops[-1]
         print(
-            f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm: stiffness {r.stiffness:.5g} N/m, equivalent damping "
-            f"{r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
+            f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm, {r.wave}: stiffness {r.stiffness:.5g} N/m, "
+            f"equivalent damping {r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
         )
         if r.stiffness <= 0.0 or r.loss_energy <= 0.0:
             print("warning: a spring that pushes the wrong way, or a loop that gives energy: sign of force or displacement?")

@@ -115,7 +115,8 @@ def test_a_ros1_bag_is_not_read_beyond_a_damaged_record(tmp_path: Path) -> None:
     bogus = struct.pack("<I", 3) + b"abc" + struct.pack("<I", 0)
     fields = (b"op=\x05", b"compression=bz2", b"size=" + struct.pack("<I", ZEROS))
     header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
-    body = bz2.compress(bytes(ZEROS))
+    # one record of a kind that is passed over
+    body = bz2.compress(struct.pack("<II", 8, 4) + b"op=\4" + struct.pack("<I", ZEROS - 16) + bytes(ZEROS - 16))
     chunk = struct.pack("<I", len(header)) + header + struct.pack("<I", len(body)) + body
     begin = 13
     for _ in range(2):  # header and padding of the first record
