@@ -295,8 +295,12 @@ class Pipeline:
         if self._constant.any():
             moving = motion.covariance - self._constant
             own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
-        self._forces.constant_load, self._forces.turning = whole - own, (motion.rate[-1], motion.rate_variance)
-        return np.asarray(own + self._factor**2 * self._carried.covariance)
+        # of an uncertain CG gravity makes a constant moment; what moves is judged by equilibrium
+        weight = np.array([0.0, 0.0, self._loads.mass * self.vehicle.gravity])
+        still = self._loads.covariance_of_cg(weight, np.zeros(3))
+        moving = self._loads.covariance_of_cg(self._loads.mass * motion.motion[-1, :3] - weight, motion.motion[-1, 3:])
+        self._forces.constant_load, self._forces.turning = whole - own + still, (motion.rate[-1], motion.rate_variance)
+        return np.asarray(own + moving + self._factor**2 * self._carried.covariance)
 
     def _observe_cells(self, block: Block, force: Array, duration: float) -> None:
         """Compare load cells with the estimated forces (K, M, 3)."""
@@ -411,6 +415,7 @@ class Pipeline:
         inertia, inertia_std = self._parameters.inertia()
         self._loads = InertialLoads(
             body.mass.value * self._factor, body.mass.value * self._factor * relative, inertia * self._factor, inertia_std,
+            self._loads.cg_std,
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)

@@ -85,7 +85,12 @@ class ParameterEstimator:
         seen = arrangement.has_base_motion or by_transducers
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._turns = () if by_transducers else self._inertia_axes()
-        model = (arrangement, tilting, self.slots, self._turns, settings.parameter_corner_hz, by_transducers)
+        body = arrangement.body
+        cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        offsets = () if by_transducers else tuple(int(a) for a in np.flatnonzero(cg_std > 0.0))
+        #: standard deviation of what is considered, not estimated: the position of the CG [m]
+        self._considered_std = cg_std[list(offsets)]
+        model = (arrangement, tilting, self.slots, self._turns, offsets, settings.parameter_corner_hz, by_transducers)
         self._model = ParameterModel(*model)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
@@ -127,7 +132,7 @@ class ParameterEstimator:
         self._pending_ticks = 0
         self._settled = self._followed = 0.0
         self._upright = 0.0
-        self._interval = Interval(len(self.theta))
+        self._interval = Interval(len(self.theta), len(self._considered_std))
         self._kept: list[Kept] = []
         self._repetition = Repetition()
         self._drop_look()
@@ -138,7 +143,7 @@ class ParameterEstimator:
         common = np.zeros((len(theta), 2))
         common[: self.count] = roles[:, None] == (0, 1)
         common = common[:, common.any(axis=0)] / np.sqrt(max(self.count, 1))
-        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common)
+        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common, len(self._considered_std))
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
@@ -298,7 +303,7 @@ class ParameterEstimator:
         if self._interval.duration < self.settings.parameter_interval:
             return False
         self._update(self._filter, self._interval, chunk.step)
-        self._interval = Interval(len(self.theta))
+        self._interval = Interval(len(self.theta), len(self._considered_std))
         due = bool(self._reviews) and self.excited_time >= self._reviews[0]
         if due and self._look is None and self._duration(self._kept) >= _FIRST:
             self._begin_look(weights, covariance)
@@ -375,7 +380,7 @@ class ParameterEstimator:
             # the simulated body of the look saw every chunk, with parameters hardly different
             self._model.response.take_state(response)
             self._followed = _FADE
-        self._interval = Interval(len(self.theta))
+        self._interval = Interval(len(self.theta), len(self._considered_std))
         return True
 
     # -- tracking ---------------------------------------------------------------------------------------------------------
@@ -406,7 +411,9 @@ class ParameterEstimator:
         """Take over parameters, standard deviations and status from a filter."""
         self.theta, self.std = own.theta.copy(), own.std.copy()
         mine = slice(0, self.count)
-        self.std[mine] = self._with_doubt(self.std[mine])
+        moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std
+        considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1))
+        self.std[mine] = self._with_doubt(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
         self.status.follow(
             self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
         )  # fmt: skip
@@ -431,7 +438,7 @@ class ParameterEstimator:
 
     def snapshot(self) -> dict[str, Any]:
         """Return what was learned; the filters of the signals start again. Costs little, arrays are shared."""
-        memory = IntervalMemory(len(self.theta)).snapshot() if self._filter is None else self._filter.memory.snapshot()
+        memory = IntervalMemory(len(self.theta), len(self._considered_std)).snapshot() if self._filter is None else self._filter.memory.snapshot()
         return {
             "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
