@@ -24,6 +24,7 @@ from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.estimation.forces.slots import find_slots
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.cg_motion import MotionBlock
+from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
 from ride_estimation.estimation.parameters.force_balance import BalanceChunk, BalanceInput
 from ride_estimation.estimation.parameters.identifiable import null_directions
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
@@ -41,6 +42,8 @@ Array = NDArray[np.float64]
 
 #: the mounts turn with their brackets (1) or with the body (0): prior of that share
 FOLLOW_STD = 0.3
+#: change of a logarithm over a factor of e in amplitude that is reported
+_RELEVANT = 0.05
 #: largest ratio of an inertia to the file's, either way
 _INERTIA_RATIO = 2.0
 #: sections of the high-pass times its time constant after which the start is forgotten
@@ -110,6 +113,7 @@ class ParameterEstimator:
         self._doubt: MountingDoubt | None = None
         if self._model.inertial is not None:
             self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
+        self._amplitude = AmplitudeDependence(len(self.theta), self.count)
         self._filter: ParameterFilter | None = None
         self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
         self._reviews: tuple[float, ...] = _REVIEWS
@@ -132,10 +136,15 @@ class ParameterEstimator:
         self._pending_ticks = 0
         self._settled = self._followed = 0.0
         self._upright = 0.0
-        self._interval = Interval(len(self.theta), len(self._considered_std))
+        self._begin_interval()
         self._kept: list[Kept] = []
         self._repetition = Repetition()
         self._drop_look()
+
+    def _begin_interval(self) -> None:
+        self._interval = Interval(len(self.theta), len(self._considered_std))
+        #: sums of squares of deflection and rate in it, shape (2, 3 M), and their ticks
+        self._squares, self._square_ticks = np.zeros((2, 3 * len(self.arrangement.mounts))), 0
 
     def _fresh(self, theta: Array) -> ParameterFilter:
         kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
@@ -212,6 +221,7 @@ class ParameterEstimator:
         found = []
         if self.changes:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
+        found += self._nonlinear()
         vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
         moved = self.theta[: self.count][vertical]
         sure = self.std[: self.count][vertical]
@@ -221,6 +231,24 @@ class ParameterEstimator:
                 "together: a mass that differs from the file explains that better than the mounts"
             )  # fmt: skip
         return found
+
+    def _nonlinear(self) -> list[str]:
+        """Return which mounts have a stiffness or damping that depends on the amplitude, in words."""
+        if self._filter is None:
+            return []
+        dependence = self._amplitude.std(self._prior_std, self._filter.memory.inflation)
+        value, _ = self._amplitude.exponents(self._prior_std, self._filter.memory.inflation)
+        words = [
+            f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]} by {100 * (2.0 ** value[n] - 1.0):+.0f} %"
+            for n, s in enumerate(self.slots)
+            if dependence[n] > _RELEVANT
+        ]
+        if not words:
+            return []
+        return [
+            f"these change when the amplitude doubles: {', '.join(words)}: friction, play or a nonlinear law; the values hold for "
+            "the motion of this run only, `diagnose` names the law"
+        ]
 
     def at_bound(self) -> tuple[str, ...]:
         """Return the names of multipliers at a bound."""
@@ -274,6 +302,8 @@ class ParameterEstimator:
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         if self._doubt is not None and self._model.inertial is not None:
             self._doubt.observe(*self._model.inertial.moved, dt)
+            self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
+            self._square_ticks += len(joined.support)
             self._doubt.weigh(joined.relative, dt)
         return chunk
 
@@ -303,7 +333,7 @@ class ParameterEstimator:
         if self._interval.duration < self.settings.parameter_interval:
             return False
         self._update(self._filter, self._interval, chunk.step)
-        self._interval = Interval(len(self.theta), len(self._considered_std))
+        self._begin_interval()
         due = bool(self._reviews) and self.excited_time >= self._reviews[0]
         if due and self._look is None and self._duration(self._kept) >= _FIRST:
             self._begin_look(weights, covariance)
@@ -380,13 +410,16 @@ class ParameterEstimator:
             # the simulated body of the look saw every chunk, with parameters hardly different
             self._model.response.take_state(response)
             self._followed = _FADE
-        self._interval = Interval(len(self.theta), len(self._considered_std))
+        self._begin_interval()
         return True
 
     # -- tracking ---------------------------------------------------------------------------------------------------------
 
     def _update(self, own: ParameterFilter, interval: Interval, step: float) -> None:
         before, changes = self.theta.copy(), own.changes
+        if self._square_ticks:
+            rms = np.sqrt(self._squares / self._square_ticks)
+            self._amplitude.observe(interval, before, np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.slots]))
         if own.learn(interval, before):
             largest = self.settings.largest_step
             own.hold(np.clip(own.theta, before - largest, before + largest))
@@ -404,6 +437,7 @@ class ParameterEstimator:
         if not count:
             return False
         self.changes += count
+        self._amplitude.clear()
         self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         return True
 
@@ -412,7 +446,8 @@ class ParameterEstimator:
         self.theta, self.std = own.theta.copy(), own.std.copy()
         mine = slice(0, self.count)
         moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std
-        considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1))
+        dependence = self._amplitude.std(self._prior_std, own.memory.inflation)
+        considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1) + dependence**2)
         self.std[mine] = self._with_doubt(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
         self.status.follow(
             self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
@@ -443,7 +478,7 @@ class ParameterEstimator:
             "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
-            "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
+            "amplitude": self._amplitude.snapshot(), "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -459,6 +494,7 @@ class ParameterEstimator:
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.changes = int(saved["changes"])
         self.status.load(saved["status"])
+        self._amplitude.load(saved["amplitude"])
         self._filter = None
         if saved["p"] is None:
             self._reviews = _REVIEWS

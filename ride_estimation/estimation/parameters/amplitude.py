@@ -1,0 +1,119 @@
+# Copyright 2026 ride_estimation contributors
+"""Stiffness and damping that depend on the amplitude: the innovations show a law that is not linear.
+
+A linear law has one stiffness at every amplitude. Friction, play, relaxation and nonlinear springs have an equivalent stiffness (and
+damping) that changes with the rms deflection a (rate) of an interval, in first order as a power: ``log k_j = log k + beta log a_j``.
+The exponents beta are estimated jointly with the parameters from the gradients g_j and information A_j of the intervals,
+``T_j = [I, diag(log a_j)]``, ``sum T_j^T A_j T_j (theta, beta) = sum T_j^T (g_j + A_j theta_j)``, with a covariance from the scatter of
+the gradients (sandwich, each interval with its neighbour). A linear law has beta = 0; Coulomb friction alone has beta = -1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.parameters.interval import Interval
+
+Array = NDArray[np.float64]
+
+#: standard deviation of an exponent before anything was learned: between linear (0) and Coulomb friction (-1)
+PRIOR_STD = 0.5
+#: intervals after which what they said has faded to 1 / e: two minutes of half a second each
+_MEMORY = 240.0
+#: intervals whose amplitudes have to differ before an exponent is stated
+_FEWEST = 16
+#: standard deviations of an exponent that count as scatter
+_SCATTER = 2.0
+
+
+class AmplitudeDependence:
+    """Exponents of stiffness and damping over the amplitude.
+
+    Parameters
+    ----------
+    count
+        Number of parameters N.
+    slots
+        Number of multipliers S among them, the first ones.
+    """
+
+    def __init__(self, count: int, slots: int) -> None:
+        self._count, self._slots = count, slots
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        size = self._count + self._slots
+        self._information, self._target = np.zeros((size, size)), np.zeros(size)
+        self._scatter, self._last = np.zeros((size, size)), np.zeros(size)
+        self._intervals = 0
+
+    def observe(self, interval: Interval, centre: Array, amplitude: Array) -> None:
+        """Add an interval.
+
+        Parameters
+        ----------
+        interval
+            Linearised at ``centre``, shape (N,).
+        amplitude
+            Rms deflection or rate of what every multiplier scales, shape (S,) [m or m/s].
+        """
+        keep = 1.0 - 1.0 / _MEMORY
+        transform = np.hstack([np.eye(self._count), np.zeros((self._count, self._slots))])
+        own = np.arange(self._slots)
+        transform[own, self._count + own] = np.log(np.maximum(amplitude, 1e-12))
+        score = transform.T @ interval.gradient
+        information = transform.T @ interval.information @ transform
+        pair = score + self._last
+        # new arrays: copies of the state share them
+        self._information = keep * self._information + information
+        self._target = keep * self._target + score + information[:, : self._count] @ centre
+        if self._intervals:
+            self._scatter = keep * self._scatter + 0.5 * np.outer(pair, pair)
+        self._last = score
+        self._intervals += 1
+
+    def exponents(self, prior_std: Array, inflation: float) -> tuple[Array, Array]:
+        """Return the exponents and their standard deviations, shape (S,) each.
+
+        Parameters
+        ----------
+        prior_std
+            Of the parameters, shape (N,).
+        inflation
+            Scatter of the gradients over what white noise of the stated size would make.
+        """
+        if self._intervals < _FEWEST:
+            return np.zeros(self._slots), np.full(self._slots, PRIOR_STD)
+        prior = np.concatenate([prior_std, np.full(self._slots, PRIOR_STD)])
+        inverse = np.linalg.inv(self._information + max(inflation, 1.0) * np.diag(prior**-2.0))
+        value = inverse @ self._target
+        spread = np.einsum("ij,jk,ik->i", inverse, self._scatter, inverse)
+        rows = slice(self._count, None)
+        return value[rows], np.sqrt(spread[rows])
+
+    def std(self, prior_std: Array, inflation: float) -> Array:
+        """Return what the dependence adds to the logarithm of every multiplier, shape (S,): its change over a factor of e in
+        amplitude, as far as it is more than scatter.
+        """
+        value, spread = self.exponents(prior_std, inflation)
+        return np.asarray(np.sqrt(np.maximum(value**2 - (_SCATTER * spread) ** 2, 0.0)))
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state; its arrays are shared and never change."""
+        return {
+            "information": self._information, "target": self._target, "scatter": self._scatter, "last": self._last,
+            "intervals": self._intervals,
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`snapshot`."""
+        size = self._count + self._slots
+        self._information = np.array(saved["information"], dtype=float).reshape(size, size)
+        self._target = np.array(saved["target"], dtype=float).reshape(size)
+        self._scatter = np.array(saved["scatter"], dtype=float).reshape(size, size)
+        self._last = np.array(saved["last"], dtype=float).reshape(size)
+        self._intervals = int(saved["intervals"])
