@@ -34,14 +34,15 @@ class AmplitudeDependence:
 
     Parameters
     ----------
-    count
-        Number of parameters N.
+    prior_std
+        Standard deviations of the parameters before anything was learned, shape (N,).
     slots
         Number of multipliers S among them, the first ones.
     """
 
-    def __init__(self, count: int, slots: int) -> None:
-        self._count, self._slots = count, slots
+    def __init__(self, prior_std: Array, slots: int) -> None:
+        self._count, self._slots = len(prior_std), slots
+        self._prior = np.concatenate([prior_std, np.full(slots, PRIOR_STD)]) ** -2.0
         self.clear()
 
     def clear(self) -> None:
@@ -49,9 +50,12 @@ class AmplitudeDependence:
         size = self._count + self._slots
         self._information, self._target = np.zeros((size, size)), np.zeros(size)
         self._scatter, self._last = np.zeros((size, size)), np.zeros(size)
+        self._reference = np.zeros(self._slots)
         self._intervals = 0
+        #: exponents and their standard deviations, shape (S,) each
+        self.exponents: tuple[Array, Array] = np.zeros(self._slots), np.full(self._slots, PRIOR_STD)
 
-    def observe(self, interval: Interval, centre: Array, amplitude: Array) -> None:
+    def observe(self, interval: Interval, centre: Array, amplitude: Array, inflation: float) -> None:
         """Add an interval.
 
         Parameters
@@ -60,53 +64,46 @@ class AmplitudeDependence:
             Linearised at ``centre``, shape (N,).
         amplitude
             Rms deflection or rate of what every multiplier scales, shape (S,) [m or m/s].
+        inflation
+            Scatter of the gradients over what white noise of the stated size would make.
         """
-        keep = 1.0 - 1.0 / _MEMORY
+        logs = np.log(np.maximum(amplitude, 1e-12))
+        if not self._intervals:
+            self._reference = logs
         transform = np.hstack([np.eye(self._count), np.zeros((self._count, self._slots))])
         own = np.arange(self._slots)
-        transform[own, self._count + own] = np.log(np.maximum(amplitude, 1e-12))
-        score = transform.T @ interval.gradient
+        transform[own, self._count + own] = logs - self._reference
         information = transform.T @ interval.information @ transform
-        pair = score + self._last
+        target = transform.T @ interval.gradient + information[:, : self._count] @ centre
+        keep = 1.0 - 1.0 / _MEMORY
         # new arrays: copies of the state share them
         self._information = keep * self._information + information
-        self._target = keep * self._target + score + information[:, : self._count] @ centre
+        self._target = keep * self._target + target
+        inverse = np.linalg.inv(self._information + max(inflation, 1.0) * np.diag(self._prior))
+        value = inverse @ self._target
+        score = target - information @ value
+        pair = score + self._last
         if self._intervals:
             self._scatter = keep * self._scatter + 0.5 * np.outer(pair, pair)
         self._last = score
         self._intervals += 1
+        if self._intervals >= _FEWEST:
+            spread = np.einsum("ij,jk,ik->i", inverse, self._scatter, inverse)
+            self.exponents = value[self._count :], np.sqrt(spread[self._count :])
 
-    def exponents(self, prior_std: Array, inflation: float) -> tuple[Array, Array]:
-        """Return the exponents and their standard deviations, shape (S,) each.
-
-        Parameters
-        ----------
-        prior_std
-            Of the parameters, shape (N,).
-        inflation
-            Scatter of the gradients over what white noise of the stated size would make.
-        """
-        if self._intervals < _FEWEST:
-            return np.zeros(self._slots), np.full(self._slots, PRIOR_STD)
-        prior = np.concatenate([prior_std, np.full(self._slots, PRIOR_STD)])
-        inverse = np.linalg.inv(self._information + max(inflation, 1.0) * np.diag(prior**-2.0))
-        value = inverse @ self._target
-        spread = np.einsum("ij,jk,ik->i", inverse, self._scatter, inverse)
-        rows = slice(self._count, None)
-        return value[rows], np.sqrt(spread[rows])
-
-    def std(self, prior_std: Array, inflation: float) -> Array:
+    @property
+    def std(self) -> Array:
         """Return what the dependence adds to the logarithm of every multiplier, shape (S,): its change over a factor of e in
         amplitude, as far as it is more than scatter.
         """
-        value, spread = self.exponents(prior_std, inflation)
+        value, spread = self.exponents
         return np.asarray(np.sqrt(np.maximum(value**2 - (_SCATTER * spread) ** 2, 0.0)))
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state; its arrays are shared and never change."""
         return {
             "information": self._information, "target": self._target, "scatter": self._scatter, "last": self._last,
-            "intervals": self._intervals,
+            "reference": self._reference, "intervals": self._intervals, "exponents": list(self.exponents),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -116,4 +113,7 @@ class AmplitudeDependence:
         self._target = np.array(saved["target"], dtype=float).reshape(size)
         self._scatter = np.array(saved["scatter"], dtype=float).reshape(size, size)
         self._last = np.array(saved["last"], dtype=float).reshape(size)
+        self._reference = np.array(saved["reference"], dtype=float).reshape(self._slots)
         self._intervals = int(saved["intervals"])
+        value, std = (np.array(v, dtype=float).reshape(self._slots) for v in saved["exponents"])
+        self.exponents = value, std

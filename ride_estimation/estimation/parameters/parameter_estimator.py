@@ -113,7 +113,7 @@ class ParameterEstimator:
         self._doubt: MountingDoubt | None = None
         if self._model.inertial is not None:
             self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
-        self._amplitude = AmplitudeDependence(len(self.theta), self.count)
+        self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
         self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
         self._reviews: tuple[float, ...] = _REVIEWS
@@ -234,10 +234,7 @@ class ParameterEstimator:
 
     def _nonlinear(self) -> list[str]:
         """Return which mounts have a stiffness or damping that depends on the amplitude, in words."""
-        if self._filter is None:
-            return []
-        dependence = self._amplitude.std(self._prior_std, self._filter.memory.inflation)
-        value, _ = self._amplitude.exponents(self._prior_std, self._filter.memory.inflation)
+        dependence, (value, _) = self._amplitude.std, self._amplitude.exponents
         words = [
             f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]} by {100 * (2.0 ** value[n] - 1.0):+.0f} %"
             for n, s in enumerate(self.slots)
@@ -419,7 +416,8 @@ class ParameterEstimator:
         before, changes = self.theta.copy(), own.changes
         if self._square_ticks:
             rms = np.sqrt(self._squares / self._square_ticks)
-            self._amplitude.observe(interval, before, np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.slots]))
+            amplitude = np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.slots])
+            self._amplitude.observe(interval, before, amplitude, own.memory.inflation)
         if own.learn(interval, before):
             largest = self.settings.largest_step
             own.hold(np.clip(own.theta, before - largest, before + largest))
@@ -446,8 +444,7 @@ class ParameterEstimator:
         self.theta, self.std = own.theta.copy(), own.std.copy()
         mine = slice(0, self.count)
         moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std
-        dependence = self._amplitude.std(self._prior_std, own.memory.inflation)
-        considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1) + dependence**2)
+        considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1) + self._amplitude.std**2)
         self.std[mine] = self._with_doubt(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
         self.status.follow(
             self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
