@@ -12,6 +12,7 @@ from ride_estimation.assessment import ride_comfort, seat
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
+from ride_estimation.io.atomic import replacing
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.tables import Table, read_table
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -200,7 +201,8 @@ def _velocity(options: argparse.Namespace) -> None:
     drift = integration.velocity_drift(options.noise_m_per_s2, rate, duration)
     rows = np.column_stack([table.column("time"), found])
     output_folder(options.out.parent)
-    np.savetxt(options.out, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
+    with replacing(options.out) as new:
+        np.savetxt(new, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
     print(
         f"offset {acceleration.mean():.4g} m/s^2 removed: left in, it would drift to "
         f"{abs(acceleration.mean()) * duration:.3g} m/s in {duration:.4g} s, the noise alone to {drift:.3g} m/s; "

@@ -16,6 +16,7 @@ import yaml
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import COORDINATES
+from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.document import Section, read_yaml
 from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, stiffness_unit_problems
 from ride_estimation.io.vehicle_sensors import Names, read_force_references, read_sensors, topic_problems
@@ -141,7 +142,7 @@ def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
         File to write.
     """
     text = yaml.safe_dump(vehicle_to_mapping(vehicle), sort_keys=False, allow_unicode=True, width=120)
-    Path(path).write_text(text, encoding="utf-8")
+    write_atomically(Path(path), text)
 
 
 def vehicle_to_mapping(vehicle: Vehicle) -> dict[str, Any]:

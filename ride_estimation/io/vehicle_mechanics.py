@@ -15,7 +15,7 @@ from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.registry import element_from_mapping, kinds
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES, COORDINATES
-from ride_estimation.io.document import Section, as_number, quantity_from, suggestion
+from ride_estimation.io.document import Section, as_number, quantity_from, shown, suggestion
 from ride_estimation.units import ABOUT_AN_AXIS, key_about_an_axis, si_unit, split_suffix
 from ride_estimation.vehicles.inertia import GYRATION_RANGE
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior
@@ -65,7 +65,7 @@ def _read_cg(section: Section) -> tuple[Array | None, Array | None]:
         return cg, None
     spread = inner.three("std", [std] * 3 if as_number(std) is not None else std, "m", factor, FARTHEST)
     if spread is not None and np.any(spread < 0.0):
-        inner.note("std", f"{std!r} is negative")
+        inner.note("std", f"{shown(std)} is negative")
         spread = None
     return cg, spread
 
@@ -75,7 +75,7 @@ def _read_coordinates(section: Section) -> tuple[str, ...]:
     if value is None:
         return COORDINATES
     if not isinstance(value, list) or not value or any(v not in COORDINATES for v in value) or len(set(value)) != len(value):
-        section.note("degrees_of_freedom", f"{value!r} is not a list of some of {', '.join(COORDINATES)}, each once")
+        section.note("degrees_of_freedom", f"{shown(value)} is not a list of some of {', '.join(COORDINATES)}, each once")
         return COORDINATES
     return tuple(c for c in COORDINATES if c in value)
 
@@ -147,7 +147,7 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
         body = section.text("body", None, allowed=bodies or None, meaning="the body it carries")
         base = section.text("base", None, meaning="another body, or a name such as chassis or road")
         if body and body == base:
-            section.note("base", f"{base!r} is the body itself; a mount joins two different bodies")
+            section.note("base", f"{shown(base)} is the body itself; a mount joins two different bodies")
             base = None
         elements, priors = _read_axes(section)
         section.finish()
@@ -164,7 +164,7 @@ def _read_axes(section: Section) -> tuple[dict[str, ForceElement], dict[tuple[st
         entries = {axis: section.raw("element") for axis in AXES}
     axes = section.raw("axes", required=not entries, meaning="one force element per axis")
     if axes is not None and not isinstance(axes, Mapping):
-        section.note("axes", f"{axes!r} is not a mapping of axis to force element")
+        section.note("axes", f"{shown(axes)} is not a mapping of axis to force element")
         axes = None
     if axes is not None:
         for axis in axes:
@@ -226,12 +226,12 @@ def _plain_numbers(
 ) -> dict[str, Any] | None:
     """Return the element mapping with every quantity replaced by its number in SI under the declared key."""
     if not isinstance(entry, Mapping):
-        problems.append(f"{where}: {entry!r} is not a force element; a mapping with kind and its parameters is needed")
+        problems.append(f"{where}: {shown(entry)} is not a force element; a mapping with kind and its parameters is needed")
         return None
     kind = entry.get("kind")
     if not isinstance(kind, str) or kind not in kinds():
         problems.append(
-            f"{where}.kind: {kind!r} is not a force element; allowed: {', '.join(kinds())}{suggestion(str(kind), kinds())}"
+            f"{where}.kind: {shown(kind)} is not a force element; allowed: {', '.join(kinds())}{suggestion(str(kind), kinds())}"
         )
         return None
     declared = {p.key: p for p in kinds()[kind].parameters()}
