@@ -61,6 +61,9 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
         if not wanted:
             continue
         names = [channels.sources[name].channel for name, _ in wanted]
+        problems += [f"{sensor.name}: column {name}, {file.unreadable[name]}" for name in names if name in file.unreadable]
+        if any(name in file.unreadable for name in names):
+            continue
         if not any(name in by_name for name in names):
             problems.append(f"{sensor.name}: the file has no channel {', '.join(repr(n) for n in names)}")
             continue
@@ -78,6 +81,7 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
             f"{file.name}: no channel belongs to a sensor of the vehicle; a channel map is needed. Channels: {there}"
         )
     ignored.update({f"channel {name}: belongs to no sensor": len(c[0].values) for name, c in by_name.items() if name not in used})
+    ignored.update({f"column {name}: holds text ({why})": 1 for name, why in file.unreadable.items()})
     return Recording(file.name, found, ignored=dict(ignored))
 
 
