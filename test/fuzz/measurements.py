@@ -57,13 +57,13 @@ def written(suffix: str) -> Callable[[Path], list[bytes]]:
 def tdms(folder: Path) -> list[bytes]:
     import nptdms
 
-    properties = {"wf_increment": 0.002, "wf_start_time": np.datetime64("2026-05-01T12:00:00", "us"), "unit_string": "m/s^2"}
-    plain = {"unit_string": "s"}
+    waveform = {"wf_increment": 0.002, "wf_start_time": np.datetime64("2026-05-01T12:00:00", "us")}
+    time = nptdms.ChannelObject("daq", "time", channels()[0].time_s, properties={"unit_string": "s"})
     found = []
-    for name, timed in (("waveform", True), ("table", False)):
-        objects = [nptdms.ChannelObject("daq", c.name, c.values, properties=properties if timed else {}) for c in channels()]
-        if not timed:
-            objects.append(nptdms.ChannelObject("daq", "time", channels()[0].time_s, properties=plain))
+    for name, properties, more in (("waveform", waveform, []), ("table", {}, [time])):
+        objects = [
+            nptdms.ChannelObject("daq", c.name, c.values, properties={**properties, "unit_string": c.unit}) for c in channels()
+        ] + more
         with nptdms.TdmsWriter(folder / name) as writer:
             writer.write_segment(objects)
         found.append((folder / name).read_bytes())

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: stamp of the first sample where a file does not say when it was recorded [ns]; zero would count as "no stamp"
 UNKNOWN_START_NS = 1_000_000_000
+#: latest start of a file that is believed [ns]: the year 2096
+LATEST_START_NS = 4 * 10**18
 #: other spellings of the units of the package, lower case
 _ALIASES = {
     "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "ms-2": "m/s^2", "gn": "g", "g0": "g",
@@ -38,6 +40,8 @@ _TIME_NAMES = ("time", "t", "timestamp", "stamp", "zeit", "timestamps", "x_value
 _TIME_FACTORS = {
     "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
+#: largest time of a sample [s]: a century from the start of the file or from 1970; more does not fit a clock in nanoseconds
+_LONGEST_S = 3.2e9
 #: units a time may be in
 TIME_UNITS = tuple(unit for unit in _TIME_FACTORS if unit)
 #: share of the steps between stamps that may be zero because the file rounds them
@@ -241,20 +245,43 @@ def _same_clock(first: Array, second: Array) -> bool:
     return bool(abs(thousands - round(thousands)) < 2e-3 and apart < 0.01 * passed[-1])
 
 
+def even_time(path: Path, name: str, start: float, step: float, count: int) -> Array:
+    """Return the time of evenly sampled values [s].
+
+    Raises
+    ------
+    InputDataError
+        A start or step that no clock has.
+    """
+    if not (abs(start) <= _LONGEST_S and step > 0.0 and step * count <= _LONGEST_S):
+        raise InputDataError(f"{path}: {name!r} begins at {start:g} s with a step of {step:g} s, {count} samples: no time base")
+    return np.asarray(start + step * np.arange(count), dtype=np.float64)
+
+
 def check_time(path: Path, name: str, time: Array) -> None:
     """Refuse a time base that cannot be one.
 
     Raises
     ------
     InputDataError
-        Fewer than two samples, not finite, or not rising.
+        See :func:`no_time`.
     """
+    reason = no_time(time)
+    if reason:
+        raise InputDataError(f"{path}: {name!r}: {reason}")
+
+
+def no_time(time: Array) -> str:
+    """Return why a time base [s] cannot be one, nothing where it can: too short, not finite, beyond a century, not rising."""
     if len(time) < 2:
-        raise InputDataError(f"{path}: {name!r} has {len(time)} samples; at least two are needed")
+        return f"{len(time)} samples; at least two are needed"
     if not np.all(np.isfinite(time)):
-        raise InputDataError(f"{path}: {name!r}: sample {int(np.argmin(np.isfinite(time)))} of the time is not finite")
+        return f"sample {int(np.argmin(np.isfinite(time)))} of the time is not finite"
+    if np.max(np.abs(time)) > _LONGEST_S:
+        return f"the time reaches {np.max(np.abs(time)):.3g} s, more than a century: it is in another unit"
     if np.any(np.diff(time) <= 0.0):
-        raise InputDataError(f"{path}: {name!r}: the time does not rise at sample {int(np.argmax(np.diff(time) <= 0.0)) + 1}")
+        return f"the time does not rise at sample {int(np.argmax(np.diff(time) <= 0.0)) + 1}"
+    return ""
 
 
 def require(module: str, what: str) -> Any:

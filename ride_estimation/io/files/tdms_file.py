@@ -13,6 +13,7 @@ from ride_estimation.io.files.channels import (
     FileChannel,
     MeasurementFile,
     TimeSource,
+    even_time,
     require,
     table_channels,
 )
@@ -43,7 +44,7 @@ def read_tdms(path: Path, time: TimeSource) -> MeasurementFile:
             step = properties.get("wf_increment")
             if step:
                 offset = float(properties.get("wf_start_offset", 0.0))
-                seconds = np.asarray(offset + float(step) * np.arange(len(values)), dtype=np.float64)
+                seconds = even_time(path, str(channel.name), offset, float(step), len(values))
                 channels.append(FileChannel(str(channel.name), unit, seconds, values.astype(float)))
                 begin = properties.get("wf_start_time")
                 if isinstance(begin, np.datetime64) and not np.isnat(begin):
