@@ -11,6 +11,7 @@ from ride_estimation.io.files.channel_map import default_map, load_channel_map
 from ride_estimation.io.files.conversion import recording_from_file
 from ride_estimation.io.files.formats import READ_SUFFIXES, read_measurement_file
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.sensors.quality import judge_sensors
 
 HELP = "make a bag of an MDF4, TDMS, RPC III, CSV or Parquet file"
 EXAMPLES = """\
@@ -51,6 +52,9 @@ def run(options: argparse.Namespace) -> int:
     write_bag(options.out, recording, vehicle.sensors)
     for reason, count in recording.ignored.items():
         print(f"not used: {reason} ({count} samples)")
+    for name, quality in judge_sensors(recording, vehicle.sensors, vehicle.gravity, weight=vehicle.weight).items():
+        for finding in quality.findings:
+            print(f"{name}: {finding}")
     without = [name for name in vehicle.sensors if name not in recording.channels]
     if without:
         print(f"sensors of the vehicle file without data: {', '.join(without)} (replay --without ...)")

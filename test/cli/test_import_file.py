@@ -268,3 +268,31 @@ def test_units_of_test_rigs_abroad() -> None:
     assert unit_factor("kip") == ("N", pytest.approx(4448.2216)) and unit_factor("lbf") == ("N", pytest.approx(4.4482216))
     assert unit_factor("psi") == ("Pa", pytest.approx(6894.757)) and unit_factor("in") == ("m", 0.0254)
     assert unit_factor("mg") == ("m/s^2", pytest.approx(9.80665e-3))
+
+
+def test_an_import_says_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "".join(f"{2 * k},0.01,0.02,{1 + 0.01 * (k % 7)}\n" for k in range(100))
+    (tmp_path / "run.csv").write_text(f"clock,{COLUMNS}\n{rows}")
+    (tmp_path / "map.yaml").write_text(
+        "schema: ride_estimation/channels/1\ntime: {channel: clock}\nchannels:\n"
+        + "".join(f"  cab_front_left.{a}: cab_front_left.{a}\n" for a in "xyz")
+    )
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 0
+    told = capsys.readouterr().out
+    assert "cab_front_left: 0.5 Hz is outside 10 Hz to 20 kHz, where ride is measured: is the time in ms?" in told
+    assert "the values look like g, not m/s^2" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("{channel: clock, unit: hours}", "time.unit"), ("{rate_rpm: 500}", "rate_rpm"), ("{rate_hz: 0}", "rate_hz")],
+)
+def test_a_time_of_the_map_that_cannot_be_is_refused(
+    text: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run.csv").write_text(f"clock,{COLUMNS}\n0,1,2,3\n1,2,3,4\n")
+    (tmp_path / "map.yaml").write_text(f"schema: ride_estimation/channels/1\ntime: {text}\nchannels: {{cab_front_left.x: a}}\n")
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 2
+    assert words in capsys.readouterr().err

@@ -125,6 +125,11 @@ def test_the_rate_is_that_of_the_run_and_not_of_most_steps() -> None:
     assert rate == pytest.approx(3999 / (stamps[-1] - stamps[0]) * 1e9, rel=1e-9) and rate < 98.0
 
 
+def test_constant_columns_are_not_computed_from_each_other() -> None:
+    """The mean of a hundred times 0.01 is not 0.01."""
+    assert derived_findings(np.tile([0.01, 0.02, 0.07], (100, 1))) == []
+
+
 def test_spikes_and_flat_lines_are_found() -> None:
     values = clean().values.copy()
     values[[500, 1500, 2500], 1] += 50.0
