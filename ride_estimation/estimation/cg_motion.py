@@ -55,6 +55,9 @@ _TEST_MEMORY, _HOLD = 60.0, 0.5
 _LEAST_SUMS, _ACROSS = 50.0, 0.1
 #: time after which a sensor that does not speak or is refused counts as left out [s]
 _LEFT_OUT = 2.0
+#: time in which attitude and rates are lost while the sensors that speak do not determine the motion [s]: a quarter of the period
+#: of a cab that rolls or pitches
+_COASTS = 0.2
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
 _CENTRIPETAL = 0.08
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
@@ -185,15 +188,18 @@ class CgMotionEstimator:
         self._last_gyro: Array | None = None
         #: residuals while the angular rate is not known yet
         self._early = ResidualSums.empty(3 * len(self.sensors))
-        self._last_good, self._slow = np.zeros(6), np.zeros(4)
+        self._last_good, self._slow = np.array([0.0, 0.0, self._gravity, 0.0, 0.0, 0.0]), np.zeros(4)
         s, self._lasting = self._settings, LastingAcceleration()
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def _begin_attitude(self) -> None:
         """Begin attitude and rates anew from the next specific force."""
         self._state, self._rate_known, self._rate_variance = np.zeros((5, 3)), False, np.zeros(3)
-        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
-        self._p_yaw = self._p_tilt.copy()
+        self._p_tilt, self._p_yaw = self._first_covariance(), self._first_covariance()
+
+    def _first_covariance(self) -> Array:
+        """Return the covariance of angle, rate and bias of an attitude that nothing is known of yet."""
+        return np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
 
     def set_variance(self, sensor: int, variance: Array) -> None:
         """Use the variance that the messages of a sensor state [(m/s^2)^2], shape (3,)."""
@@ -292,10 +298,9 @@ class CgMotionEstimator:
         """Estimate over ticks with the same channels; write into ``out`` and return the covariance."""
         weights = self.weights(mask, dt)
         needed = self._needed
-        if weights.rank == 0:
-            out.motion[where] = self._last_good
-            out.tilt[where] = self._state[0]
-            out.valid[where] = False
+        if weights.rank < self._determined(dt):
+            out.motion[where], out.tilt[where], out.valid[where] = self._last_good, self._state[0], False
+            self._coast(len(y) * dt)
             self._faults.interrupt()
             return weights.covariance
         gyro_mask = mask[list(self.gyros)] & self._gyro_fit if self.gyros else np.zeros(0, dtype=bool)
@@ -342,6 +347,24 @@ class CgMotionEstimator:
         else:
             self._faults.interrupt()
         return weights.covariance + self._rate_doubt(weights, rate, use_gyro)
+
+    def _determined(self, dt: float) -> int:
+        """Return the rank at which the motion is more than a guess: that of all coordinates, or of all sensors where they do not."""
+        return min(self._needed, max(self.weights(np.ones(len(self.sensors), dtype=bool), dt).rank, 1))
+
+    def _coast(self, duration: float) -> None:
+        """Let attitude and rates go on without sensors: a body on mounts comes to rest, and what was known of it is lost.
+
+        A centripetal term of a guessed rate would feed the guess of the next.
+        """
+        left = math.exp(-duration / _COASTS)
+        p_tilt, p_yaw = self._first_covariance(), self._first_covariance()
+        for own, first in ((self._p_tilt, p_tilt), (self._p_yaw, p_yaw)):
+            first[2, 2] = own[2, 2]  # biases do not move
+            own[:] = left * own + (1.0 - left) * first
+        self._state[1] *= left
+        self._state[3] = self._state[2] if not self._gyro_fit.any() else 0.0
+        self._last_gyro = None
 
     def _tells(self, mask: BoolArray, duration: float) -> bool:
         """Return whether the residuals of a set of sensors say something: all of them, or since long the same ones."""

@@ -343,7 +343,8 @@ class _Stretch:
             value.reshape(shape), rate.reshape(shape), value.reshape(shape), turn, swing, swing_rate, spread, rate_spread,
             value.reshape(shape),
         )  # fmt: skip
-        return forces.observe(block, self._support(piece.model, model, at), piece.load_covariance, turn_rate, self._dt)
+        told = np.ones(len(value), dtype=bool)
+        return forces.observe(block, self._support(piece.model, model, at), told, piece.load_covariance, turn_rate, self._dt)
 
     def _support(self, then: ForceModel, now: ForceModel, at: slice) -> Array:
         """Return the wrench the mounts carry with mass and inertia known later."""

@@ -230,9 +230,11 @@ class Pipeline:
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
         deflection = self._observe_deflection(block, motion, support, dt)
         turn_rate = self._deflection.turn_rate(deflection)
-        forces = self._forces.observe(deflection, support, covariance := self._load_covariance(motion), turn_rate, dt)
+        covariance = self._load_covariance(motion)
+        forces = self._forces.observe(deflection, support, motion.valid, covariance, turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
-        self._observe_cells(block, forces.force, ticks * dt)
+        if motion.valid.all():
+            self._observe_cells(block, forces.force, ticks * dt)
         lost, whole = ticks - int(np.count_nonzero(motion.valid)), bool(block.valid.all())
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
@@ -363,7 +365,7 @@ class Pipeline:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
         turn_channels(block.values, block.valid, *self._layout.base_arrays, base, base_ok)
-        measured = base_ok
+        spoke, measured = base_ok.all(axis=1), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         if self.tilting.learns and self.tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
@@ -372,9 +374,10 @@ class Pipeline:
         for i, axis, stream, start in self._layout.transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
-        expected, missing = np.zeros((count, 3)), self._forces.missing_deflection()
+        expected = np.zeros((count, 3))
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
-        found = self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt, missing)
+        equilibrium = self._forces.equilibrium(support)
+        found = self._deflection.observe(motion, base, base_ok, spoke, displaced, displaced_ok, expected, dt, equilibrium)
         return self._fill.widen(found, ticks * dt)
 
     def _settle(self) -> None:
