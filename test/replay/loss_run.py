@@ -198,9 +198,16 @@ class Chain:
         known = (row >= -rows) & (row < rows) & (first + row >= 0)
         row = np.where(known, first + row, -1)
         force, std, deflection, valid = (
-            np.concatenate([getattr(b, n) for b in blocks]) for n in ("mount_force", "mount_force_std", "mount_deflection", "valid")
+            np.concatenate([getattr(b, name) for b in blocks])
+            for name in ("mount_force", "mount_force_std", "mount_deflection", "valid")
         )
         return Outcome(row, force, std, deflection, valid)
+
+
+def undisturbed_rows(sensors: int, rows: int) -> Disturbance:
+    """Return a disturbance that is none."""
+    nothing = np.zeros((sensors, rows))
+    return Disturbance("none", nothing == 0.0, nothing, nothing, 0.0, 0.0)
 
 
 def undisturbed(given: Course) -> np.ndarray:
@@ -208,7 +215,7 @@ def undisturbed(given: Course) -> np.ndarray:
     chain = Chain(given)
     error = np.full(given.force.shape, np.nan)
     sensors, rows = len(given.samples), round(CALM * given.rate_hz)
-    calm = Disturbance("none", np.ones((sensors, rows), dtype=bool), np.zeros((sensors, rows)), np.zeros((sensors, rows)), 0.0, 0.0)
+    calm = undisturbed_rows(sensors, rows)
     for _ in range(2 * (given.rows // rows)):
         found = chain.feed(calm)
         good = (found.rows >= 0) & found.valid
@@ -218,8 +225,9 @@ def undisturbed(given: Course) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """One sequence: its kind, whether all numbers were finite, the largest force over the largest true one, error at the end of the
-    calm over what it may be (horizontal, vertical), ticks and those inside two standard deviations (horizontal, vertical).
+    """One sequence: its kind, whether all numbers were finite, the largest force over the largest true one, error at the end of
+    the calm and without disturbance over the size of the forces (horizontal, vertical), ticks and those inside two standard
+    deviations (horizontal, vertical).
     """
 
     kind: str
@@ -248,8 +256,7 @@ def sequences(given: Course, seed: int, count: int, reference: np.ndarray | None
     chain, rng, rate = Chain(given), np.random.default_rng(seed), given.rate_hz
     largest_true = float(np.abs(given.force).max())
     sensors = len(given.samples)
-    quiet = np.zeros((sensors, round(2 * CALM * rate)))
-    chain.feed(Disturbance("none", quiet == 0.0, quiet, quiet, 0.0, 0.0))
+    chain.feed(undisturbed_rows(sensors, round(2 * CALM * rate)))
     for _ in range(count):
         plan = disturbance(rng, sensors, rate)
         found = chain.feed(plan)
