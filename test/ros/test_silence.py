@@ -29,14 +29,14 @@ class Drive:
         self._messages = drive(self.node.session.vehicle, 60.0)
         self._clock = clock
         self.reports: list[float] = []
-        self.node._publish_diagnostics = lambda stamp_ns: self.reports.append(clock[0])  # type: ignore[method-assign]
+        self.node._publish_diagnostics = lambda: self.reports.append(clock[0])  # type: ignore[method-assign]
 
     def go(self, seconds: float, dead: Container[str] = ()) -> None:
         for _ in range(round(seconds / LOOK_PERIOD_S)):
             for _ in range(8 * 10):  # 8 topics at 100 Hz
                 message = next(self._messages)
                 if message.topic not in dead:
-                    self.node._arrived(message.topic, message.type_name, message.payload)
+                    self.node._arrived(message.topic, self.node.session.states[message.topic], message.payload)
             self._clock[0] += LOOK_PERIOD_S
             self.node.look()
 
