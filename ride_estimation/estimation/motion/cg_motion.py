@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.arrangement import channel_geometry
 from ride_estimation.estimation.common.block_math import stretches
 from ride_estimation.estimation.common.settings import PipelineSettings
@@ -64,34 +63,6 @@ _CENTRIPETAL = 0.08
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 #: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
 _LASTING = 10.0
-
-
-def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
-    """Return B of document 000 eq. (3): rows ``[e, r x e]`` of single channels, shape (C, 6).
-
-    Parameters
-    ----------
-    sensors
-        Per channel the place relative to the CG [m] and the axis ``x``, ``y`` or ``z``.
-
-    Raises
-    ------
-    ConfigurationError
-        Six channels that do not determine the six accelerations (document 000: three sensors on one line in plan, or
-        sensors 2 and 3 with equal x).
-    """
-    rows = []
-    for place, axis in sensors:
-        e = np.eye(3)["xyz".index(axis)]
-        rows.append(np.concatenate([e, np.cross(np.asarray(place, dtype=float), e)]))
-    matrix = np.array(rows)
-    singular = np.linalg.svd(matrix, compute_uv=False)
-    if len(matrix) < 6 or singular[-1] < 1e-9 * singular[0]:
-        raise ConfigurationError(
-            f"{len(matrix)} channels of rank {int(np.sum(singular > 1e-9 * singular[0]))} do not determine the six "
-            "accelerations of a body; place three triaxial sensors off one line", where="sensor layout",
-        )  # fmt: skip
-    return matrix
 
 
 @dataclasses.dataclass(frozen=True)
