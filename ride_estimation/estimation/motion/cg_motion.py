@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -179,15 +179,16 @@ class CgMotionEstimator:
             self._cache.clear()
             self._faults.set_variance(self.variance)
 
-    def leave_out_gyro(self, gyro: int) -> None:
+    def leave_out_gyros(self, gyros: Iterable[int]) -> None:
         """Take angular rates from the other gyros or else from the accelerometers; attitude and rates begin anew."""
-        self._gyro_fit[gyro] = False
-        self._cache.clear()
-        points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
-        self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
-        self._faults.set_variance(self.variance)
-        self._sums = ResidualSums.empty(3 * len(self.sensors))
-        self.reset()
+        for gyro in gyros:
+            self._gyro_fit[gyro] = False
+            self._cache.clear()
+            points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
+            self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
+            self._faults.set_variance(self.variance)
+            self._sums = ResidualSums.empty(3 * len(self.sensors))
+            self.reset()
 
     def weights(self, mask: BoolArray, dt: float) -> Weights:
         """Return the least squares for the channels that speak.
