@@ -59,8 +59,12 @@ class Hypothesis:
         Tells apart hypotheses of one cause and place, such as the side of a stop.
     essential
         Columns without which the hypothesis means nothing.
-    largest
-        Size of the first coefficient beyond which the hypothesis means nothing.
+    largest, smallest
+        Size of the first coefficient beyond and below which the hypothesis means nothing.
+    run_bound
+        The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
+    shows_in_means
+        Mean readings or strained tolerances alone are evidence for it, also beside another cause.
     """
 
     cause: str
@@ -75,10 +79,15 @@ class Hypothesis:
     variant: str = ""
     essential: tuple[int, ...] = ()
     largest: float = float("inf")
+    smallest: float = 0.0
+    run_bound: bool = False
+    shows_in_means: bool = False
 
     def meaningful(self, coefficients: Array) -> bool:
-        """Return whether every essential column is used and the first coefficient is no larger than it can be."""
-        return all(coefficients[i] != 0.0 for i in self.essential) and bool(np.all(np.abs(coefficients[:1]) <= self.largest))
+        """Return whether every essential column is used and the first coefficient has a size that it can have."""
+        size = np.abs(coefficients[:1])
+        within = bool(np.all((size <= self.largest) & (size >= self.smallest)))
+        return within and all(coefficients[i] != 0.0 for i in self.essential)
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -131,8 +140,6 @@ class Cause(abc.ABC):
     RIVALS: ClassVar[tuple[str, ...]]
     WOULD_REFUTE: ClassVar[str]
     MEASURE_NEXT: ClassVar[str] = ""
-    #: the cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients
-    RUN_BOUND: ClassVar[bool] = False
     #: a law over deflection: with it a mount has no one spring rate
     BENDS_SPRING: ClassVar[bool] = False
 

@@ -32,8 +32,6 @@ class MassChange(Cause):
     WOULD_REFUTE = "a damping over stiffness ratio that changes at the same moment"
     MEASURE_NEXT = "log payload or air-spring pressure; mark loading in the recording"
 
-    RUN_BOUND = True
-
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per body, the instant on a grid between the middles of the first and the last block."""
         first, last = (float(t) for t in scene.blocks.time_s[[0, -1]])

@@ -37,7 +37,7 @@ class SensorBias(Cause):
             def columns(scene: Scene, shape: Shapes, r: int = row) -> list[Column]:
                 return [(Effect(Where.MEAN, r, np.array([1.0])),)]
 
-            out.append(Hypothesis(self.ID, signal.sensor, axis_name(signal.component), columns))
+            out.append(Hypothesis(self.ID, signal.sensor, axis_name(signal.component), columns, shows_in_means=True))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:

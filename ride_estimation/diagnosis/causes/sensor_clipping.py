@@ -46,9 +46,6 @@ class SensorClipping(Cause):
     WOULD_REFUTE = "single samples beyond the level"
     MEASURE_NEXT = "repeat with a larger measuring range"
 
-    #: what was cut belongs to the run; another run needs its own height of the peaks
-    RUN_BOUND = True
-
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor with a channel that has a heap of samples at an extreme."""
         out: list[Hypothesis] = []
@@ -71,7 +68,9 @@ class SensorClipping(Cause):
             axis = axis_name(component) if len({hit[1] for hit in hits}) == 1 else ""
             height, free = _drawn(scene, hits)
             out.append(
-                Hypothesis(self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free)
+                Hypothesis(
+                    self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free, run_bound=True
+                )
             )
         return out
 
