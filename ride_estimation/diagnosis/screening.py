@@ -53,7 +53,7 @@ def mean_rows(table: MeanTable, columns: Sequence[Column]) -> Array:
     for j, column in enumerate(columns):
         for effect in column:
             if effect.where is Where.MEAN:
-                out[effect.index, j] += effect.signal[0] / table.std
+                out[effect.index, j] += effect.signal[0] / table.std[effect.index]
     return out
 
 
