@@ -19,6 +19,28 @@ def six_of(scene: Scene, body: str) -> tuple[Array, Array]:
     return scene.grid.signal(q), scene.grid.signal(a)
 
 
+def balanced_acceleration(scene: Scene, body: str) -> Array:
+    """Return the acceleration of the six coordinates of a body that the forces along the estimated deflections cause, (N, 6).
+
+    ``M q'' = -D^T ((k + i w c) x + law forces) - K_g q + wrenches``. Deflections are cleared of the noise of the base sensors; a
+    load that stiffer mounts would hide must be compared with what they do along the same deflections.
+    """
+    plant, grid = scene.plant, scene.grid
+    stiffness, damping = scene.state.linear
+    force = (stiffness + 1j * grid.omega[:, None] * damping) * scene.deflection_spectrum
+    wrench = -force @ plant.port_map - scene.coordinate_spectrum @ plant.gravity_stiffness
+    for e in scene.state.effects:
+        if e.where is Where.PORT:
+            wrench -= np.outer(grid.spectrum(e.signal), plant.port_map[e.index])
+        elif e.where is Where.WRENCH:
+            wrench[:, e.index] += grid.spectrum(e.signal)
+    acceleration = grid.signal(np.linalg.solve(plant.mass, wrench.T).T)
+    out = np.zeros((len(acceleration), 6))
+    for row, column in plant.coordinate_rows(body):
+        out[:, column] = acceleration[:, row]
+    return out
+
+
 def wrench_column(scene: Scene, body: str, force: Array, moment: Array) -> Column:
     """Return force and moment (N, 3) on a body as one column; parts on fixed coordinates are left out."""
     six = np.concatenate([force, moment], axis=1)

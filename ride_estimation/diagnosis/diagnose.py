@@ -38,11 +38,19 @@ from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, meas
 from ride_estimation.diagnosis.selection import Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
-from ride_estimation.diagnosis.verdict import describe, gained_nothing, left_elsewhere, name_causes, proven, within_library
+from ride_estimation.diagnosis.verdict import (
+    describe,
+    gained_nothing,
+    left_elsewhere,
+    name_causes,
+    proven,
+    unexplained_run,
+    within_library,
+)
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.work import Work
 from ride_estimation.errors import InputDataError
-from ride_estimation.signals.recording import UniformRun
+from ride_estimation.signals.recording import UniformRun, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -83,6 +91,32 @@ def diagnose(
     """
     settings = settings or Settings()
     report = progress or (lambda share: None)
+    answer = _diagnosed(vehicle, run, validation, settings, report, causes)
+    worst = unexplained_run(answer.gain, settings) if answer.gain is not None and not answer.causes else ""
+    other = next((v for v in validation if v.name == worst), None)
+    if other is None:
+        return answer
+    rest = [run, *(v for v in validation if v is not other)]
+    return _elsewhere_answer(answer, _diagnosed(vehicle, other, rest, settings, lambda share: None, causes), other.name)
+
+
+def _elsewhere_answer(answer: Diagnosis, second: Diagnosis, name: str) -> Diagnosis:
+    """Return the diagnosis of the validation run that a model without named causes misses, or that nothing explains it."""
+    title_of = run_title(name)
+    if second.causes:
+        words = f"The fitted run shows no discrepancy, {title_of} does. {second.sentence}"
+        warning = f"the causes were found on the validation run {title_of}, where the model of the fitted run misses most"
+        return dataclasses.replace(second, sentence=words, warnings=(*second.warnings, warning))
+    if answer.verdict != NO_DISCREPANCY:
+        return answer
+    return dataclasses.replace(answer, verdict=UNEXPLAINED, sentence=describe(UNEXPLAINED, (), answer.gain, 1.0))
+
+
+def _diagnosed(
+    vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings, report: Report,
+    causes: Collection[str] | None,
+) -> Diagnosis:
+    """Return the diagnosis of one run, the others only judging."""
     try:
         plant, data, splits = _prepare(vehicle, run, settings)
         calibrated = with_held_cg(calibrate(plant, data, settings, splits.train))

@@ -34,8 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.interpolation import interpolate_streams
-from ride_estimation.signals.recording import Recording, UniformRun
+from ride_estimation.signals.recording import Channel, Recording, UniformRun
 from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec
 
 __all__ = ["Block", "StampAligner", "StreamHealth", "StreamSpec", "align"]
@@ -440,6 +441,17 @@ def _tidy_step(period: int) -> int:
     return period
 
 
+def _clipped_at(channels: Sequence[Channel]) -> dict[str, Array]:
+    """Return where the readings of sensors are cut, corrected, of those that are."""
+    out = {}
+    for channel in channels:
+        good = np.all(np.isfinite(channel.values), axis=1)
+        levels = clipping_levels(channel.values[good][:, :3]) if np.any(good) else np.zeros((2, 0))
+        if np.any(np.isfinite(levels)):
+            out[channel.name] = channel.correction.apply(levels)
+    return out
+
+
 def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: float = 2.0) -> UniformRun:
     """Put a whole recording on one time base with the code the live estimator uses.
 
@@ -484,4 +496,5 @@ def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: flo
         data={name: values_all[:, columns] for name, columns in zip(names, aligner.columns)},
         valid={name: valid[:, i] for i, name in enumerate(names)},
         corrections={name: c.correction for name, c in zip(names, channels) if not c.correction.empty},
+        clipped_at=_clipped_at(channels),
     )

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.recording import Channel
 
@@ -46,7 +47,7 @@ class ChannelQuality:
     gaps, longest_gap_s
         Holes longer than :data:`GAP_PERIODS` periods.
     clipped
-        Samples at the full scale, or resting at the extreme value where no full scale is stated.
+        Samples at the full scale, or resting at an extreme value below it.
     flat_s
         Longest time without any change [s].
     spikes
@@ -136,7 +137,7 @@ def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
         found.append((text, "samples are interpolated at their own stamps"))
     if q.clipped:
         text = f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped"
-        found.append((text, "those at the full scale of the vehicle file are not used; without one, all are"))
+        found.append((text, "those at the full scale of the vehicle file are not used; below it, all are"))
     if q.flat_s > FLAT_SECONDS:
         found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", "not used while the other sensors move"))
     if q.spikes:
@@ -163,20 +164,11 @@ def with_action(finding: str, done: str) -> str:
 
 
 def _clipped(values: Array, full_scale: float) -> int:
-    """Return the number of samples at full scale; without one, of samples resting on a shared extreme value."""
+    """Return the number of samples at full scale, or resting on an extreme value below it."""
     if not len(values):
         return 0
-    if np.isfinite(full_scale):
-        return int(np.sum(np.any(np.abs(values) >= 0.999 * full_scale, axis=1)))
-    resting = np.zeros(len(values), dtype=bool)
-    for column in values.T:
-        for extreme in (column.max(), column.min()):
-            at = column == extreme
-            # three in a row at the very extreme of a signal that moves otherwise does not happen by chance
-            run = at[:-2] & at[1:-1] & at[2:]
-            if np.any(run) and np.mean(at) < 0.5:
-                resting |= at
-    return int(np.sum(resting))
+    low, high = clipping_levels(values)
+    return int(np.sum(np.any((np.abs(values) >= 0.999 * full_scale) | (values <= low) | (values >= high), axis=1)))
 
 
 def _spikes(values: Array) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import mean_table, static_means
-from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
+from ride_estimation.diagnosis.body_wrench import balanced_acceleration, six_of, wrench_column
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import step_window
@@ -52,11 +52,12 @@ class MassChange(Cause):
         for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
 
             def changing(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
-                window = step_window(scene.time_s, float(shape["at"]))
-                return [column for column in (*_load(scene, b, window), *_inertia(scene, b, window)) if column]
+                window, gravity = step_window(scene.time_s, float(shape["at"])), scene.plant.vehicle.gravity
+                columns = (*_load(scene, b, window, six_of(scene, b)[1], gravity), *_inertia(scene, b, window))
+                return [column for column in columns if column]
 
             def constant(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
-                return [column for column in _with_sag(scene, b, _load(scene, b, np.ones(len(scene.time_s)))) if column]
+                return [column for column in _with_sag(scene, b, _constant_load(scene, b)) if column]
 
             mass = scene.plant.vehicle.bodies[body].mass
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
@@ -99,16 +100,31 @@ class MassChange(Cause):
 
 def _moments(scene: Scene, fitted: Fitted) -> list[int]:
     """Return the axes of the first moments among the coefficients, in order."""
-    columns = _load(scene, fitted.hypothesis.location, np.ones(len(scene.time_s)))
+    columns = _constant_load(scene, fitted.hypothesis.location)
     return [axis for axis, column in enumerate(columns[1:]) if column]
 
 
-def _load(scene: Scene, body: str, window: Array) -> list[Column]:
-    """Return added mass and its three first moments, four columns, empty where the body cannot feel it."""
+def _constant_load(scene: Scene, body: str) -> list[Column]:
+    # the weight of a load that is always there has no part in the band, and its edges must not leak into it
+    return _load(scene, body, np.ones(len(scene.time_s)), balanced_acceleration(scene, body), 0.0)
+
+
+def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> list[Column]:
+    """Return added mass and its three first moments, four columns, empty where the body cannot feel it.
+
+    Parameters
+    ----------
+    window
+        Share of the load that is there, shape (N,).
+    a
+        Acceleration of the six coordinates of the body, shape (N, 6).
+    weight
+        Gravity whose onset shows [m/s^2].
+    """
     window = window[:, None]
     gravity = scene.plant.vehicle.gravity
-    q, a = six_of(scene, body)
-    load = a[:, :3] + gravity * _UP
+    q = six_of(scene, body)[0]
+    load = a[:, :3] + weight * _UP
     out = [wrench_column(scene, body, -window * load, np.zeros_like(load))]
     for i in range(3):
         arm = np.eye(3)[i]
