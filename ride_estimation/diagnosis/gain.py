@@ -26,6 +26,7 @@ from ride_estimation.signals.recording import UniformRun
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 #: share to which the noise floor itself is known: less above it is nothing that remains
 FLOOR = 0.1
+_AS_GOOD = 1.02  # error over another one up to which both count as the same
 
 
 def refusal(work: Work, base: Prediction, extended: Prediction) -> str:
@@ -39,14 +40,19 @@ def refusal(work: Work, base: Prediction, extended: Prediction) -> str:
     return ""
 
 
+def acts_in_band(accepted: FullFit | None) -> bool:
+    """Return whether some accepted cause must show in the band, and not in mean readings or strained tolerances alone."""
+    return accepted is not None and any(
+        np.any(accepted.rows[:, :, accepted.part(i)]) and not f.hypothesis.shows_in_means for i, f in enumerate(accepted.fitted)
+    )
+
+
 def _confirmed(work: Work, base: Prediction, extended: Prediction) -> bool:
-    """Return whether the extended model predicts the judge blocks better; offsets are not in the band and pass."""
-    accepted = work.selection.accepted
-    if accepted is None or not np.any(accepted.rows):
-        return True
+    """Return whether the extended model predicts the judge blocks better, or no worse where means are the evidence."""
     judge = work.splits.judge
     (before, signal), (after, _) = block_squares(base), block_squares(extended)
-    return pooled_nrmse(after, signal, judge) < pooled_nrmse(before, signal, judge)
+    tolerated = 1.0 if acts_in_band(work.selection.accepted) else _AS_GOOD
+    return pooled_nrmse(after, signal, judge) < tolerated * pooled_nrmse(before, signal, judge)
 
 
 def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
@@ -55,8 +61,7 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     With little noise and a long run the score tests see errors of a thousandth, which every model has. Judged where nothing
     was fitted.
     """
-    accepted = work.selection.accepted
-    if accepted is None or not np.any(accepted.rows):
+    if not acts_in_band(work.selection.accepted):
         return True
     inside = base.scene.block_window(work.splits.judge)[:, None]
     parts = (base.residual(), extended.residual(), base.measured())
@@ -97,7 +102,7 @@ def measured_gain(
             )
             continue
         (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
-        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > 1.02 * pooled_nrmse(e0, s0, judged):
+        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > _AS_GOOD * pooled_nrmse(e0, s0, judged):
             warnings.append(
                 f"validation run {other.name}: the extended model is worse there than the calibrated one; "
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
@@ -118,7 +123,7 @@ def measured_gain(
                 base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
             ), floor,
         ))
-    if after > baseline * 1.02 and work.extended.fitted:
+    if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
     return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
 

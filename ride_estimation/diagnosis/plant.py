@@ -291,7 +291,7 @@ def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array
             )
 
 
-def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
+def static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
     """Return static vertical mount forces: equilibrium of every body, least norm weighted by vertical stiffness."""
     rows, rhs = [], []
     for b in bodies:
@@ -313,20 +313,17 @@ def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str,
     return np.asarray(weight * np.linalg.lstsq(np.array(rows) * weight, np.array(rhs), rcond=None)[0])
 
 
-def _gravity_stiffness(
-    vehicle: Vehicle, mounts: tuple[str, ...], static: Array, selectors: dict[str, list[tuple[int, int]]], n: int
+def gravity_stiffness_of(
+    vehicle: Vehicle, mounts: tuple[str, ...], static: Array, coordinates: Coordinates
 ) -> Array:
-    """Return the stiffness of static loads whose points of attack turn with the bodies, shape (n, n)."""
-    gravity_k = np.zeros((n, n))
-    for b, pairs in selectors.items():
-        body = vehicle.bodies[b]
-        grav = np.zeros((6, 6))
-        grav[3, 3] = grav[4, 4] = sum(
-            static[k] * (vehicle.mounts[m].position - body.cg)[2] * (1.0 if vehicle.mounts[m].body == b else -1.0)
-            for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
-        )
-        rows, columns = [r for r, _ in pairs], [c for _, c in pairs]
-        gravity_k[np.ix_(rows, rows)] = grav[np.ix_(columns, columns)]
+    """Return the stiffness of static mount loads (M,) whose points of attack turn with the bodies, shape (n, n)."""
+    gravity_k = np.zeros((len(coordinates), len(coordinates)))
+    for i, (b, coordinate) in enumerate(coordinates):
+        if coordinate in ("roll", "pitch"):
+            gravity_k[i, i] = sum(
+                static[k] * (vehicle.mounts[m].position - vehicle.bodies[b].cg)[2] * (1 if vehicle.mounts[m].body == b else -1)
+                for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
+            )
     return gravity_k
 
 
@@ -369,11 +366,9 @@ def build_plant(
         )
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
     direct, lever, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
-    n, size = len(coordinates), 3 * len(mounts)
-    index = {key: i for i, key in enumerate(coordinates)}
-    selectors = {b: [(index[(b, c)], COORDINATES.index(c)) for c in COORDINATES if (b, c) in index] for b in bodies}
-    static = _static_forces(vehicle, mounts, bodies)
-    mass, gravity_k = mass_matrix(vehicle, coordinates), _gravity_stiffness(vehicle, mounts, static, selectors, n)
+    size = 3 * len(mounts)
+    static = static_forces(vehicle, mounts, bodies)
+    mass, gravity_k = mass_matrix(vehicle, coordinates), gravity_stiffness_of(vehicle, mounts, static, coordinates)
     ports, port_map, port_base = _ports(vehicle, mounts, coordinates, (default_k_std, default_c_std))
     outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, coordinates, size)
     inputs = tuple(

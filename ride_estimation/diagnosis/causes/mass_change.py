@@ -15,6 +15,7 @@ from ride_estimation.diagnosis.body_wrench import balanced_acceleration, six_of,
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import step_window
+from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -106,7 +107,34 @@ def _moments(scene: Scene, fitted: Fitted) -> list[int]:
 
 def _constant_load(scene: Scene, body: str) -> list[Column]:
     # the weight of a load that is always there has no part in the band, and its edges must not leak into it
-    return _load(scene, body, np.ones(len(scene.time_s)), balanced_acceleration(scene, body), 0.0)
+    columns = _load(scene, body, np.ones(len(scene.time_s)), balanced_acceleration(scene, body), 0.0)
+    turned = _turned_weights(scene, body)
+    return [
+        (*column, *(Effect(Where.WRENCH, i, signal[:, i]) for i in range(signal.shape[1]) if np.any(signal[:, i])))
+        if column else () for column, signal in zip(columns, turned)
+    ]
+
+
+def _turned_weights(scene: Scene, body: str) -> list[Array]:
+    """Return the wrenches of the mount forces that carry a load, per unit of mass and first moments, as they turn, (N, n) each.
+
+    They turn with the bases of the mounts and attack at points that turn with the body.
+    """
+    plant, grid = scene.plant, scene.grid
+    known, vehicle = plant.vehicle.bodies[body], plant.vehicle
+    heavier = dataclasses.replace(known.mass, value=known.mass.value + 1.0)
+    changed = [dataclasses.replace(known, mass=heavier)]
+    changed += [dataclasses.replace(known, cg=known.cg + np.eye(3)[i] / known.mass.value) for i in range(3)]
+    out = []
+    for other in changed:
+        loaded = dataclasses.replace(vehicle, bodies={**vehicle.bodies, body: other})
+        names = tuple(dict.fromkeys(b for b, _ in plant.coordinates))
+        force = static_forces(loaded, plant.mounts, names) - static_forces(vehicle, plant.mounts, names)
+        tilt = dataclasses.replace(plant, static_force=force).static_tilt()
+        wrench = (scene.input_spectrum / (-grid.omega**2)[:, None]) @ tilt.T
+        stiffness = gravity_stiffness_of(vehicle, plant.mounts, force, plant.coordinates)
+        out.append(grid.signal(wrench - scene.coordinate_spectrum @ stiffness.T))
+    return out
 
 
 def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> list[Column]:
