@@ -142,9 +142,7 @@ class ColumnSet:
     def wrench(self, body: str, force: ComplexArray, moment: ComplexArray) -> ComplexArray:
         """Return the output spectrum of a wrench on a body at its CG, force and moment (F, 3)."""
         six = np.concatenate([force, moment], axis=1)
-        full = np.zeros((len(six), len(self._scene.plant.coordinates)), dtype=complex)
-        for row, column in self._scene.plant.coordinate_rows(body):
-            full[:, row] = six[:, column]
+        full = six @ self._scene.plant.body_map(body)
         return np.asarray(np.einsum("fij,fj->fi", self._scene.response.output_from_wrench, full))
 
     def finish(self) -> tuple[tuple[Adjustable, ...], ComplexArray, Array]:
@@ -212,9 +210,7 @@ def port_columns(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Adjust
 
 def body_spectra(scene: Scene, body: str) -> tuple[ComplexArray, ComplexArray]:
     """Return displacement and acceleration spectra of the six coordinates of a body, (F, 6) each."""
-    q = np.zeros((len(scene.grid.omega), 6), dtype=complex)
-    for row, column in scene.plant.coordinate_rows(body):
-        q[:, column] = scene.coordinate_spectrum[:, row]
+    q: ComplexArray = scene.coordinate_spectrum @ scene.plant.body_map(body).T
     return q, np.asarray(-(scene.grid.omega**2)[:, None] * q)
 
 

@@ -15,7 +15,7 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.gain import FLOOR, acts_in_band, measured_gain, refusal, remaining_energy
+from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
@@ -267,7 +267,7 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[UniformR
         gain, warnings = measured_gain(work, base, extended, validation)
         law = work.selector.better_law(accepted)
         # what is no part of the band (offsets) gains nothing there and need not
-        reason = gained_nothing(gain, settings) if acts_in_band(accepted) else ""
+        reason = gained_nothing(gain, settings) if accepted.in_band else ""
         refuted = bool(reason)
         _, remaining = remaining_energy(work, base, gain)
         known = within_library(len(accepted.fitted), remaining, law, settings)
@@ -276,8 +276,13 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[UniformR
             reason = f"leave {100 * remaining:.0f} % of the residual energy and gain nothing that is beyond doubt"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
-    work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))
     refused = f"{', '.join(accepted.causes)} {reason}: not named"
+    if len(accepted.fitted) > 1:  # one of them may stand
+        fewer = dataclasses.replace(work, selection=work.selector.without_weakest(work.selection, accepted))
+        judged = _accepted_or_not(fewer, base, validation)
+        if not judged.refused:
+            return judged
+    work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))
     return _Judged(work, base, *measured_gain(work, base, base, validation), refused=refused, refuted=refuted)
 
 

@@ -40,18 +40,15 @@ def refusal(work: Work, base: Prediction, extended: Prediction) -> str:
     return ""
 
 
-def acts_in_band(accepted: FullFit | None) -> bool:
-    """Return whether some accepted cause must show in the band, and not in mean readings or strained tolerances alone."""
-    return accepted is not None and any(
-        np.any(accepted.rows[:, :, accepted.part(i)]) and not f.hypothesis.shows_in_means for i, f in enumerate(accepted.fitted)
-    )
+def _in_band(accepted: FullFit | None) -> bool:
+    return accepted is not None and accepted.in_band
 
 
 def _confirmed(work: Work, base: Prediction, extended: Prediction) -> bool:
     """Return whether the extended model predicts the judge blocks better, or no worse where means are the evidence."""
     judge = work.splits.judge
     (before, signal), (after, _) = block_squares(base), block_squares(extended)
-    tolerated = 1.0 if acts_in_band(work.selection.accepted) else _AS_GOOD
+    tolerated = 1.0 if _in_band(work.selection.accepted) else _AS_GOOD
     return pooled_nrmse(after, signal, judge) < tolerated * pooled_nrmse(before, signal, judge)
 
 
@@ -61,7 +58,7 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     With little noise and a long run the score tests see errors of a thousandth, which every model has. Judged where nothing
     was fitted.
     """
-    if not acts_in_band(work.selection.accepted):
+    if not _in_band(work.selection.accepted):
         return True
     inside = base.scene.block_window(work.splits.judge)[:, None]
     parts = (base.residual(), extended.residual(), base.measured())

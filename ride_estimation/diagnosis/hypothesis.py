@@ -59,8 +59,10 @@ class Hypothesis:
         Tells apart hypotheses of one cause and place, such as the side of a stop.
     essential
         Columns without which the hypothesis means nothing.
-    largest, smallest
-        Size of the first coefficient beyond and below which the hypothesis means nothing.
+    largest
+        Size of the first coefficient beyond which the hypothesis means nothing.
+    plausible
+        Whether coefficients are possible numbers.
     run_bound
         The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
     shows_in_means
@@ -79,15 +81,14 @@ class Hypothesis:
     variant: str = ""
     essential: tuple[int, ...] = ()
     largest: float = float("inf")
-    smallest: float = 0.0
+    plausible: Callable[[Array], bool] = lambda coefficients: True
     run_bound: bool = False
     shows_in_means: bool = False
 
     def meaningful(self, coefficients: Array) -> bool:
-        """Return whether every essential column is used and the first coefficient has a size that it can have."""
-        size = np.abs(coefficients[:1])
-        within = bool(np.all((size <= self.largest) & (size >= self.smallest)))
-        return within and all(coefficients[i] != 0.0 for i in self.essential)
+        """Return whether every essential column is used and the coefficients have sizes that they can have."""
+        used = all(coefficients[i] != 0.0 for i in self.essential)
+        return used and bool(np.all(np.abs(coefficients[:1]) <= self.largest)) and self.plausible(coefficients)
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -177,9 +177,12 @@ class Plant:
             turn_x, turn_y, _ = slope[3 * j : 3 * j + 3]
             force = self.static_force[j] * np.stack([turn_y, -turn_x, np.zeros_like(turn_x)])
             six = point_motion_matrix(mount.position - self.vehicle.bodies[mount.body].cg).T @ force
-            for row, column in self.coordinate_rows(mount.body):
-                out[row] += six[column]
+            out += self.body_map(mount.body).T @ six
         return out
+
+    def body_map(self, body: str) -> Array:
+        """Return the map from q to the motion of a body, what it shares with its carrier included, shape (6, n)."""
+        return body_rows(self.vehicle, self.coordinates, body)
 
     def coordinate_rows(self, body: str) -> list[tuple[int, int]]:
         """Return (row of q, column of the six body coordinates) of one body."""

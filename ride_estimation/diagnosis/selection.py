@@ -189,7 +189,7 @@ class Selector:
 
     def better_law(self, accepted: FullFit | None) -> FreeLaw:
         """Return the law without a name that explains more than accepted causes; of causes that show in means only, none."""
-        if accepted is None or not np.any(accepted.rows):
+        if accepted is None or not accepted.in_band:
             return NO_LAW
         scene, problem = self._residual_problem(accepted)
         plain = self._cal.regression.block_misfit(self._cal.regression.grams, self._cal.fit.coefficients)
@@ -201,6 +201,15 @@ class Selector:
         spread = np.concatenate([np.sqrt(problem.temper) * problem.prior_std[:count], np.abs(named)])
         problem = problem.with_prior(spread, np.concatenate([problem.prior_offset[:count], named]))
         return free_law(scene, self._cal.table, problem, explained, float((accepted.block_misfit - scene.block_dof).sum()))
+
+    def without_weakest(self, selection: Selection, accepted: FullFit) -> Selection:
+        """Return a selection of several accepted causes without the one that the others need least."""
+        places = range(len(accepted.fitted))
+        trials = self._fitted([[f for i, f in enumerate(accepted.fitted) if i != drop] for drop in places], 2, accepted)
+        temper = temper_of(accepted.misfit / self._dof, accepted.scene.inefficiency)
+        drop = max(places, key=lambda i: trials[i].log_likelihood(temper))
+        contests = tuple(c for i, c in enumerate(selection.contests) if i != drop)
+        return dataclasses.replace(selection, accepted=trials[drop], contests=contests)
 
     @property
     def _spent(self) -> bool:

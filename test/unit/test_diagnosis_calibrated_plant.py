@@ -15,7 +15,6 @@ from ride_estimation.diagnosis import calibration
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanced
 from ride_estimation.diagnosis.gain import noticeable
-from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.kinematics import BodyMotion, transducer_correction
 from ride_estimation.diagnosis.plant import build_plant
@@ -140,10 +139,8 @@ def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(sha
     scene = SimpleNamespace(block_window=lambda blocks: np.ones(4000), gross_ratio=np.array([1.0, node, 1.0]))
     base = SimpleNamespace(scene=scene, residual=lambda: before, measured=lambda: signal)
     extended = SimpleNamespace(residual=lambda: left)
-    fitted = SimpleNamespace(hypothesis=Hypothesis("coulomb_friction", "strut", "z", lambda scene, shape: []))
-    accepted = SimpleNamespace(rows=np.ones((1, 1, 1)), fitted=(fitted,), part=lambda place: slice(0, 1))
     work = SimpleNamespace(
-        selection=SimpleNamespace(accepted=accepted), settings=Settings(),
+        selection=SimpleNamespace(accepted=SimpleNamespace(in_band=True)), settings=Settings(),
         splits=SimpleNamespace(judge=np.array([0])),
     )
     assert noticeable(work, base, extended) is counts

@@ -17,7 +17,7 @@ from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Repo
 from ride_estimation.diagnosis.operators import step_window
 from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -26,8 +26,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 #: instants on the grid, and distance of two of them over which more are tried around the best
 _INSTANTS, _NEIGHBOURS = 20, 1.5
 #: a load from the start: standard deviation of a mass that the file states without one, standard deviations that a load is
-#: beyond, and its largest share of the body
-_WEIGHED, _BEYOND, _MOST = 0.01, 3.0, 0.6
+#: beyond, its largest share of the body and its largest distance from the CG [m]
+_WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 3.0
 _CONSTANT = "from the start"
 
 
@@ -63,8 +63,14 @@ class MassChange(Cause):
             mass = scene.plant.vehicle.bodies[body].mass
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
             out.append(Hypothesis(self.ID, body, "", changing, grid, bounds, run_bound=True))
+
+            def plausible(coefficients: Array, least: float = known) -> bool:
+                size = abs(float(coefficients[0]))
+                return size >= least and bool(np.all(np.abs(coefficients[1:]) <= _REACH * size))
+
             out.append(Hypothesis(
-                self.ID, body, "", constant, variant=_CONSTANT, smallest=known, largest=_MOST * mass.value, shows_in_means=True
+                self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
+                shows_in_means=True,
             ))
         return out
 
@@ -138,7 +144,9 @@ def _turned_weights(scene: Scene, body: str) -> list[Array]:
 
 
 def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> list[Column]:
-    """Return added mass and its three first moments, four columns, empty where the body cannot feel it.
+    """Return added mass and its three first moments, four columns, empty where nothing tells them.
+
+    A body that does not turn by itself does not tell where on it a load lies.
 
     Parameters
     ----------
@@ -155,6 +163,9 @@ def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> li
     load = a[:, :3] + weight * _UP
     out = [wrench_column(scene, body, -window * load, np.zeros_like(load))]
     for i in range(3):
+        if not any(c in scene.plant.vehicle.bodies[body].coordinates for c in COORDINATES[3:] if c != COORDINATES[3 + i]):
+            out.append(())
+            continue
         arm = np.eye(3)[i]
         force = -np.cross(a[:, 3:], arm)
         moment = -np.cross(arm, load) - gravity * np.cross(np.cross(q[:, 3:], arm), _UP)
@@ -180,9 +191,6 @@ def _with_sag(scene: Scene, body: str, columns: list[Column]) -> list[Column]:
     weight += [np.concatenate([np.zeros(3), -gravity * np.cross(np.eye(3)[i], _UP)]) for i in range(3)]
     out = []
     for column, six in zip(columns, weight):
-        wrench = np.zeros(len(scene.plant.coordinates))
-        for row, place in scene.plant.coordinate_rows(body):
-            wrench[row] = six[place]
-        sag = static_means(scene, table, wrench)
+        sag = static_means(scene, table, six @ scene.plant.body_map(body))
         out.append((*column, *(Effect(Where.MEAN, row, np.array([value])) for row, value in sag.items())) if column else ())
     return out
