@@ -23,8 +23,8 @@ def six_of(scene: Scene, body: str) -> tuple[Array, Array]:
 def balanced_acceleration(scene: Scene, body: str) -> Array:
     """Return the acceleration of the six coordinates of a body that the forces along the estimated deflections cause, (N, 6).
 
-    ``M q'' = -D^T ((k + i w c) x + law forces) - K_g q + T theta_base + wrenches``. Deflections are cleared of the noise of the base sensors; a
-    load that stiffer mounts would hide must be compared with what they do along the same deflections.
+    ``M q'' = -D^T ((k + i w c) x + law forces) - K_g q + T theta_base + wrenches``. Deflections are cleared of the noise of the
+    base sensors; a load that stiffer mounts would hide must be compared with what they do along the same deflections.
     """
     plant, grid = scene.plant, scene.grid
     stiffness, damping = scene.state.linear
