@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: values next to the extreme one that it is compared with
+#: how many times as often as any of the values beside it the extreme value occurs where a signal is clipped; at the extreme of a
+#: sinusoid in whole steps it is 2.4, where chance or a rate raised by repetition decides about one
+CLIPPED_RATIO = 5.0
+#: values beside the extreme that are looked at
 _NEIGHBOURS = 8
-#: how many times as often as the most frequent of them the extreme value of a clipped signal occurs, and how often at least
-_RATIO, _LEAST = 3, 4
 #: share of the samples above which a signal rests at a value rather than being cut there
 _RESTS = 0.5
 
@@ -30,10 +31,11 @@ def clipping_levels(values: Array) -> Array:
     out = np.tile(np.array([[-np.inf], [np.inf]]), (1, values.shape[1]))
     for i, column in enumerate(values.T):
         known, counts = np.unique(column, return_counts=True)
-        if len(known) <= _NEIGHBOURS:
-            continue
-        for row, ordered, level in ((0, counts, known[0]), (1, counts[::-1], known[-1])):
-            often = int(ordered[1 : 1 + _NEIGHBOURS].max())
-            if ordered[0] >= _LEAST and ordered[0] > _RATIO * often and ordered[0] < _RESTS * len(column):
-                out[row, i] = level
+        for row, ordered, level in ((0, counts, known[:1]), (1, counts[::-1], known[-1:])):
+            near = ordered[1 : 1 + _NEIGHBOURS]
+            # zero is where things rest; a value most of the run shows is where this one does
+            if not len(near) or level[0] == 0.0 or ordered[0] >= _RESTS * len(column):
+                continue
+            if ordered[0] > CLIPPED_RATIO * int(near.max()):
+                out[row, i] = level[0]
     return out
