@@ -123,7 +123,8 @@ class Pipeline:
 
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
-        return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
+        chosen = self.settings
+        return StampAligner(specs, chosen.rate_hz, block_ticks=chosen.block_ticks, latency_budget_s=chosen.latency_budget)
 
     def _new_hints(self) -> Hints:
         a, m = self.arrangement, self._motion
