@@ -181,7 +181,7 @@ def replay_run(
     pipeline = Pipeline(vehicle, job.settings)
     require_layout(vehicle, pipeline)
     recording = read_recording(path, vehicle, salvage=job.salvage)
-    quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity)
+    quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity, weight=vehicle.weight)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
     result = run_offline(recording, pipeline, lambda done: advance(done, samples), job.hindsight)
     if len(result.stamp_ns) < LEAST_TICKS:
