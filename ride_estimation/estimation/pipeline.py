@@ -250,7 +250,8 @@ class Pipeline:
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
-            tilt=motion.tilt, inertial_load=self._loads.load(accel, motion.rate), support_load=support,
+            angular_rate_std=np.sqrt(motion.rate_variance), tilt=motion.tilt,
+            inertial_load=self._loads.load(accel, motion.rate), support_load=support,
             load_covariance=self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1]),
             inertial_load_covariance=self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1]),
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
