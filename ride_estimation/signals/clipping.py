@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
+
+from ride_estimation.signals.recording import Channel
 
 Array = NDArray[np.float64]
 
@@ -38,4 +42,15 @@ def clipping_levels(values: Array) -> Array:
                 continue
             if ordered[0] > CLIPPED_RATIO * int(near.max()):
                 out[row, i] = level[0]
+    return out
+
+
+def clipped_at(channels: Iterable[Channel]) -> dict[str, Array]:
+    """Return where the readings of sensors are cut, corrected as their values will be, of those that are, shape (2, C) each."""
+    out = {}
+    for channel in channels:
+        good = np.all(np.isfinite(channel.values), axis=1)
+        levels = clipping_levels(channel.values[good][:, :3])
+        if np.any(np.isfinite(levels)):
+            out[channel.name] = channel.correction.apply(levels)
     return out
