@@ -123,7 +123,8 @@ class Pipeline:
 
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
-        return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
+        chosen = self.settings
+        return StampAligner(specs, chosen.rate_hz, block_ticks=chosen.block_ticks, latency_budget_s=chosen.latency_budget)
 
     def _new_hints(self) -> Hints:
         a, m = self.arrangement, self._motion
@@ -251,7 +252,8 @@ class Pipeline:
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
-            tilt=motion.tilt, inertial_load=self._loads.load(accel, motion.rate), support_load=support,
+            angular_rate_std=np.sqrt(motion.rate_variance), tilt=motion.tilt,
+            inertial_load=self._loads.load(accel, motion.rate), support_load=support,
             load_covariance=self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1]),
             inertial_load_covariance=self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1]),
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
