@@ -156,7 +156,8 @@ class Session:
             Longest silence that is nothing unusual [s].
         """
         changed = [state.silence.look(state.arrived, passed_s, limit_s) for state in self.states.values()]
-        return any([*changed, self._silence.look(self._ticks - self._unpublished, passed_s, limit_s)])
+        # twice as long: estimates follow their inputs, and where those have stopped it is they who are named
+        return any([*changed, self._silence.look(self._ticks - self._unpublished, passed_s, 2.0 * limit_s)])
 
     def listen(self) -> None:
         """Begin to listen for silence, after a time in which nobody was subscribed."""
@@ -166,8 +167,8 @@ class Session:
     def statuses(self) -> Iterator[DiagnosticStatus]:
         """Return the statuses of the estimates, of every sensor and of every topic."""
         silent = silence_words(self.states.values(), self._silence)
-        stopped = {name for state in self.states.values() if state.silence.too_long for name in state.sensors}
-        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished, silent, stopped)
+        topics = {name: state for state in self.states.values() for name in state.sensors}
+        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished, silent, topics)
         yield hint_status(self.pipeline.hints(), self.body.name)
         for state in self.states.values():
             yield state.status()
