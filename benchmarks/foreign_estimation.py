@@ -3,11 +3,11 @@
 
     python benchmarks/foreign_estimation.py FOLDER [--only cab_05 cab_24]
 
-FOLDER holds one folder per case: ``run`` (rosbag2), ``vehicle.yaml``, ``truth.json`` and ``truth.npz`` (``t``, ``epoch_ns``, ``force``:
-N x 3 M, on the body by the mount, body axes, static share included). Printed per case: error of the live and smoothed forces over the
-standard deviation of the true force (median over the mounts), share within two standard deviations (median and lowest over mounts),
-CG acceleration squared over its variance, and how many ``valid`` stiffness and damping values lie within two standard deviations,
-at mounts without and with an effect.
+FOLDER holds one folder per case: ``run`` (rosbag2), ``vehicle.yaml``, ``truth.json`` and ``truth.npz`` (``t``, ``epoch_ns``,
+``force``: N x 3 M, on the body by the mount, body axes, static share included). Printed per case: error of the live and smoothed
+forces over the standard deviation of the true force (median over the mounts), share within two standard deviations (median and
+lowest over the mounts), squared error of the CG acceleration over its variance, and how many ``valid`` stiffness and damping
+values lie within two standard deviations, at mounts without and with an effect.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def _affected(truth: dict, mounts: tuple[str, ...]) -> set[str]:
         place = effect.get("location") or ""
         if place.startswith("/"):
             continue
-        names = {"rear": [m for m in mounts if m.startswith("r")], "front": [m for m in mounts if m.startswith("f")]}.get(place, [place])
+        axle = {"rear": "r", "front": "f"}.get(place)
+        names = [m for m in mounts if m.startswith(axle)] if axle else [place]
         found |= set(names) & set(mounts)
     return found
 
@@ -72,8 +73,10 @@ def judge(case: Path) -> dict[str, object]:
     elements = _elements(truth, run.mount_names)
     order = list(truth["true_parameters"]["elements"])
     columns = [(run.mount_names.index(mount), AXES.index(axis), order.index(e)) for (mount, axis), e in elements.items()]
-    figures: dict[str, object] = {"case": case.name, "effect": "+".join(e["name"] for e in truth["effects"]), "seconds": spent}
-    for path, force, std in (("live", run.signals["mount_force"], run.signals["mount_force_std"]), ("smoothed", run.force, run.force_std)):
+    effects = "+".join(e["name"] for e in truth["effects"])
+    figures: dict[str, object] = {"case": case.name, "effect": effects, "seconds": spent}
+    live = ("live", run.signals["mount_force"], run.signals["mount_force_std"])
+    for path, force, std in (live, ("smoothed", run.force, run.force_std)):
         for kind, axes in (("vertical", (2,)), ("sideways", (0, 1))):
             errors, inside, ratio = [], [], []
             for m, a, column in columns:
@@ -121,7 +124,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--words", action="store_true", help="also print every valid parameter outside two standard deviations")
     given = parser.parse_args()
-    cases = [c for c in sorted(given.folder.iterdir()) if (c / "vehicle.yaml").exists() and (not given.only or c.name in given.only)]
+    chosen = [c for c in sorted(given.folder.iterdir()) if not given.only or c.name in given.only]
+    cases = [c for c in chosen if (c / "vehicle.yaml").exists()]
     total: dict[str, list[int]] = {}
     for case in cases:
         figures = judge(case)
@@ -129,8 +133,10 @@ def main() -> None:
         for key in ("live vertical", "live sideways", "smoothed vertical", "smoothed sideways"):
             if key in figures:
                 error, middle, low, ratio = figures[key]  # type: ignore[misc]
-                print(f"  {key:18s} error {error:6.1%}, inside 2 std {middle:4.0%} (lowest {low:4.0%}), std over error {ratio:.1f}")
-        print("  CG acceleration, squared error over variance: " + ", ".join(f"{x:.1f}" for x in figures["cg"]))  # type: ignore[attr-defined]
+                inside = f"inside 2 std {middle:4.0%} (lowest {low:4.0%})"
+                print(f"  {key:18s} error {error:6.1%}, {inside}, std over error {ratio:.1f}")
+        ratios = ", ".join(f"{x:.1f}" for x in figures["cg"])  # type: ignore[attr-defined]
+        print(f"  CG acceleration, squared error over variance: {ratios}")
         for kind, (inside, count, words) in figures["parameters"].items():  # type: ignore[attr-defined]
             print(f"  valid at {kind} mounts: {inside} of {count} inside 2 std")
             totals = total.setdefault(kind, [0, 0])

@@ -295,10 +295,7 @@ class Pipeline:
         if self._constant.any():
             moving = motion.covariance - self._constant
             own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
-        # of an uncertain CG gravity makes a constant moment; what moves is judged by equilibrium
-        weight = np.array([0.0, 0.0, self._loads.mass * self.vehicle.gravity])
-        still = self._loads.covariance_of_cg(weight, np.zeros(3))
-        moving = self._loads.covariance_of_cg(self._loads.mass * motion.motion[-1, :3] - weight, motion.motion[-1, 3:])
+        still, moving = self._loads.covariance_of_cg(motion.motion[-1], self.vehicle.gravity)
         self._forces.constant_load, self._forces.turning = whole - own + still, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + moving + self._factor**2 * self._carried.covariance)
 

@@ -79,15 +79,18 @@ def test_sensitivity_to_the_cg_is_how_far_parameters_move():
 
 def test_covariance_of_the_cg_is_that_of_drawn_offsets():
     rng = np.random.default_rng(3)
-    force, angular, std = np.array([300.0, -200.0, 9000.0]), np.array([0.5, -1.0, 0.3]), np.array([0.01, 0.02, 0.005])
+    motion, std = np.array([0.3, -0.2, 9.0, 0.5, -1.0, 0.3]), np.array([0.01, 0.02, 0.005])
     loads = InertialLoads(900.0, 0.0, np.eye(3), cg_std=std)
     drawn = std * rng.standard_normal((200_000, 3))
-    wrench = np.hstack([900.0 * np.cross(angular, drawn), np.cross(drawn, force)])
-    expected = np.cov(wrench.T)
-    np.testing.assert_allclose(loads.covariance_of_cg(force, angular), expected, atol=0.02 * np.abs(expected).max())
+    weight = np.array([0.0, 0.0, 900.0 * 9.81])
+    for found, angular, force in zip(
+        loads.covariance_of_cg(motion, 9.81), (np.zeros(3), motion[3:]), (weight, 900.0 * motion[:3] - weight)
+    ):
+        expected = np.cov(np.hstack([900.0 * np.cross(angular, drawn), np.cross(drawn, force)]).T)
+        np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
 
 
-# -- static loads -----------------------------------------------------------------------------------------------------------------
+# -- static loads ------------------------------------------------------------
 
 
 def with_static_loads(loads: dict[str, Prior]) -> Vehicle:
@@ -152,7 +155,7 @@ def test_static_loads_of_a_file_are_read_saved_and_checked(tmp_path):
         load_vehicle(tmp_path / "w.yaml")
 
 
-# -- amplitude --------------------------------------------------------------------------------------------------------------------
+# -- amplitude ------------------------------------------------------------
 
 
 def intervals(exponent: float, noise: float, count: int = 80, seed: int = 1) -> AmplitudeDependence:

@@ -61,20 +61,25 @@ class InertialLoads:
         _load(accel, rate, self.mass, self.inertia, load)
         return load
 
-    def covariance_of_cg(self, force: Array, angular: Array) -> Array:
-        """Return the covariance of the wrench the mounts carry from an uncertain CG, shape (6, 6).
+    def covariance_of_cg(self, motion: Array, gravity: float) -> tuple[Array, Array]:
+        """Return the covariance of the wrench the mounts carry from an uncertain CG: by the weight, by what moves, (6, 6) each.
 
         An offset d of the CG adds ``m alpha x d`` to the force and ``d x F`` to the moment about the CG of the file.
 
         Parameters
         ----------
-        force
-            F, force the mounts carry, shape (3,) [N].
-        angular
-            alpha, angular acceleration, shape (3,) [rad/s^2].
+        motion
+            Specific force and angular acceleration, shape (6,).
+        gravity
+            [m/s^2].
         """
-        jacobian = np.vstack([self.mass * skew(angular), -skew(force)])
-        return np.asarray((jacobian * self.cg_std**2) @ jacobian.T)
+        weight = np.array([0.0, 0.0, self.mass * gravity])
+        jacobians = (
+            np.vstack([np.zeros((3, 3)), -skew(weight)]),
+            np.vstack([self.mass * skew(motion[3:]), -skew(self.mass * motion[:3] - weight)]),
+        )
+        still, moving = ((j * self.cg_std**2) @ j.T for j in jacobians)
+        return still, moving
 
     def covariance(self, accel_covariance: Array, accel: Array, rate: Array, rate_variance: float = 0.0) -> Array:
         """Return the covariance of the load, shape (6, 6), at one tick.

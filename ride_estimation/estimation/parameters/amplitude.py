@@ -1,15 +1,17 @@
 # Copyright 2026 ride_estimation contributors
 """Stiffness and damping that depend on the amplitude: the innovations show a law that is not linear.
 
-A linear law has one stiffness at every amplitude. Friction, play, relaxation and nonlinear springs have an equivalent stiffness (and
-damping) that changes with the rms deflection a (rate) of an interval, in first order as a power: ``log k_j = log k + beta log a_j``.
-The exponents beta are estimated jointly with the parameters from the gradients g_j and information A_j of the intervals,
-``T_j = [I, diag(log a_j)]``, ``sum T_j^T A_j T_j (theta, beta) = sum T_j^T (g_j + A_j theta_j)``, with a covariance from the scatter of
-the gradients (sandwich, each interval with its neighbour). A linear law has beta = 0; Coulomb friction alone has beta = -1.
+A linear law has one stiffness at every amplitude. Friction, play, relaxation and nonlinear springs have an equivalent stiffness
+(and damping) that changes with the rms deflection (rate) a of an interval, in first order as a power of it:
+``log k_j = log k + beta log a_j``. The exponents beta are estimated jointly with the parameters from the gradients g_j and the
+information A_j of the intervals, ``T_j = [I, diag(log a_j)]``,
+``sum T_j^T A_j T_j (theta, beta) = sum T_j^T (g_j + A_j theta_j)``, with a covariance from the scatter of the gradients (sandwich,
+each interval with its neighbour). A linear law has beta = 0; Coulomb friction alone has beta = -1.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,8 @@ PRIOR_STD = 0.5
 _MEMORY = 240.0
 #: intervals whose amplitudes have to differ before an exponent is stated
 _FEWEST = 16
+#: change of a logarithm over a factor of e in amplitude that is worth a sentence
+_RELEVANT = 0.05
 #: standard deviations of an exponent that count as scatter
 _SCATTER = 2.0
 
@@ -98,6 +102,23 @@ class AmplitudeDependence:
         """
         value, spread = self.exponents
         return np.asarray(np.sqrt(np.maximum(value**2 - (_SCATTER * spread) ** 2, 0.0)))
+
+    def notes(self, names: Sequence[str]) -> list[str]:
+        """Return which multipliers depend on the amplitude, in words.
+
+        Parameters
+        ----------
+        names
+            Of the multipliers, S of them.
+        """
+        change = 100.0 * (2.0 ** self.exponents[0] - 1.0)
+        words = [f"{name} by {change[n]:+.0f} %" for n, name in enumerate(names) if self.std[n] > _RELEVANT]
+        if not words:
+            return []
+        return [
+            f"these change when the amplitude doubles: {', '.join(words)}: friction, play or a nonlinear law; the values hold "
+            "for the motion of this run only, `diagnose` names the law"
+        ]
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state; its arrays are shared and never change."""

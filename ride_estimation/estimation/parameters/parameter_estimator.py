@@ -42,8 +42,6 @@ Array = NDArray[np.float64]
 
 #: the mounts turn with their brackets (1) or with the body (0): prior of that share
 FOLLOW_STD = 0.3
-#: change of a logarithm over a factor of e in amplitude that is reported
-_RELEVANT = 0.05
 #: largest ratio of an inertia to the file's, either way
 _INERTIA_RATIO = 2.0
 #: sections of the high-pass times its time constant after which the start is forgotten
@@ -213,15 +211,15 @@ class ParameterEstimator:
         """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
         if self._filter is None:
             return []
-        names = [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
-        return null_directions(self._filter.covariance[: self.count, : self.count], self._prior_std[: self.count], names)
+        learned = self._filter.covariance[: self.count, : self.count]
+        return null_directions(learned, self._prior_std[: self.count], self._names())
 
     def notes(self) -> list[str]:
         """Return what the person in the field should know about the parameters."""
         found = []
         if self.changes:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
-        found += self._nonlinear()
+        found += self._amplitude.notes(self._names())
         vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
         moved = self.theta[: self.count][vertical]
         sure = self.std[: self.count][vertical]
@@ -232,28 +230,13 @@ class ParameterEstimator:
             )  # fmt: skip
         return found
 
-    def _nonlinear(self) -> list[str]:
-        """Return which mounts have a stiffness or damping that depends on the amplitude, in words."""
-        dependence, (value, _) = self._amplitude.std, self._amplitude.exponents
-        words = [
-            f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]} by {100 * (2.0 ** value[n] - 1.0):+.0f} %"
-            for n, s in enumerate(self.slots)
-            if dependence[n] > _RELEVANT
-        ]
-        if not words:
-            return []
-        return [
-            f"these change when the amplitude doubles: {', '.join(words)}: friction, play or a nonlinear law; the values hold for "
-            "the motion of this run only, `diagnose` names the law"
-        ]
-
     def at_bound(self) -> tuple[str, ...]:
         """Return the names of multipliers at a bound."""
-        names = []
-        for n, slot in enumerate(self.slots):
-            if self.theta[n] <= self._lower[n] + 1e-9 or self.theta[n] >= self._upper[n] - 1e-9:
-                names.append(f"{self.arrangement.mounts[slot.mount].name}.{AXES[slot.axis]}.{ROLES[slot.role]}")
-        return tuple(names)
+        low, high = self.theta <= self._lower + 1e-9, self.theta >= self._upper - 1e-9
+        return tuple(name for n, name in enumerate(self._names()) if low[n] or high[n])
+
+    def _names(self) -> list[str]:
+        return [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
 
     # -- input ------------------------------------------------------------------------------------------------------------
 
@@ -470,12 +453,14 @@ class ParameterEstimator:
 
     def snapshot(self) -> dict[str, Any]:
         """Return what was learned; the filters of the signals start again. Costs little, arrays are shared."""
-        memory = IntervalMemory(len(self.theta), len(self._considered_std)).snapshot() if self._filter is None else self._filter.memory.snapshot()
+        empty = IntervalMemory(len(self.theta), len(self._considered_std))
+        memory = (empty if self._filter is None else self._filter.memory).snapshot()
         return {
             "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
-            "amplitude": self._amplitude.snapshot(), "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
+            "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
+            "innovation_ratio": self.innovation_ratio, "changes": self.changes,
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:

@@ -42,8 +42,8 @@ class ParameterModel:
     """
 
     def __init__(
-        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], turns: tuple[int, ...], offsets: tuple[int, ...],
-        corner_hz: float, by_transducers: bool,
+        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], turns: tuple[int, ...],
+        offsets: tuple[int, ...], corner_hz: float, by_transducers: bool,
     ) -> None:  # fmt: skip
         self.arrangement, self.slots, self.turns, self.offsets = arrangement, slots, turns, offsets
         self.law = MountLaw(arrangement)
