@@ -46,6 +46,8 @@ DOMAIN = 43
 STAMP = slice(4, 12)
 #: time before the overload, and after it for what still waits [s]
 QUIET_S, SETTLE_S = 10.0, 6.0
+#: the other side sees a new publisher a moment after this side sees the subscriber [s]
+MATCH_S = 3.0
 #: time between two messages to a service [s]
 ASK_S = 5.0
 #: as of the processor quotas of Linux control groups [s]
@@ -163,7 +165,7 @@ def run(options: argparse.Namespace) -> dict[str, object]:
     try:
         while any(p.get_subscription_count() == 0 for p in sender.sensors.values()):
             spin(time.monotonic() + 0.05)
-        spin(time.monotonic() + 1.0)
+        spin(time.monotonic() + MATCH_S)
         sent += send(options.rate, QUIET_S, 0)
         quiet = [words for _, level, words, _ in sender.reports if level != 0]
         onset = time.monotonic()
