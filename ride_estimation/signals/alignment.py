@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.signals.clipping import clipped_at
 from ride_estimation.signals.interpolation import interpolate_streams
 from ride_estimation.signals.passed_time import PassedTime
 from ride_estimation.signals.recording import Recording, UniformRun
@@ -496,4 +497,5 @@ def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: flo
         data={name: values_all[:, columns] for name, columns in zip(names, aligner.columns)},
         valid={name: valid[:, i] for i, name in enumerate(names)},
         corrections={name: c.correction for name, c in zip(names, channels) if not c.correction.empty},
+        clipped_at=clipped_at(channels),
     )
