@@ -61,6 +61,7 @@ class InputChecks:
         self._gate = SensorGate(
             sensors, starts, layout.body_streams.tolist(), [stream for _, stream, _, _ in layout.base],
             [stream for _, _, stream, _ in layout.transducers], check,
+            a.vehicle.gravity,
         )  # fmt: skip
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)

@@ -17,7 +17,9 @@ from ride_estimation.signals.recording import Channel, Recording
 LOW_RATE_HZ = 60.0
 
 
-def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: float) -> dict[str, ChannelQuality]:
+def judge_sensors(
+    recording: Recording, sensors: Mapping[str, Sensor], gravity: float, left_out: Mapping[str, Mapping[str, int]] | None = None
+) -> dict[str, ChannelQuality]:
     """Judge every channel of a recording.
 
     Parameters
@@ -28,13 +30,15 @@ def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: 
         By the names of the channels.
     gravity
         [m/s^2].
+    left_out
+        Per sensor the ticks at which the estimator did not use it, by reason; None where nothing was estimated.
     """
     judged: dict[str, ChannelQuality] = {}
     twins = _twins(recording.channels)
     spans = _span_findings(recording.channels)
     for name, channel in recording.channels.items():
         sensor = sensors[name]
-        quality = judge_channel(channel, sensor.full_scale)
+        quality = judge_channel(channel, sensor.full_scale, None if left_out is None else left_out.get(name))
         extra = [*spans[name], *twins.get(name, ())]
         if sensor.kind in ("accelerometer", "imu") and 0.0 < quality.rate_hz < LOW_RATE_HZ:
             seen = 0.4 * quality.rate_hz
