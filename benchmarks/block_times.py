@@ -31,8 +31,8 @@ from worlds.adapters import recording as as_recording
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.warm_up import warm_up
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle

@@ -24,7 +24,7 @@ from worlds.cab import AXES, CabVehicle, Measurement  # noqa: E402
 from worlds.roads import Road  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
 
-from ride_estimation.estimation.estimate import Estimate, Status  # noqa: E402
+from ride_estimation.estimation.common.estimate import Estimate, Status  # noqa: E402
 from ride_estimation.sensors.sensor import Sensor  # noqa: E402
 from ride_estimation.vehicles.vehicle import ForceReference, Vehicle  # noqa: E402
 

@@ -31,10 +31,10 @@ from worlds.cab import CabSensor, CabVehicle, Measurement, drive, measure, rando
 from worlds.roads import Road, base_motion  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
 
-from ride_estimation.estimation.deformation_filter import FilterBank  # noqa: E402
-from ride_estimation.estimation.hindsight import SIGNALS, Hindsight, HindsightRecorder, second_pass  # noqa: E402
+from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
+from ride_estimation.estimation.smoothing.hindsight import SIGNALS, Hindsight, HindsightRecorder, second_pass  # noqa: E402
 
 RATE = 500.0
 START = 1.0  # seconds at rest before the ramp

@@ -27,7 +27,7 @@ from ride_estimation.cli.fleet import find_recordings
 from ride_estimation.cli.fleet_task import FleetTask, process_task
 from ride_estimation.cli.pool import run_on_cluster, run_on_pool
 from ride_estimation.cli.replay import ReplayJob
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.scenario_file import load_scenario
 from ride_estimation.io.vehicle_file import load_vehicle

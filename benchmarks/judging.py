@@ -27,8 +27,8 @@ from worlds.effects import Effect
 from worlds.roads import Road, base_motion
 from worlds.vehicle_text import Belief
 
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 
 AXES = ("x", "y", "z")
 

@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from ride_estimation.estimation import kernel_list
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.warm_up import warm_up
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.jit import recorded_calls

@@ -18,7 +18,7 @@ import numpy as np
 
 from ride_estimation.cli import replay
 from ride_estimation.cli.replay import ReplayJob
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.vehicle_file import load_vehicle

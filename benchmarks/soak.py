@@ -41,7 +41,7 @@ from worlds.adapters import believed_vehicle  # noqa: E402
 from worlds.cab import drive, measure, random_sensors, random_vehicle  # noqa: E402
 from worlds.roads import Road  # noqa: E402
 
-from ride_estimation.estimation.settings import PipelineSettings  # noqa: E402
+from ride_estimation.estimation.common.settings import PipelineSettings  # noqa: E402
 from ride_estimation.nodes.session import Session  # noqa: E402
 from ride_estimation.vehicles.vehicle import Vehicle  # noqa: E402
 

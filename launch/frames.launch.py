@@ -5,7 +5,7 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
-from ride_estimation.estimation.arrangement import arrange
+from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.published_frames import published_frames
 

@@ -14,10 +14,10 @@ from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, assess_run
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.frames import AXES
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.estimate import Estimate
-from ride_estimation.estimation.health import Health
-from ride_estimation.estimation.hindsight import Hindsight, HindsightRecorder, second_pass
+from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.estimation.smoothing.hindsight import Hindsight, HindsightRecorder, second_pass
 from ride_estimation.signals.recording import Recording
 
 Array = NDArray[np.float64]

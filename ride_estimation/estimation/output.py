@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.force_basis import ForceBasis
+from ride_estimation.estimation.forces.force_basis import ForceBasis
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

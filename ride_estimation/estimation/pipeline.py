@@ -16,34 +16,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.anchors import MassAnchor
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.base_fill import BaseFill
-from ride_estimation.estimation.block_math import turn_channels
-from ride_estimation.estimation.bracket_tilt import BracketTilt
-from ride_estimation.estimation.carried_bodies import CarriedBodies
-from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
-from ride_estimation.estimation.channel_layout import ChannelLayout
-from ride_estimation.estimation.deflection import DeflectionBlock, DeflectionEstimator
-from ride_estimation.estimation.estimate import Estimate
-from ride_estimation.estimation.force_balance import BalanceInput
-from ride_estimation.estimation.force_basis import ForceBasis
-from ride_estimation.estimation.force_kernel import follow_scaled
-from ride_estimation.estimation.health import Health, base_messages, rate_message, residual_message, sensor_messages
-from ride_estimation.estimation.hints import Hint, HintBlock, Hints
-from ride_estimation.estimation.identifiable import describe
-from ride_estimation.estimation.input_checks import InputChecks
-from ride_estimation.estimation.learned_copies import LearnedCopies
-from ride_estimation.estimation.loads import InertialLoads
-from ride_estimation.estimation.motion_kernel import motion_at
-from ride_estimation.estimation.mount_forces import MountForceEstimator
-from ride_estimation.estimation.mount_law import MountLaw
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.block_math import turn_channels
+from ride_estimation.estimation.common.channel_layout import ChannelLayout
+from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.common.saved_state import STATE_SCHEMA, check_state
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.faults.health import Health, base_messages, rate_message, residual_message, sensor_messages
+from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints
+from ride_estimation.estimation.faults.input_checks import InputChecks
+from ride_estimation.estimation.faults.learned_copies import LearnedCopies
+from ride_estimation.estimation.faults.restoring import restarted
+from ride_estimation.estimation.faults.sensor_gate import GateVerdict
+from ride_estimation.estimation.forces.base_fill import BaseFill
+from ride_estimation.estimation.forces.carried_bodies import CarriedBodies
+from ride_estimation.estimation.forces.force_basis import ForceBasis
+from ride_estimation.estimation.forces.force_kernel import follow_scaled
+from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
+from ride_estimation.estimation.forces.mount_law import MountLaw
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, DeflectionEstimator
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
+from ride_estimation.estimation.motion.loads import InertialLoads
+from ride_estimation.estimation.motion.motion_kernel import motion_at
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.estimation.parameter_estimator import ParameterEstimator
-from ride_estimation.estimation.restoring import restarted
-from ride_estimation.estimation.saved_state import STATE_SCHEMA, check_state
-from ride_estimation.estimation.sensor_gate import GateVerdict
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.parameters.anchors import MassAnchor
+from ride_estimation.estimation.parameters.force_balance import BalanceInput
+from ride_estimation.estimation.parameters.identifiable import describe
+from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
 from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
 from ride_estimation.signals.batch_feed import BatchFeed
 from ride_estimation.signals.recording import Recording

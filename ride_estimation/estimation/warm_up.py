@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.vehicles.vehicle import Vehicle
 
 #: length and rate of the drive: long enough for the first estimate of the parameters

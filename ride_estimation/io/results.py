@@ -17,9 +17,9 @@ import scipy
 import ride_estimation
 from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.errors import InputDataError, RideEstimationError
-from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import OfflineRun
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.frames import AXES
 from ride_estimation.jit import COMPILED
 from ride_estimation.metrics import nrmse

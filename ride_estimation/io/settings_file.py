@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.io.document import Section, as_number, read_yaml
 
 

@@ -7,6 +7,7 @@ has the form a state of this vehicle has, and if the parameters it leads to are 
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import math
@@ -19,14 +20,17 @@ import yaml
 
 import ride_estimation
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.json_file import read_json, write_atomically
+from ride_estimation.io.packed_arrays import pack, unpack
 from ride_estimation.io.vehicle_file import vehicle_to_mapping
 from ride_estimation.vehicles.identified import with_identified
 from ride_estimation.vehicles.vehicle import Vehicle
 
-SAVED_SCHEMA = "ride_estimation/saved_state/1"
+SAVED_SCHEMA = "ride_estimation/saved_state/2"
+#: 1 is the same with every number written out
+READ_SCHEMAS = (SAVED_SCHEMA, "ride_estimation/saved_state/1")
 #: estimates with one of these are written as values; the others stay what the vehicle file says
 IDENTIFIED = (Status.VALID, Status.ESTIMATING)
 #: what a state that is not one may raise while it is taken up
@@ -63,32 +67,66 @@ def save_results(folder: str | Path, pipeline: Pipeline) -> tuple[Path, Path]:
     return vehicle_file, save_state(folder / f"{name}_state.json", pipeline)
 
 
-def save_state(path: str | Path, pipeline: Pipeline) -> Path:
-    """Write the state of an estimator, completely or not at all; return the path.
+@dataclasses.dataclass(frozen=True)
+class Snapshot:
+    """What an estimator has learned at one moment; the estimator may go on while it is written.
 
-    Parameters
+    Attributes
     ----------
-    path
-        File; its folder is created where it does not exist.
-    pipeline
-        The estimator.
+    vehicle
+        Whose state it is.
+    state
+        Of ``Pipeline.save_state``: shares nothing with the estimator that changes.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    state = json.loads(_text(pipeline.save_state()))
-    document = {
-        "schema": SAVED_SCHEMA,
-        "software": ride_estimation.__version__,
-        "vehicle": {"name": pipeline.vehicle.name, "fingerprint": fingerprint(pipeline.vehicle)},
-        "sha256": _digest(state),
-        "state": state,
-    }
-    write_atomically(path, json.dumps(document, allow_nan=False, indent=1) + "\n")
-    return path
+
+    vehicle: Vehicle
+    state: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, pipeline: Pipeline) -> Snapshot:
+        """Return the state of an estimator as it is now."""
+        return cls(pipeline.vehicle, pipeline.save_state())
+
+    def write(self, path: str | Path) -> Path:
+        """Write the state, completely or not at all; return the path.
+
+        Parameters
+        ----------
+        path
+            File; its folder is created where it does not exist.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        InputDataError
+            A number of the state is not finite; such a state is never written.
+        """
+        path = Path(path)
+        try:
+            state = pack(self.state)
+            document = {
+                "schema": SAVED_SCHEMA,
+                "software": ride_estimation.__version__,
+                "vehicle": {"name": self.vehicle.name, "fingerprint": fingerprint(self.vehicle)},
+                "sha256": hashlib.sha256(_text(state).encode()).hexdigest(),
+                "state": state,
+            }
+            text = json.dumps(document, allow_nan=False)
+        except (ValueError, InputDataError) as error:
+            raise InputDataError(f"{path}: the state is not one that can be saved ({error})") from error
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, text + "\n")
+        return path
+
+
+def save_state(path: str | Path, pipeline: Pipeline) -> Path:
+    """Write the state of an estimator as it is now; see :meth:`Snapshot.write`."""
+    return Snapshot.of(pipeline).write(path)
 
 
 def load_state(path: str | Path) -> dict[str, Any]:
-    """Read a state written by :func:`save_state`.
+    """Read a state written by :func:`save_state`, by this version or one that wrote every number out.
 
     Raises
     ------
@@ -100,7 +138,7 @@ def load_state(path: str | Path) -> dict[str, Any]:
         document = read_json(path)
     except InputDataError as error:
         raise InputDataError(f"saved state {error}; delete it to start from the vehicle file") from error
-    if document.get("schema") != SAVED_SCHEMA or not isinstance(document.get("state"), dict):
+    if document.get("schema") not in READ_SCHEMAS or not isinstance(document.get("state"), dict):
         raise InputDataError(
             f"{path}: not a saved state (schema is {document.get('schema')!r}, not {SAVED_SCHEMA!r}); delete it to start from "
             "the vehicle file"
@@ -109,7 +147,10 @@ def load_state(path: str | Path) -> dict[str, Any]:
         raise InputDataError(
             f"{path}: the saved state is damaged (its checksum is wrong); delete it to start from the vehicle file"
         )
-    return document
+    try:
+        return {**document, "state": unpack(document["state"])}
+    except InputDataError as error:
+        raise InputDataError(f"{path}: the saved state is damaged ({error}); delete it to start from the vehicle file") from error
 
 
 def restore_state(path: str | Path, pipeline: Pipeline) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
-from ride_estimation.estimation.estimate import Estimate, Status
+from ride_estimation.estimation.common.estimate import Estimate, Status
 
 Array = NDArray[np.float64]
 

@@ -27,10 +27,10 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.estimation.settings import PipelineSettings
-from ride_estimation.io.state_file import restore_state, save_results, save_state
+from ride_estimation.io.state_file import restore_state, save_results
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
 from ride_estimation.nodes.backpressure import THIN, Load
@@ -38,10 +38,12 @@ from ride_estimation.nodes.cdr import stamp_of_payload
 from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, pipeline_settings
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
-from ride_estimation.nodes.node_health import NODE, load_status
+from ride_estimation.nodes.node_health import NODE, TopicState, load_status
 from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
 from ride_estimation.nodes.session import Session
+from ride_estimation.nodes.silence import LOOK_PERIOD_S
+from ride_estimation.nodes.state_saver import SAVE_ERRORS, StateSaver
 
 #: period of the watch over topics and silence [s], steady clock; not in the data path
 WATCH_PERIOD_S = 1.0
@@ -63,14 +65,16 @@ class EstimatorNode(LifecycleNode):
         super().__init__("estimator", namespace="ride", **options)
         self._session: Session | None = None
         self._outputs: EstimatePublishers | None = None
-        self._subscriptions_by_topic: dict[str, Subscription] = {}
+        self._subscriptions_by_topic: dict[str, tuple[str, Subscription]] = {}
+        self._types_changed = False
         self._active = False
         self._fault = ""
         self._reported_ns: int | None = None
         self._diagnostics_due = False
         self._reported_since_watch = False
         self._saved_ns: int | None = None
-        self._save_problem = ""
+        self._saver = StateSaver()
+        self._save_problem_said = ""
         self._load = Load()
         declare(self, TABLE)
         self.add_on_set_parameters_callback(self._judge_parameters)
@@ -80,7 +84,10 @@ class EstimatorNode(LifecycleNode):
         )
         self.create_service(Trigger, "~/reset", self._serve_reset)
         self.create_service(Trigger, "~/save_parameters", self._serve_save)
-        self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=steady)
+        self._looked_s = time.monotonic()
+        self._look_timer = self.create_timer(LOOK_PERIOD_S, self.look, clock=steady)
         if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
 
@@ -125,13 +132,15 @@ class EstimatorNode(LifecycleNode):
         """Subscribe to the inputs."""
         result = super().on_activate(state)
         self._active = result == TransitionCallbackReturn.SUCCESS
+        if self._session is not None:
+            self._session.listen()
         self._follow_topics()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Unsubscribe; what was learned stays and is saved."""
         self._unsubscribe()
-        self._save_state()
+        self._save_at_the_end()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -141,7 +150,9 @@ class EstimatorNode(LifecycleNode):
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave like cleanup."""
+        """Save what was learned and leave like cleanup."""
+        self._unsubscribe()
+        self._save_at_the_end()
         result = super().on_shutdown(state)
         self._tear_down()
         return result
@@ -153,7 +164,7 @@ class EstimatorNode(LifecycleNode):
 
     def _unsubscribe(self) -> None:
         self._active = False
-        for subscription in self._subscriptions_by_topic.values():
+        for _, subscription in self._subscriptions_by_topic.values():
             self.destroy_subscription(subscription)
         self._subscriptions_by_topic.clear()
 
@@ -189,43 +200,51 @@ class EstimatorNode(LifecycleNode):
     # ---- inputs ----
 
     def _follow_topics(self) -> None:
-        """Subscribe to every input with the type its publishers offer; look again while topics are silent."""
+        """Subscribe to every input with the type its publishers offer, also when they come back with another one."""
         if self._session is None or not self._active:
             return
-        graph = dict(self.get_topic_names_and_types())
         for name, topic in self._session.topics.items():
             state = self._session.states[name]
-            resolved = self.resolve_topic_name(name)
-            state.publishers = self.count_publishers(resolved)
-            state.offered = tuple(graph.get(resolved, ())) if state.publishers else ()
-            chosen = topic.choose(state.offered)
-            if state.received or chosen == state.type_name:
-                continue
-            if name in self._subscriptions_by_topic:
-                self.destroy_subscription(self._subscriptions_by_topic.pop(name))
-            state.type_name = chosen
-            if chosen:
-                self._subscriptions_by_topic[name] = self._subscribe(name, chosen)
+            publishers = self.get_publishers_info_by_topic(name)  # the types of the topic would contain the own subscription's
+            state.publishers = len(publishers)
+            state.offered = tuple(sorted({publisher.topic_type for publisher in publishers}))
+            if not publishers:
+                state.incompatible_qos = ""
+            state.type_name = topic.choose(state.offered, state.type_name)
+            type_name, subscription = self._subscriptions_by_topic.get(name, ("", None))
+            if subscription is not None and type_name != state.type_name:
+                del self._subscriptions_by_topic[name]
+                self.destroy_subscription(subscription)
+                self._types_changed = True  # the middleware keeps the old type until the executor has let go of it
+            elif subscription is None and state.type_name:
+                self._subscribe(name, state)
 
-    def _subscribe(self, topic: str, type_name: str) -> Subscription:
+    def _subscribe(self, topic: str, state: TopicState) -> None:
         def mismatch(info: QoSRequestedIncompatibleQoSInfo) -> None:
-            if self._session is not None:
-                self._session.states[topic].incompatible_qos = str(qos_policy_name_from_kind(info.last_policy_kind))
+            state.incompatible_qos = str(qos_policy_name_from_kind(info.last_policy_kind))
 
-        return self.create_subscription(
-            MESSAGE_CLASSES[type_name],
-            topic,
-            functools.partial(self._arrived, topic, type_name),
-            qos.sensor_input(int(self.get_parameter("input_depth").value)),
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            raw=True,
-        )
+        try:
+            subscription = self.create_subscription(
+                MESSAGE_CLASSES[state.type_name],
+                topic,
+                functools.partial(self._arrived, topic, state.type_name),
+                qos.sensor_input(int(self.get_parameter("input_depth").value)),
+                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                raw=True,
+            )
+        except RuntimeError as error:  # of the middleware: this process uses the topic with another type, for example
+            state.not_subscribed = str(error)
+        else:
+            state.not_subscribed = ""
+            self._subscriptions_by_topic[topic] = (state.type_name, subscription)
 
     def _arrived(self, topic: str, type_name: str, payload: bytes) -> None:
         """Take a live message, unless the node is too far behind."""
         began = time.monotonic()
         stamp = stamp_of_payload(payload)
+        if self._session is not None:
+            self._session.states[topic].arrived += 1
         if stamp is None or self._load.admit(topic, stamp * 1e-9, began):
             self.receive(topic, type_name, payload)
         self._load.handled(began, time.monotonic())
@@ -286,8 +305,8 @@ class EstimatorNode(LifecycleNode):
         if not self._active:
             yield conversions.status(DiagnosticStatus.WARN, "estimator node", "not active", NODE, {})
         yield load_status(self._load)
-        if self._save_problem:
-            yield conversions.status(DiagnosticStatus.WARN, "saved state", self._save_problem, NODE, {})
+        if self._saver.problem:
+            yield conversions.status(DiagnosticStatus.WARN, "saved state", self._saver.problem, NODE, {})
         yield from self._session.statuses()
 
     def watch(self) -> None:
@@ -298,36 +317,54 @@ class EstimatorNode(LifecycleNode):
         self._reported_since_watch = False
         self._save_if_due()
 
+    def look(self) -> None:
+        """Tell at once when inputs or estimates stop or come back; subscribe where the type of a topic has changed."""
+        if self._types_changed:
+            self._types_changed = False
+            self._follow_topics()
+        now = time.monotonic()
+        passed, self._looked_s = now - self._looked_s, now
+        limit = float(self.get_parameter("input_timeout").value)
+        if self._session is not None and self._active and self._session.look(passed, limit):
+            self._publish_diagnostics(self.get_clock().now().nanoseconds)
+
     def destroy_node(self) -> None:
         """Save what was learned and leave."""
-        self._save_state()
+        self._save_at_the_end()
         super().destroy_node()
 
     # ---- saved state ----
 
     def _save_if_due(self) -> None:
-        """Save to ``state_file`` once per interval of the steady clock."""
+        """Begin to save to ``state_file`` once per interval of the steady clock; the thread of the saver writes."""
         interval_ns = round(float(self.get_parameter("save_interval").value) * 1e9)
         now = Clock(clock_type=ClockType.STEADY_TIME).now().nanoseconds
         if self._saved_ns is None:
             self._saved_ns = now
-        if interval_ns and now - self._saved_ns >= interval_ns:
+        path = self._state_path()
+        if self._session is not None and path is not None and now - self._saved_ns >= interval_ns:
             self._saved_ns = now
-            self._save_state()
+            self._saver.begin(path, self._session.pipeline)
+        self._say_save_problem()
 
-    def _save_state(self) -> None:
-        """Save to ``state_file`` if there is one and something to save; a failure is said once and on diagnostics."""
+    def _save_at_the_end(self) -> None:
+        """Save to ``state_file`` and return when it is done."""
+        path = self._state_path()
+        if self._session is not None and path is not None:
+            self._saver.complete(path, self._session.pipeline)
+            self._say_save_problem()
+
+    def _state_path(self) -> Path | None:
+        """Return where the state is saved, None where it is not."""
         path = str(self.get_parameter("state_file").value)
-        if self._session is None or not path or not float(self.get_parameter("save_interval").value):
-            return
-        try:
-            save_state(Path(path).expanduser(), self._session.pipeline)
-        except (OSError, ValueError) as error:
-            if not self._save_problem:
-                self.get_logger().warning(f"state not saved: {error}")
-            self._save_problem = f"not saved: {error}"
-        else:
-            self._save_problem = ""
+        return Path(path).expanduser() if path and float(self.get_parameter("save_interval").value) else None
+
+    def _say_save_problem(self) -> None:
+        """Log a save that failed, once until one succeeds; diagnostics say it all the time."""
+        problem = self._saver.problem
+        if problem and not self._save_problem_said:
+            self.get_logger().warning(f"state {problem}")
+        self._save_problem_said = problem
 
     # ---- services ----
 
@@ -346,7 +383,7 @@ class EstimatorNode(LifecycleNode):
         folder = Path(str(self.get_parameter("save_directory").value)).expanduser()
         try:
             files = save_results(folder, self._session.pipeline)
-        except (OSError, RideEstimationError) as error:
+        except SAVE_ERRORS as error:
             response.message = f"not saved: {error}"
             return response
         response.success, response.message = True, "saved " + " and ".join(str(file) for file in files)

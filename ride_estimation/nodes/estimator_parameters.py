@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.nodes.executors import EXECUTORS
 from ride_estimation.nodes.parameters import NodeParameter, Value, markdown, parameter_file
 
@@ -31,6 +31,9 @@ NODE_PARAMETERS: tuple[NodeParameter, ...] = (
     NodeParameter("input_depth", 500, "messages", "queue per input topic: rate times longest stall", 200, 10000, read_only=True),
     NodeParameter("output_depth", 50, "messages", "queue per output topic", 1, 10000, read_only=True),
     NodeParameter("publish_every", 1, "ticks", "publish every n-th estimate; all are computed", 1, 1000),
+    NodeParameter(
+        "input_timeout", 0.5, "s", "silence of a topic that is an error; three usual intervals where those are longer", 0.2, 60.0
+    ),
     NodeParameter("diagnostics_period", 1.0, "s", "data time between two diagnostics and parameter messages", 0.1, 60.0),
     NodeParameter("cg_frame", "cab_cg", "", "frame at the centre of gravity, axes of the cab", read_only=True),
     NodeParameter("vehicle_frame", "cab_link", "", "frame of the vehicle file: its origin and axes", read_only=True),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ride_estimation.estimation.hints import Hint
+from ride_estimation.estimation.faults.hints import Hint
 from ride_estimation.nodes.conversions import status
 
 

@@ -44,11 +44,19 @@ class InputTopic:
     sensors: tuple[Sensor, ...]
     accepted: tuple[str, ...]
 
-    def choose(self, offered: tuple[str, ...]) -> str:
-        """Return the type to subscribe with, given the types publishers offer; empty where none is accepted."""
+    def choose(self, offered: tuple[str, ...], present: str = "") -> str:
+        """Return the type to subscribe with; empty where none is accepted.
+
+        Parameters
+        ----------
+        offered
+            Types of the publishers there are.
+        present
+            Type of the subscription there is: kept while it is offered, or nothing is.
+        """
         if not offered:
-            return self.accepted[0]
-        return next((name for name in self.accepted if name in offered), "")
+            return present or self.accepted[0]
+        return next((name for name in (present, *self.accepted) if name in offered), "")
 
 
 def input_topics(sensors: Mapping[str, Sensor]) -> dict[str, InputTopic]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ride_estimation.estimation.health import Health, SensorHealth
+from ride_estimation.estimation.faults.health import Health, SensorHealth
 from ride_estimation.nodes.backpressure import Load
 from ride_estimation.nodes.conversions import status
+from ride_estimation.nodes.silence import Silence
 
 #: hardware id of everything that is about the node itself
 NODE = "ride_estimation"
@@ -26,17 +27,23 @@ class TopicState:
     name, sensors
         Topic and the sensors it carries.
     type_name
-        Message type of the subscription, empty while there is none.
+        Message type the topic is read as, empty where no publisher offers an accepted one.
     offered
         Types that publishers on the topic offer.
     publishers
-        How many there are.
+        How many publishers there are.
     incompatible_qos
         Policies that keep a publisher from matching.
+    not_subscribed
+        Why the middleware refused the subscription.
+    arrived
+        Messages that came from the middleware, those left out because of load among them.
     received
         Messages received.
     rejected
         Messages that could not be used, by reason.
+    silence
+        How long nothing has arrived.
     """
 
     name: str
@@ -45,18 +52,27 @@ class TopicState:
     offered: tuple[str, ...] = ()
     publishers: int = 0
     incompatible_qos: str = ""
+    not_subscribed: str = ""
+    arrived: int = 0
     received: int = 0
     rejected: Counter[str] = dataclasses.field(default_factory=Counter)
+    silence: Silence = dataclasses.field(default_factory=Silence)
 
     def verdict(self) -> tuple[bytes, str]:
         """Return level and message, the worst finding first."""
         if self.offered and not self.type_name:
             return DiagnosticStatus.ERROR, f"carries {', '.join(self.offered)}, which is not accepted here"
+        if self.not_subscribed:
+            return DiagnosticStatus.ERROR, f"cannot be subscribed to as {self.type_name}: {self.not_subscribed}"
         if self.incompatible_qos:
             return DiagnosticStatus.ERROR, f"a publisher does not match: incompatible {self.incompatible_qos}"
+        who = f"{self.publishers} publisher(s)" if self.publishers else "no publisher"
         if self.received == 0:
-            who = f"{self.publishers} publisher(s)" if self.publishers else "no publisher"
             return DiagnosticStatus.ERROR, f"configured, but nothing has been received ({who})"
+        if self.silence.too_long:
+            return DiagnosticStatus.ERROR, f"has stopped: nothing received for {self.silence.seconds:.1f} s ({who})"
+        if unread := [name for name in self.offered if name != self.type_name]:
+            return DiagnosticStatus.WARN, f"read as {self.type_name}; a publisher of {', '.join(unread)} is not read"
         if self.rejected:
             return DiagnosticStatus.WARN, "some messages were not used: " + ", ".join(sorted(self.rejected))
         return DiagnosticStatus.OK, "receiving"
@@ -74,7 +90,22 @@ class TopicState:
         return status(level, f"topic {self.name}", message, NODE, values)
 
 
-def pipeline_statuses(health: Health, body: str, faults: Mapping[str, int], unpublished: int) -> Iterator[DiagnosticStatus]:
+def silence_words(states: Iterable[TopicState], estimates: Silence) -> list[str]:
+    """Return sentences about inputs that have stopped and estimates that no longer come, none where all is well."""
+    speaking = [state for state in states if state.arrived]
+    stopped = [state for state in speaking if state.silence.too_long]
+    found = []
+    if stopped:
+        who = "all inputs" if len(stopped) == len(speaking) else ", ".join(s.name for s in stopped)
+        found.append(f"{who} stopped: nothing received for {min(s.silence.seconds for s in stopped):.1f} s")
+    if estimates.too_long:
+        found.append(f"no estimate for {estimates.seconds:.1f} s")
+    return found
+
+
+def pipeline_statuses(
+    health: Health, body: str, faults: Mapping[str, int], unpublished: int, silent: Sequence[str], stopped: Container[str]
+) -> Iterator[DiagnosticStatus]:
     """Return one status for the estimates and one per sensor.
 
     Parameters
@@ -87,14 +118,18 @@ def pipeline_statuses(health: Health, body: str, faults: Mapping[str, int], unpu
         Arithmetic that failed: message -> count.
     unpublished
         Ticks without a publishable estimate.
+    silent
+        Of :func:`silence_words`.
+    stopped
+        Sensors whose topic is silent.
     """
-    silent = any(sensor.accepted == 0 for sensor in health.sensors.values())
+    missing = any(sensor.accepted == 0 for sensor in health.sensors.values())
     level = DiagnosticStatus.OK
-    if faults or silent:
+    if faults or missing or silent:
         level = DiagnosticStatus.ERROR
     elif not health.ok:
         level = DiagnosticStatus.WARN
-    messages = [*(f"numerical fault: {text}" for text in faults), *health.messages]
+    messages = [*silent, *(f"numerical fault: {text}" for text in faults), *health.messages]
     values: dict[str, object] = {
         "ticks": health.ticks,
         "ticks without complete motion": health.invalid_ticks,
@@ -110,7 +145,7 @@ def pipeline_statuses(health: Health, body: str, faults: Mapping[str, int], unpu
     values |= {f"note {number + 1}": text for number, text in enumerate(messages)}
     yield status(level, "estimates", messages[0] if messages else "running", body, values)
     for sensor in health.sensors.values():
-        yield sensor_status(sensor)
+        yield sensor_status(sensor, sensor.silent or sensor.name in stopped)
 
 
 def load_status(load: Load) -> DiagnosticStatus:
@@ -126,12 +161,12 @@ def load_status(load: Load) -> DiagnosticStatus:
     return status(DiagnosticStatus.WARN if words else DiagnosticStatus.OK, "load", message, NODE, values)
 
 
-def sensor_status(sensor: SensorHealth) -> DiagnosticStatus:
-    """Return rate, gaps, clipping and rejected samples of one sensor."""
+def sensor_status(sensor: SensorHealth, stopped: bool) -> DiagnosticStatus:
+    """Return rate, gaps, clipping and rejected samples of one sensor, and whether it has stopped."""
     level, message = DiagnosticStatus.OK, "contributing"
     if sensor.accepted == 0:
         level, message = DiagnosticStatus.ERROR, "configured, but has contributed no sample"
-    elif sensor.silent:
+    elif stopped:
         level, message = DiagnosticStatus.ERROR, "has stopped"
     elif sensor.clipped or sensor.rejected or sensor.gaps or sensor.refused:
         found = [("at full scale", sensor.clipped), ("samples rejected", sum(sensor.rejected.values())), ("gaps", sensor.gaps)]

@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu, JointState
 
-from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.nodes import conversions
 from ride_estimation.nodes.serialized import MessageForm

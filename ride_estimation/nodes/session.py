@@ -12,16 +12,17 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError, RideEstimationError
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.estimation.warm_up import warm_up
 from ride_estimation.io.messages import Converter, Sample, make_converter
 from ride_estimation.io.vehicle_file import body_layout
 from ride_estimation.nodes.cdr import Reader, make_reader
 from ride_estimation.nodes.hint_status import hint_status
 from ride_estimation.nodes.inputs import input_topics
-from ride_estimation.nodes.node_health import TopicState, pipeline_statuses
+from ride_estimation.nodes.node_health import TopicState, pipeline_statuses, silence_words
+from ride_estimation.nodes.silence import Silence
 from ride_estimation.vehicles.vehicle import Body, Vehicle
 
 #: what decoding a damaged message raises (RMWError of rclpy is a RuntimeError)
@@ -65,6 +66,7 @@ class Session:
         self._decoders: dict[tuple[str, str], tuple[Reader, Converter] | None] = {}
         self._ticks = 0
         self._unpublished = 0
+        self._silence = Silence()
 
     @property
     def body(self) -> Body:
@@ -143,9 +145,29 @@ class Session:
                 chosen.append(tick)
         return chosen
 
+    def look(self, passed_s: float, limit_s: float) -> bool:
+        """Notice topics and estimates that stop or come back on the steady clock; return whether one did.
+
+        Parameters
+        ----------
+        passed_s
+            Time since the last look [s].
+        limit_s
+            Longest silence that is nothing unusual [s].
+        """
+        changed = [state.silence.look(state.arrived, passed_s, limit_s) for state in self.states.values()]
+        return any([*changed, self._silence.look(self._ticks - self._unpublished, passed_s, limit_s)])
+
+    def listen(self) -> None:
+        """Begin to listen for silence, after a time in which nobody was subscribed."""
+        for silence in (self._silence, *(state.silence for state in self.states.values())):
+            silence.forgive()
+
     def statuses(self) -> Iterator[DiagnosticStatus]:
         """Return the statuses of the estimates, of every sensor and of every topic."""
-        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished)
+        silent = silence_words(self.states.values(), self._silence)
+        stopped = {name for state in self.states.values() if state.silence.too_long for name in state.sensors}
+        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished, silent, stopped)
         yield hint_status(self.pipeline.hints(), self.body.name)
         for state in self.states.values():
             yield state.status()

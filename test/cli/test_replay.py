@@ -21,7 +21,7 @@ from worlds.roads import Road
 from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.cli.main import main
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.settings_file import load_settings
 from ride_estimation.io.vehicle_file import load_vehicle

@@ -17,7 +17,7 @@ from ride_estimation.elements.base import Array, ForceElement
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.registry import kinds
 from ride_estimation.elements.sum_of_elements import SumOfElements
-from ride_estimation.estimation.mount_law import scaled
+from ride_estimation.estimation.forces.mount_law import scaled
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.simulation.base_motion import BaseMotion

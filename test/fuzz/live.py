@@ -27,7 +27,7 @@ def imu_payload(stamp_ns: int, acceleration: np.ndarray) -> bytes:
 
 
 def _seeds(folder: Path) -> list[bytes]:
-    from ride_estimation.estimation.settings import PipelineSettings
+    from ride_estimation.estimation.common.settings import PipelineSettings
     from ride_estimation.estimation.warm_up import warm_up
 
     # to compile takes longer than an answer may
@@ -37,7 +37,7 @@ def _seeds(folder: Path) -> list[bytes]:
 
 
 def _consumer() -> Callable[[Path, Path], None]:
-    from ride_estimation.estimation.settings import PipelineSettings
+    from ride_estimation.estimation.common.settings import PipelineSettings
     from ride_estimation.nodes.publishers import finite
     from ride_estimation.nodes.session import Session
 

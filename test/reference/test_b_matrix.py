@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.cg_motion import CgMotionEstimator, b_matrix
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, b_matrix
 from ride_estimation.sensors.sensor import Sensor
 
 

@@ -12,9 +12,9 @@ from scipy import linalg, signal
 
 from ride_estimation.assessment.seat import separation_times
 from ride_estimation.assessment.truth import at_times, score
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import run_offline
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.io.scenario_file import load_scenario
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.simulation.field_run import run_scenario

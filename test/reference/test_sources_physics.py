@@ -15,9 +15,9 @@ from worlds.roads import Road
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.maxwell import Maxwell
 from ride_estimation.elements.sum_of_elements import SumOfElements
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.cg_motion import CgMotionEstimator
-from ride_estimation.estimation.rls import RecursiveLeastSquares
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
+from ride_estimation.estimation.parameters.rls import RecursiveLeastSquares
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.integration import acceleration_to_displacement, acceleration_to_velocity, high_pass, integrate

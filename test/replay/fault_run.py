@@ -20,7 +20,7 @@ from worlds.adapters import START_NS, believed_vehicle
 from worlds.cab import CabSensor, Measurement, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.messages import make_converter

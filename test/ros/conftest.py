@@ -67,6 +67,14 @@ class Ros:
         rclpy.init(context=self.context, args=[], domain_id=domain)
         self.executor: Executor = make_executor(executor, self.context)
         self.nodes: list[Node] = []
+        self._others: list[Context] = []
+
+    def another_context(self) -> Context:
+        """Return a context in the same domain, as another process would have."""
+        other = Context()
+        rclpy.init(context=other, args=[], domain_id=self.context.get_domain_id())
+        self._others.append(other)
+        return other
 
     def add(self, node: Node) -> Node:
         """Put a node on the executor."""
@@ -110,7 +118,8 @@ class Ros:
             self.executor.remove_node(node)
             node.destroy_node()
         self.executor.shutdown()
-        self.context.try_shutdown()
+        for context in (*self._others, self.context):
+            context.try_shutdown()
 
 
 @pytest.fixture(params=["single", "events"])

@@ -12,7 +12,7 @@ from geometry_msgs.msg import AccelWithCovarianceStamped, InertiaStamped, Wrench
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, JointState
 
-from ride_estimation.estimation.estimate import Estimate, Status
+from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.nodes import conversions
 
 STAMP = 1_700_000_000_123_456_789

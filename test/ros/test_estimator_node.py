@@ -23,8 +23,9 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import qos
 from ride_estimation.nodes.estimator_node import EstimatorNode
 from ride_estimation.nodes.estimator_parameters import TABLE
+from ride_estimation.nodes.inputs import MESSAGE_CLASSES
 from ros.conftest import Ros
-from ros.drive import IMU, drive, imu
+from ros.drive import IMU, accel_stamped, drive, imu, vector3_stamped
 
 MOUNTS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -221,36 +222,93 @@ def test_messages_over_the_wire_reach_the_estimator(ros: Ros) -> None:
     assert node.session.pipeline.health().ticks > 0
 
 
-@pytest.mark.parametrize("type_name", ["geometry_msgs/msg/AccelStamped", "geometry_msgs/msg/Vector3Stamped"])
-def test_topic_type_decides_how_an_accelerometer_is_read(ros: Ros, type_name: str) -> None:
-    from ride_estimation.nodes.inputs import MESSAGE_CLASSES
-    from ros.drive import accel_stamped, vector3_stamped
-
-    make = {"geometry_msgs/msg/AccelStamped": accel_stamped, "geometry_msgs/msg/Vector3Stamped": vector3_stamped}[type_name]
-    talker = ros.add(Node("talker", context=ros.context, use_global_arguments=False))
-    publisher = talker.create_publisher(MESSAGE_CLASSES[type_name], "/cab/front_left/accel", qos.output(100))
-    node = estimator(ros)
-    ros.until(lambda: node.count_publishers("/cab/front_left/accel") == 1)
-    node.watch()
-    assert node.session is not None
-    state = node.session.states["/cab/front_left/accel"]
-    ros.until(lambda: publisher.get_subscription_count() > 0)
-    publisher.publish(make(10**18, np.array([0.1, 0.2, 9.8])))
-    ros.until(lambda: state.received == 1)
-    assert state.type_name == type_name
-    assert not state.rejected
+ACCEL, VECTOR = "geometry_msgs/msg/AccelStamped", "geometry_msgs/msg/Vector3Stamped"
+VICTIM = "/cab/front_left/accel"
+SAMPLE = (10**18, np.array([0.1, 0.2, 9.8]))
 
 
-def test_topic_with_a_foreign_type_is_named(ros_single: Ros) -> None:
-    talker = ros_single.add(Node("talker", context=ros_single.context, use_global_arguments=False))
-    talker.create_publisher(JointState, "/cab/front_left/accel", qos.output(10))
+class Driver:
+    """A sensor driver that publishes one type of message on one topic; a participant of its own, as a process would be."""
+
+    def __init__(self, ros: Ros, type_name: str) -> None:
+        self.ros, self.type_name = ros, type_name
+        self.node = Node("driver", context=ros.another_context(), use_global_arguments=False)
+        self.publisher = self.node.create_publisher(MESSAGE_CLASSES[type_name], VICTIM, qos.output(100))
+
+    def seen_by(self, node: EstimatorNode) -> None:
+        """Wait until the node knows the type, and let it look."""
+        self.ros.until(lambda: self.type_name in {p.topic_type for p in node.get_publishers_info_by_topic(VICTIM)})
+        node.watch()
+
+    def publish_to(self, node: EstimatorNode) -> None:
+        """Publish one sample and wait until it was received."""
+        state = node.session.states[VICTIM]
+        before = state.received
+        self.ros.until(lambda: self.publisher.get_subscription_count() > 0)
+        make = {IMU: imu, ACCEL: accel_stamped, VECTOR: vector3_stamped}[self.type_name]
+        self.publisher.publish(make(*SAMPLE))
+        self.ros.until(lambda: state.received == before + 1)
+        assert state.type_name == self.type_name
+        assert not state.rejected
+
+    def leave(self, node: EstimatorNode) -> None:
+        """End, and wait until the node knows."""
+        self.node.destroy_node()
+        self.ros.until(lambda: not node.get_publishers_info_by_topic(VICTIM))
+
+
+@pytest.mark.parametrize("first", ["driver", "estimator"])
+@pytest.mark.parametrize("type_name", [ACCEL, VECTOR])
+def test_type_of_the_publisher_decides_how_an_accelerometer_is_read(
+    ros_single: Ros, type_name: str, first: str
+) -> None:
+    driver = Driver(ros_single, type_name) if first == "driver" else None
     node = estimator(ros_single)
-    ros_single.until(lambda: node.count_publishers("/cab/front_left/accel") == 1)
     node.watch()
-    assert node.session is not None
-    level, message = node.session.states["/cab/front_left/accel"].verdict()
+    driver = driver or Driver(ros_single, type_name)
+    driver.seen_by(node)
+    driver.publish_to(node)
+    node.watch()
+    driver.publish_to(node)
+
+
+def test_driver_that_comes_back_with_another_type_is_followed(ros: Ros) -> None:
+    node = estimator(ros)
+    for type_name in (IMU, ACCEL):
+        driver = Driver(ros, type_name)
+        driver.seen_by(node)
+        driver.publish_to(node)
+        driver.leave(node)
+        node.watch()
+
+
+def test_second_publisher_of_another_type_is_said_and_changes_nothing(ros_single: Ros) -> None:
+    node = estimator(ros_single)
+    driver = Driver(ros_single, VECTOR)
+    driver.seen_by(node)
+    driver.publish_to(node)
+    Driver(ros_single, IMU).seen_by(node)
+    driver.publish_to(node)
+    level, message = node.session.states[VICTIM].verdict()
+    assert level == DiagnosticStatus.WARN
+    assert f"a publisher of {IMU} is not read" in message
+
+
+@pytest.mark.parametrize("first", ["driver", "estimator"])
+def test_topic_with_a_foreign_type_is_named(ros_single: Ros, first: str) -> None:
+    foreign = "sensor_msgs/msg/JointState"
+    driver = Driver(ros_single, foreign) if first == "driver" else None
+    node = estimator(ros_single)
+    node.watch()
+    driver = driver or Driver(ros_single, foreign)
+    driver.seen_by(node)
+    level, message = node.session.states[VICTIM].verdict()
     assert level == DiagnosticStatus.ERROR
-    assert "sensor_msgs/msg/JointState, which is not accepted" in message
+    assert f"carries {foreign}, which is not accepted" in message
+    driver.leave(node)
+    good = Driver(ros_single, IMU)
+    good.seen_by(node)
+    good.publish_to(node)
 
 
 def test_publisher_that_cannot_match_is_named(ros: Ros) -> None:

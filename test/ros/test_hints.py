@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from ride_estimation.estimation.hints import Hint
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.faults.hints import Hint
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes.hint_status import hint_status
 from ride_estimation.nodes.session import Session

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu
 
-from ride_estimation.estimation.estimate import Estimate
+from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.state_file import load_state, restore_state
 from ride_estimation.io.vehicle_file import load_vehicle

@@ -12,7 +12,7 @@ import yaml
 from rclpy.parameter import Parameter
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, documents, pipeline_settings
 from ride_estimation.nodes.parameters import NodeParameter, problems, verdict
 

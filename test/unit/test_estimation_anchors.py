@@ -13,7 +13,7 @@ from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 from worlds.vehicle_text import Belief
 
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import ForceReference

@@ -12,9 +12,9 @@ from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.base_check import DISAGREES, BaseCheck
-from ride_estimation.estimation.sensor_gate import GateVerdict
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.faults.base_check import DISAGREES, BaseCheck
+from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.signals.alignment import Block
 
 RATE, BLOCK = 100.0, 10

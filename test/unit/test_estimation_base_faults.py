@@ -14,10 +14,10 @@ from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.base_faults import BaseFaults
-from ride_estimation.estimation.health import base_messages
-from ride_estimation.estimation.sensor_gate import GateVerdict
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.faults.base_faults import BaseFaults
+from ride_estimation.estimation.faults.health import base_messages
+from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 

@@ -14,8 +14,8 @@ from worlds.adapters import START_NS, arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.arrangement import USUAL_SHARES, arrange
-from ride_estimation.estimation.bracket_tilt import _PRIOR_STD, BracketTilt
+from ride_estimation.estimation.common.arrangement import USUAL_SHARES, arrange
+from ride_estimation.estimation.kinematics.bracket_tilt import _PRIOR_STD, BracketTilt
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle
 

@@ -11,11 +11,11 @@ import pytest
 from scipy import signal
 
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.carried_bodies import CarriedBodies
-from ride_estimation.estimation.loads import InertialLoads
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.forces.carried_bodies import CarriedBodies
+from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.frames import COORDINATES
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor

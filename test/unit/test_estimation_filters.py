@@ -9,10 +9,10 @@ from scipy import signal
 from scipy.linalg import solve_discrete_are
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.balance_kernel import high_pass_block, integrate_block, low_pass_block
-from ride_estimation.estimation.guarded_ekf import GuardedEkf
-from ride_estimation.estimation.response import _riccati
-from ride_estimation.estimation.rls import RecursiveLeastSquares, forgetting_noise
+from ride_estimation.estimation.parameters.balance_kernel import high_pass_block, integrate_block, low_pass_block
+from ride_estimation.estimation.parameters.guarded_ekf import GuardedEkf
+from ride_estimation.estimation.parameters.response import _riccati
+from ride_estimation.estimation.parameters.rls import RecursiveLeastSquares, forgetting_noise
 
 
 def test_update_is_the_textbook_kalman_update():

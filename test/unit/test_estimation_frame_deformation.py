@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from ride_estimation.estimation.deformation_filter import FilterBank
-from ride_estimation.estimation.frame_deformation import FrameDeformation
+from ride_estimation.estimation.kinematics.deformation_filter import FilterBank
+from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.frames import skew
 
 DT = 0.002

@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.gyro_check import GyroCheck
-from ride_estimation.estimation.sensor_drift import motion_error
+from ride_estimation.estimation.faults.gyro_check import GyroCheck
+from ride_estimation.estimation.motion.sensor_drift import motion_error
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.sensor import Sensor
 

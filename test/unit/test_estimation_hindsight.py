@@ -13,13 +13,13 @@ from worlds.adapters import START_NS, believed_vehicle, recording
 from worlds.cab import drive, measure, random_sensors, random_vehicle, simulate
 from worlds.roads import Road, base_motion
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.force_basis import ForceModel
-from ride_estimation.estimation.hindsight import Hindsight, HindsightRecorder
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.forces.force_basis import ForceModel
 from ride_estimation.estimation.offline import OfflineRun, run_offline
-from ride_estimation.estimation.parameter_course import smoothed_course
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.zero_phase import EDGES, ZeroPhaseBank
+from ride_estimation.estimation.smoothing.hindsight import Hindsight, HindsightRecorder
+from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
+from ride_estimation.estimation.smoothing.zero_phase import EDGES, ZeroPhaseBank
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 

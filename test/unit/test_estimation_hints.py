@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from ride_estimation.estimation import hint_sensors, hint_spectra
-from ride_estimation.estimation.hint_sensors import SensorHints
-from ride_estimation.estimation.hint_spectra import SpectrumHints
-from ride_estimation.estimation.hints import FALSE_ALARMS_PER_HOUR, HintBlock, Hints
+from ride_estimation.estimation.faults import hint_sensors, hint_spectra
+from ride_estimation.estimation.faults.hint_sensors import SensorHints
+from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
+from ride_estimation.estimation.faults.hints import FALSE_ALARMS_PER_HOUR, HintBlock, Hints
 from ride_estimation.sensors.sensor import Sensor
 
 RATE, NOISE = 200.0, 0.02

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from ride_estimation.estimation.balance_kernel import response_block
-from ride_estimation.estimation.base_kernel import follow_bases
-from ride_estimation.estimation.block_math import biquad_block, follow_moments
-from ride_estimation.estimation.bracket_tilt import take_readings
-from ride_estimation.estimation.centripetal import centripetal_covariance
-from ride_estimation.estimation.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
-from ride_estimation.estimation.frame_kernel import deformation_block, frame_block, straighten
-from ride_estimation.estimation.gate_kernel import median, median_root
+from ride_estimation.estimation.common.block_math import biquad_block, follow_moments
+from ride_estimation.estimation.faults.base_kernel import follow_bases
+from ride_estimation.estimation.faults.gate_kernel import median, median_root
+from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
+from ride_estimation.estimation.kinematics.bracket_tilt import take_readings
+from ride_estimation.estimation.kinematics.frame_kernel import deformation_block, frame_block, straighten
+from ride_estimation.estimation.motion.centripetal import centripetal_covariance
+from ride_estimation.estimation.parameters.balance_kernel import response_block
 from ride_estimation.signals.interpolation import interpolate_streams, interpolate_ticks
 
 #: rounding of sums of some tens of terms of order one

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.cg_motion import CgMotionEstimator
-from ride_estimation.estimation.settings import PipelineSettings
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.sensors.sensor import Sensor
 
 GRAVITY, NOISE, RATE, BLOCK = 9.81, 0.05, 20.0, 10

@@ -11,10 +11,10 @@ from worlds.adapters import START_NS, arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation import parameter_estimator
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.parameters import parameter_estimator
+from ride_estimation.estimation.parameters.response import ModelResponse
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.response import ModelResponse
 
 RATE = 250.0
 #: a block is ten ticks

@@ -8,11 +8,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.base_fill import BaseFill
-from ride_estimation.estimation.cg_motion import CgMotionEstimator
-from ride_estimation.estimation.health import base_messages
-from ride_estimation.estimation.loads import InertialLoads
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.faults.health import base_messages
+from ride_estimation.estimation.forces.base_fill import BaseFill
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
+from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
 from ride_estimation.sensors.sensor import Sensor

@@ -8,9 +8,9 @@ import pathlib
 
 import numpy as np
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.balance_kernel import high_pass_block, integrate_block
-from ride_estimation.estimation.mounting_doubt import MountingDoubt
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.parameters.balance_kernel import high_pass_block, integrate_block
+from ride_estimation.estimation.sensor_errors.mounting_doubt import MountingDoubt
 from ride_estimation.io.vehicle_file import load_vehicle
 
 ARRANGEMENT = arrange(load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"))

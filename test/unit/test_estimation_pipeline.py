@@ -15,10 +15,10 @@ from worlds.roads import Road
 from worlds.vehicle_text import Belief
 
 from ride_estimation.errors import ConfigurationError, InputDataError
-from ride_estimation.estimation.anchors import MassAnchor
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.settings import PipelineSettings
 from ride_estimation.vehicles.vehicle import ForceReference
 
 RATE = 250.0

@@ -13,9 +13,9 @@ from worlds.adapters import arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle, rotation_of_degrees
 from worlds.roads import Road
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.cg_motion import CgMotionEstimator
-from ride_estimation.estimation.health import SensorHealth, rate_message, residual_message
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.faults.health import SensorHealth, rate_message, residual_message
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import StampAligner, StreamSpec
 

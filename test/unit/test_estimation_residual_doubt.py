@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.residual_doubt import error_of_one, residual_doubt
+from ride_estimation.estimation.motion.residual_doubt import error_of_one, residual_doubt
 
 STATED = 0.02**2
 SPARE = 6

@@ -13,7 +13,7 @@ from worlds.adapters import START_NS, arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle
 

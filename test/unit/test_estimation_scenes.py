@@ -10,8 +10,8 @@ import sys
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.parameter_change import common_change, moved, steady_scatter
-from ride_estimation.estimation.repetition import Repetition
+from ride_estimation.estimation.parameters.parameter_change import common_change, moved, steady_scatter
+from ride_estimation.estimation.parameters.repetition import Repetition
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 

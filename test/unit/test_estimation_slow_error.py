@@ -8,12 +8,12 @@ import pathlib
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.bracket_tilt import BracketTilt
-from ride_estimation.estimation.centripetal import centripetal_covariance, centripetal_terms
-from ride_estimation.estimation.cg_motion import CgMotionEstimator, MotionBlock
-from ride_estimation.estimation.deflection import DeflectionEstimator
-from ride_estimation.estimation.slow_error import LastingAcceleration, with_slow_error
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.kinematics.deflection import DeflectionEstimator
+from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
+from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.io.vehicle_file import load_vehicle
 
 VEHICLE = load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml")

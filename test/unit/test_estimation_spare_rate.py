@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.centripetal import centripetal_terms
-from ride_estimation.estimation.mount_forces import double_cross_gradient
-from ride_estimation.estimation.spare_rate import SpareRate
+from ride_estimation.estimation.forces.mount_forces import double_cross_gradient
+from ride_estimation.estimation.motion.centripetal import centripetal_terms
+from ride_estimation.estimation.motion.spare_rate import SpareRate
 
 PLACES = np.array([[0.8, 0.6, -0.3], [0.8, -0.6, -0.4], [-0.8, 0.6, -0.3], [-0.7, -0.6, 0.9]])
 DIRECTIONS, POINTS = np.tile(np.eye(3), (4, 1)), np.repeat(PLACES, 3, axis=0)

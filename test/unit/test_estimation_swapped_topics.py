@@ -13,9 +13,9 @@ from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.arrangement import arrange
-from ride_estimation.estimation.cg_motion import CgMotionEstimator
-from ride_estimation.estimation.swapped_topics import SwappedTopics
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.faults.swapped_topics import SwappedTopics
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 
 RATE = 100.0
 BLOCK = 10

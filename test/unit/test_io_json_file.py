@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ride_estimation.estimation.estimate import Status
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.io.json_file import write_json
 
 

@@ -20,7 +20,8 @@ import ride_estimation
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.json_file import write_atomically
-from ride_estimation.io.state_file import fingerprint, load_state, restore_state, save_results, save_state
+from ride_estimation.io.packed_arrays import pack, unpack
+from ride_estimation.io.state_file import Snapshot, fingerprint, load_state, restore_state, save_results, save_state
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -55,6 +56,45 @@ def test_a_saved_state_is_taken_up_whole(tmp_path: Path) -> None:
     restore_state(tmp_path / "deep" / "s.json", second)
     assert json.dumps(second.save_state()) == json.dumps(first.save_state())
     assert [p.name for p in (tmp_path / "deep").iterdir()] == ["s.json"]
+
+
+def test_a_state_with_every_number_written_out_is_still_taken_up(tmp_path: Path) -> None:
+    """As version 1 of the file was."""
+    first = Pipeline(vehicle())
+    document = load_state(save_state(tmp_path / "s.json", first))
+    old = resealed({**document, "schema": "ride_estimation/saved_state/1"})
+    (tmp_path / "old.json").write_text(json.dumps(old, indent=1), encoding="utf-8")
+    second = Pipeline(vehicle())
+    restore_state(tmp_path / "old.json", second)
+    assert json.dumps(second.save_state()) == json.dumps(first.save_state())
+
+
+def test_a_snapshot_stays_what_it_was_while_the_estimator_goes_on(tmp_path: Path) -> None:
+    pipeline = Pipeline(vehicle())
+    sensor = next(iter(vehicle().sensors))
+    for k in range(2000):
+        if k == 1000:
+            snapshot = Snapshot.of(pipeline)
+            then = json.dumps(snapshot.state)
+        pipeline.observe(sensor, 10**15 + k * 5_000_000, [0.1, 0.2, 9.8 + 0.1 * (k % 7), 0.0, 0.0, 0.0])
+    assert json.dumps(pipeline.save_state()) != then
+    assert json.dumps(load_state(snapshot.write(tmp_path / "s.json"))["state"]) == then
+
+
+@pytest.mark.parametrize(
+    "value", [0.1, [1.5] * 3, [[0.1, -2e300, 5e-324]] * 40, [[1.0] * 70, [2.0]], ["a"] * 80, [1] * 80, [None] * 80]
+)
+def test_packed_lists_come_back_as_they_were(value: Any) -> None:
+    packed = json.loads(json.dumps(pack({"a": value})))
+    assert json.dumps(unpack(packed)) == json.dumps({"a": value})
+
+
+@pytest.mark.parametrize(
+    ("data", "shape"), [("AAAA", [1]), ("A", [1]), ("é", [1]), (3, [1]), ("", [0]), ("", []), ("", [10**9, 10**9]), ("", [True])]
+)
+def test_packed_numbers_that_are_none_are_refused(data: Any, shape: Any) -> None:
+    with pytest.raises(InputDataError, match="packed numbers"):
+        unpack({"a": [{"float64_base64": data, "shape": shape}]})
 
 
 def test_killed_while_saving_the_file_is_the_old_or_the_new_one(tmp_path: Path) -> None:

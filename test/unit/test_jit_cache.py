@@ -56,7 +56,7 @@ def _scaled(a: np.ndarray, b: np.ndarray, c: float, d: np.ndarray) -> float:
 @pytest.mark.skipif(not COMPILED, reason="without numba there are no kernels")
 def test_what_a_drive_calls_is_compiled_ahead() -> None:
     code = (
-        "from ride_estimation.estimation.settings import PipelineSettings\n"
+        "from ride_estimation.estimation.common.settings import PipelineSettings\n"
         "from ride_estimation.estimation.warm_up import warm_up\n"
         "from ride_estimation.io.vehicle_file import load_vehicle\n"
         "from ride_estimation.jit import recorded_calls\n"

@@ -1,0 +1,151 @@
+# Copyright 2026 ride_estimation contributors
+"""What the mount model misses of the force on the body, by frequency: lines of one frequency, and the share in all.
+
+Spectra of four seconds (Hann, half overlapped) are averaged over a minute. A line stands out of its neighbours by more than the
+scatter of an averaged periodogram lets expect (F distribution), both in the missing force and in its ratio to the force of the
+mounts: a line of the road or of the engine that the bases bring along shows in both alike and is no line of the ratio.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ride_estimation.estimation.faults.hint_types import MEMORY, Hint, level
+from ride_estimation.frames import COORDINATES
+
+Array = NDArray[np.float64]
+
+#: length of a spectrum [s], analysed band [Hz]
+_SEGMENT = 4.0
+_BAND = (0.5, 40.0)
+#: lines are looked for above [Hz]: below, slow errors of integrated deflections have edges of their own
+_LOWEST_LINE = 3.0
+#: bins of a line beside its peak; bins beside the line that it is compared with
+_LINE, _BESIDE = 3, 12
+#: spectra before the first look
+_LEAST_SEGMENTS = 12
+#: share of the force on the body, in amplitude, below which a line or a misfit is not worth a word
+_LEAST_LINE, _LEAST_MISFIT = 0.01, 0.25
+#: forgetting per spectrum, two of them a segment
+_KEEP = 1.0 - 2.0 * _SEGMENT / MEMORY / 2.0
+
+
+class SpectrumHints:
+    """Detector of lines and of a mount model that misses much.
+
+    Parameters
+    ----------
+    body
+        Its name, for hints.
+    free
+        Which of the six coordinates it has, shape (6,).
+    """
+
+    def __init__(self, body: str, free: NDArray[np.bool_]) -> None:
+        self._body = body
+        self._axes = np.flatnonzero(free)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._pending: Array = np.zeros((0, 12))
+        self._power: Array = np.zeros((12, 0))
+        self._weight, self._squares, self._segments = 0.0, 0.0, 0
+        self._step = 0.0
+
+    def interrupt(self) -> None:
+        """Begin a new segment after a gap."""
+        self._pending = np.zeros((0, 12))
+
+    def observe(self, support: Array, missing: Array, dt: float) -> None:
+        """Take some ticks without a gap.
+
+        Parameters
+        ----------
+        support, missing
+            Force on the body and what the mounts' model does not explain of it, shape (K, 6) [N, N m].
+        dt
+            Tick [s].
+        """
+        if dt != self._step:
+            self.reset()
+            self._step = dt
+        self._pending = np.concatenate([self._pending, np.hstack([missing, support - missing])])
+        length = round(_SEGMENT / dt)
+        while len(self._pending) >= length:
+            self._add(self._pending[:length])
+            self._pending = self._pending[length // 2 :]
+
+    def _add(self, segment: Array) -> None:
+        length = len(segment)
+        first, last = (round(f * _SEGMENT) for f in (_BAND[0], min(_BAND[1], 0.4 / self._step)))
+        window = np.hanning(length)[:, None]
+        spectrum = np.fft.rfft((segment - segment.mean(axis=0)) * window, axis=0)[first : last + 1]
+        power = np.abs(spectrum.T) ** 2
+        if self._power.shape != power.shape:
+            self._power = np.zeros_like(power)
+        self._power = _KEEP * self._power + power
+        self._weight, self._squares = _KEEP * self._weight + 1.0, _KEEP**2 * self._squares + 1.0
+        self._segments += 1
+
+    def hints(self) -> tuple[Hint, ...]:
+        """Return the strongest line and, where there is none, a misfit that is large."""
+        if self._segments < _LEAST_SEGMENTS or not len(self._axes):
+            return ()
+        missing, mounts = self._power[self._axes], self._power[6 + self._axes]
+        total = np.maximum(mounts.sum(axis=1), 1e-300)
+        best = self._line(missing, mounts, total)
+        if best is not None:
+            axis, place, share = best
+            frequency = _BAND[0] + place / _SEGMENT
+            name = COORDINATES[self._axes[axis]]
+            words = (
+                f"{self._body} {name} is shaken at {frequency:.2f} Hz by {100.0 * share:.0f} % of the force of its mounts: looks "
+                "like harmonic disturbance"
+            )
+            return (Hint("harmonic_disturbance", self._body, name, frequency, 0.5 / _SEGMENT, "Hz", words),)
+        share = np.sqrt(missing.sum(axis=1) / total)
+        vertical = int(np.argmax(self._axes == 2)) if 2 in self._axes else int(np.argmax(total))
+        if share[vertical] < _LEAST_MISFIT:
+            return ()
+        name = COORDINATES[self._axes[vertical]]
+        words = (
+            f"the mounts' model misses {100.0 * share[vertical]:.0f} % of the force on {self._body} {name}: diagnose the "
+            "recorded run"
+        )
+        return (Hint("unexplained", self._body, name, float(share[vertical]), 0.0, "-", words),)
+
+    def _line(self, missing: Array, mounts: Array, total: Array) -> tuple[int, int, float] | None:
+        """Return (component, bin, share of the force in amplitude) of the strongest line."""
+        bins = missing.shape[1]
+        # degrees of freedom of the averages: two per spectrum; neighbours of a Hann window share half of theirs
+        own = 2.0 * self._weight**2 / self._squares
+        cutoff = float(stats.f.isf(level(missing.size), own, own * _BESIDE))
+        ratio = missing / np.maximum(mounts, 1e-12 * total[:, None])
+        over = np.minimum(missing / _beside(missing), ratio / _beside(ratio))
+        power = np.stack([missing[:, max(i - 1, 0) : i + 2].sum(axis=1) for i in range(bins)], axis=1)
+        share = np.sqrt(power / total[:, None])
+        over[share < _LEAST_LINE] = 0.0
+        over[:, : round((_LOWEST_LINE - _BAND[0]) * _SEGMENT)] = 0.0
+        over[:, bins - _LINE - _BESIDE // 2 :] = 0.0
+        axis, place = np.unravel_index(int(np.argmax(over)), over.shape)
+        return (int(axis), int(place), float(share[axis, place])) if over[axis, place] > cutoff else None
+
+
+def _beside(power: Array) -> Array:
+    """Return the larger of the mean levels on both sides of every bin, beyond the reach of a line, shape as given.
+
+    The larger of the two, so that a flank is no line.
+    """
+    bins = power.shape[1]
+    padded = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
+    index = np.arange(bins)
+    out = np.full(power.shape, 1e-300)
+    for low, high in ((index - _LINE - _BESIDE, index - _LINE), (index + _LINE + 1, index + _LINE + 1 + _BESIDE)):
+        a, b = np.clip(low, 0, bins), np.clip(high, 0, bins)
+        count = b - a
+        mean = (padded[:, b] - padded[:, a]) / np.maximum(count, 1)
+        out = np.where(count >= _BESIDE // 2, np.maximum(out, mean), out)
+    return out

@@ -1,0 +1,156 @@
+# Copyright 2026 ride_estimation contributors
+"""Everything that looks at the samples of a block before they are used: which sensor is which, and which is fit to be used."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.channel_layout import ChannelLayout
+from ride_estimation.estimation.faults.base_check import BaseCheck
+from ride_estimation.estimation.faults.base_faults import BaseFaults
+from ride_estimation.estimation.faults.gyro_check import GyroCheck
+from ride_estimation.estimation.faults.health import SensorHealth, sensor_health
+from ride_estimation.estimation.faults.input_watch import InputWatch
+from ride_estimation.estimation.faults.rigid_check import RigidCheck
+from ride_estimation.estimation.faults.sensor_gate import GateVerdict, SensorGate
+from ride_estimation.estimation.faults.swapped_topics import SwappedTopics
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.streams import Block, StreamHealth
+
+Array = NDArray[np.float64]
+
+
+class InputChecks:
+    """The checks of one arrangement, in the order in which they look at a block.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts, sensors.
+    sensors
+        One per stream.
+    layout
+        Places of the streams in a block.
+    columns
+        Columns of every stream in a block.
+    motion
+        Geometry of the body's channels.
+    """
+
+    def __init__(
+        self, arrangement: Arrangement, sensors: Sequence[Sensor], layout: ChannelLayout, columns: Sequence[slice],
+        motion: CgMotionEstimator,
+    ) -> None:  # fmt: skip
+        a, self._layout = arrangement, layout
+        n = 3 * len(a.body_sensors)
+        base = [s for s in a.base_sensors if s is not None]
+        starts = [c.start for c in columns]
+        index = {s.name: i for i, s in enumerate(sensors)}
+        streams = [index[s.name] for s in (*a.body_sensors, *base)]
+        self._swaps = SwappedTopics(a.body_sensors, base, streams, [starts[i] for i in streams], motion.rows[:n])
+        self.gyros = GyroCheck(a.body_sensors, motion.gyros, motion.rows[:n], a.free)
+        self.watch = InputWatch(layout)
+        check = RigidCheck(motion.rows[:n], motion.directions[:n], motion.points[:n], [s.noise_std for s in a.body_sensors])
+        self._gate = SensorGate(
+            sensors, starts, layout.body_streams.tolist(), [stream for _, stream, _, _ in layout.base],
+            [stream for _, _, stream, _ in layout.transducers], check,
+            a.vehicle.gravity,
+        )  # fmt: skip
+        base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
+        self._bases = BaseCheck(base, base_streams, base_starts)
+        self.base_faults = BaseFaults(base, base_streams, base_starts, a.vehicle.gravity)
+        self._left_out: frozenset[int] = frozenset()
+
+    def reset(self) -> None:
+        """Begin a new time base; what was found out about the sensors stays."""
+        self._gate.reset()
+        self._swaps.reset()
+        self.gyros.reset()
+        self._bases.reset()
+        self.base_faults.reset()
+
+    def put_right(self, block: Block, dt: float) -> tuple[Block, str]:
+        """Exchange the readings of sensors whose topics are exchanged; words where an exchange was found or ended just now.
+
+        Parameters
+        ----------
+        block
+            Aligned samples.
+        dt
+            Tick [s].
+        """
+        values, valid = self._swaps.exchange(block.values, block.valid)
+        found = self._swaps.observe(values, valid, dt)
+        if found:
+            values, valid = self._swaps.exchange(block.values, block.valid)
+            self.watch.look_again()
+        return block if values is block.values else dataclasses.replace(block, values=values, valid=valid), found
+
+    def contradicted_gyros(self, block: Block, motion: CgMotionEstimator, dt: float) -> Sequence[int]:
+        """Return gyros whose rates the accelerometers contradict, found with this block."""
+        if not self.gyros.possible:
+            return ()
+        layout = self._layout
+        rates = motion.body_rates(np.take(block.values, layout.gyro_columns, axis=1))
+        measured = np.take(block.values, layout.body_columns, axis=1)
+        return self.gyros.observe(measured, rates, np.take(block.valid, layout.body_streams, axis=1), dt)
+
+    def judged(self, block: Block, rate: Array, force: Array, dt: float) -> tuple[GateVerdict, bool]:
+        """Return which samples may be used, and whether a base sensor that was wrong since long is left out from now on.
+
+        Parameters
+        ----------
+        block
+            Samples put right.
+        rate, force
+            Latest angular rate and specific force of the body, shape (3,).
+        dt
+            Tick [s].
+        """
+        verdict = self._bases.judged(block, self._gate.judge(block, rate, dt), dt)
+        before, self._left_out = self._left_out, frozenset(self.base_faults.refused)
+        return self.base_faults.judged(block, verdict, force, dt), bool(self._left_out - before)
+
+    def learn(self, dt: float) -> None:
+        """Do what may wait until the forces of a block are handed out."""
+        self.base_faults.learn(dt)
+
+    def health(self, streams: Mapping[str, StreamHealth], ratio: Mapping[str, float]) -> dict[str, SensorHealth]:
+        """Return counts and figures of every sensor.
+
+        Parameters
+        ----------
+        streams
+            Counters of the aligner.
+        ratio
+            Size of the residuals of body sensors over what is expected.
+        """
+        watch = self.watch
+        return sensor_health(streams, watch.clipped.tolist(), watch.invalid.tolist(), ratio, self._gate.refused)
+
+    def messages(self) -> list[str]:
+        """Return sentences about the sensors."""
+        found = self._swaps.messages() + self.gyros.messages() + self._gate.messages() + self._bases.messages()
+        return found + self.base_faults.messages()
+
+    def save(self) -> dict[str, Any]:
+        """Return what was found out about the sensors as entries of a saved state."""
+        return {
+            "gate": self._gate.save(), "swapped": self._swaps.save(), "base_faults": self.base_faults.save(),
+            "gyros": self.gyros.save(),
+        }  # fmt: skip
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self.gyros.load(state["gyros"])
+        self.base_faults.load(state["base_faults"])
+        self._left_out = frozenset(self.base_faults.refused)
+        self._gate.load(state["gate"])
+        self._swaps.load(state["swapped"])

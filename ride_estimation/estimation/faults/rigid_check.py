@@ -1,0 +1,182 @@
+# Copyright 2026 ride_estimation contributors
+"""Gross faults of body sensors from the spare equations of the rigid body, block by block.
+
+With unit weights the residual is ``P y``, ``P = I - H H^+``. A fault of sensor s explains ``(P y)_s^T (P_ss)^+ (P y)_s`` of
+``|P y|^2``; it can be told from other faults when spare equations are left without that sensor.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.faults.gate_kernel import residual_ratio
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: what good sensors may differ by: bias and tilt of the mounting [m/s^2], share of the motion (gain, position, filters)
+_OFFSET, _SHARE = 0.1, 0.05
+#: residual in units of that tolerance: refused as a lasting fault, as a single tick, accepted again
+_LASTING, _SINGLE, _AGAIN = 5.0, 10.0, 3.0
+#: share of the residual one sensor must explain, and how much less every other must
+_EXPLAINED, _RIVAL = 0.8, 0.9
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """Sensors refused for the whole block, at single ticks, those of which one is wrong, factor on the noise, and the
+    mean squared residual in units of the tolerance.
+    """
+
+    lasting: tuple[int, ...] = ()
+    single: dict[int, BoolArray] = dataclasses.field(default_factory=dict)
+    suspects: tuple[int, ...] = ()
+    excess: float = 1.0
+    ratio: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Projection:
+    channels: NDArray[np.int64]
+    sensors: tuple[int, ...]
+    matrix: Array
+    inverse: Array
+    ranks: NDArray[np.int64]
+    spare: int
+
+
+class RigidCheck:
+    """Test of the accelerometers of one body.
+
+    Parameters
+    ----------
+    rows
+        Rows ``[e, r x e]`` of the accelerometer channels, shape (3 S, 6).
+    directions, points
+        Of the channels, shape (3 S, 3).
+    noise
+        Standard deviation per sensor, shape (S,) [m/s^2].
+    """
+
+    def __init__(self, rows: Array, directions: Array, points: Array, noise: Sequence[float]) -> None:
+        self._rows = rows
+        self._directions, self._points = np.ascontiguousarray(directions), np.ascontiguousarray(points)
+        self._along = np.sum(directions * points, axis=1)
+        self._noise_square = float(np.mean(np.square(noise))) if len(noise) else 0.0
+        self._cache: dict[bytes, _Projection] = {}
+
+    def centripetal(self, rate: Array) -> Array:
+        """Return what the channels read of ``omega x (omega x r)``, shape (3 S,)."""
+        e, r = self._directions, self._points
+        return np.asarray((e @ rate) * (r @ rate) - float(rate @ rate) * self._along)
+
+    def _projection(self, fit: BoolArray) -> _Projection:
+        key = fit.tobytes()
+        found = self._cache.get(key)
+        if found is None:
+            sensors = tuple(int(s) for s in np.flatnonzero(fit))
+            channels = np.flatnonzero(np.repeat(fit, 3))
+            h = self._rows[channels]
+            matrix = np.eye(len(h)) - h @ np.linalg.pinv(h, rcond=1e-6)
+            blocks = [matrix[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(sensors))]
+            inverse = np.array([np.linalg.pinv(b, rcond=1e-4, hermitian=True) for b in blocks]).reshape(len(blocks), 3, 3)
+            ranks = np.array([np.linalg.matrix_rank(b, tol=1e-4, hermitian=True) for b in blocks], dtype=np.int64)
+            found = _Projection(channels, sensors, matrix, inverse, ranks, round(float(np.trace(matrix))))
+            self._cache[key] = found
+        return found
+
+    def _residual(self, samples: Array, rate: Array, p: _Projection) -> Array:
+        return np.asarray((samples[:, p.channels] - self.centripetal(rate)[p.channels]) @ p.matrix)
+
+    def _tolerance(self, size: float) -> float:
+        return self._noise_square + _OFFSET**2 + (_SHARE * size) ** 2
+
+    def dispensable(self, fit: BoolArray, sensor: int) -> bool:
+        """Return whether the other sensors that take part tell the motion as completely without this one."""
+        rest = fit.copy()
+        rest[sensor] = False
+        whole = np.linalg.matrix_rank(self._rows, tol=1e-6)
+        return bool(rest.any() and np.linalg.matrix_rank(self._rows[np.repeat(rest, 3)], tol=1e-6) == whole)
+
+    def judge(
+        self, samples: Array, rate: Array, fit: BoolArray, size: float, blamed: Callable[[], Collection[int]] = tuple
+    ) -> Found:
+        """Look for gross faults.
+
+        Parameters
+        ----------
+        samples
+            Accelerometer channels, those of the body first, shape (K, 3 S or more).
+        rate
+            Angular rate of the body, shape (3,) [rad/s].
+        fit
+            Sensors that take part, shape (S,).
+        size
+            Root mean square of the motion [m/s^2].
+        blamed
+            Returns the sensors refused a moment ago: where several could be wrong, it is one of these.
+        """
+        p = self._projection(fit)
+        if p.spare <= 0:
+            return Found()
+        tolerance = self._tolerance(size)
+        ratio = np.empty(len(samples))
+        scale = 1.0 / (p.spare * tolerance)
+        mean = float(
+            residual_ratio(samples, p.channels, rate, self._directions, self._points, p.matrix, scale, ratio)
+        )
+        if mean <= _LASTING**2 and ratio.max() <= _SINGLE**2:
+            return Found(ratio=mean)
+        bad = ratio > _SINGLE**2
+        residual = self._residual(samples, rate, p)
+        if int(bad.sum()) > len(ratio) // 2 or (mean > _LASTING**2 and not bad.any()):
+            bad = np.ones(len(ratio), dtype=bool)
+        parts = residual[bad].reshape(int(bad.sum()), len(p.sensors), 3)
+        explained = np.einsum("ksi,sij,ksj->s", parts, p.inverse, parts) / (p.spare * tolerance * ratio[bad].sum())
+        best = int(np.argmax(explained))
+        rival = np.delete(explained, best) if len(explained) > 1 else np.zeros(1)
+        tells = p.spare > p.ranks[best] and explained[best] > _EXPLAINED and rival.max() < _RIVAL * explained[best]
+        excess = float(np.sqrt(max(mean, 1.0)))
+        sensor = p.sensors[best]
+        if not tells:
+            recent = blamed()
+            likely = [s for s, e in zip(p.sensors, explained) if s in recent and e > _EXPLAINED]
+            if len(likely) != 1 or not self.dispensable(fit, likely[0]):
+                return self._several(samples, rate, fit, size, p, explained, excess)
+            sensor = likely[0]
+        if not self.dispensable(fit, sensor):
+            return Found(suspects=p.sensors, excess=excess)
+        if bad.all():
+            return Found(lasting=(sensor,))
+        return Found(single={sensor: bad})
+
+    def _several(
+        self, samples: Array, rate: Array, fit: BoolArray, size: float, p: _Projection, explained: Array, excess: float
+    ) -> Found:
+        """Try two faults at once; else name all that could be meant."""
+        best = p.sensors[int(np.argmax(explained))]
+        rest = fit.copy()
+        rest[best] = False
+        if explained.max() < _EXPLAINED and p.spare - int(p.ranks[int(np.argmax(explained))]) > 0:
+            second = self.judge(samples, rate, rest, size)
+            if second.lasting and self.dispensable(rest, second.lasting[0]):
+                return Found(lasting=(best, *second.lasting))
+        suspects = tuple(s for s, e in zip(p.sensors, explained) if e > _RIVAL * explained.max())
+        return Found(suspects=suspects if len(suspects) > 1 else p.sensors, excess=excess)
+
+    def agrees(self, samples: Array, rate: Array, fit: BoolArray, sensor: int, size: float) -> bool:
+        """Return whether a refused sensor agrees with the others again."""
+        with_it = fit.copy()
+        with_it[sensor] = True
+        p = self._projection(with_it)
+        place = p.sensors.index(sensor)
+        if p.spare <= 0 or p.ranks[place] == 0:
+            return True
+        residual = self._residual(samples, rate, p)
+        part = residual[:, 3 * place : 3 * place + 3]
+        explained = float(np.einsum("ki,ij,kj->", part, p.inverse[place], part)) / len(part)
+        return explained <= _AGAIN**2 * self._tolerance(size) * int(p.ranks[place])

@@ -1,0 +1,118 @@
+# Copyright 2026 ride_estimation contributors
+"""Base motion at the mounts: carried over from sensors beside them, made up for by the others where a sensor is missing.
+
+The frame is taken as rigid: vertical acceleration linear in x and y, horizontal linear in y and x (yaw). What the frame twists is
+lost, so the deflection of that mount is only known to a share of its usual size.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement, base_transport
+from ride_estimation.estimation.common.block_math import follow_scatter, follow_squares
+from ride_estimation.estimation.forces.mount_forces import ForceBlock
+from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
+_UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
+#: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
+_UNKNOWN_FORCE = 1.0
+
+
+class BaseFill:
+    """Stand-in for missing base sensors.
+
+    Parameters
+    ----------
+    arrangement
+        Mounts and base sensors.
+    """
+
+    def __init__(self, arrangement: Arrangement) -> None:
+        both = zip(arrangement.mounts, arrangement.base_sensors)
+        place = np.array([m.position if s is None else s.position for m, s in both]).reshape(-1, 3)
+        self._place = place - place.mean(axis=0) if len(place) else place
+        self._has = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
+        self._complete = bool(self._has.all())
+        self._transport = base_transport(arrangement.mounts, arrangement.base_sensors)
+        self._maps: dict[bytes, Array] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget sizes."""
+        count = len(self._place)
+        self._square, self._rate_square = np.zeros((count, 3)), np.zeros((count, 3))
+        self._force, self._force_square = np.zeros((count, 3)), np.zeros((count, 3))
+        self._doubt, self._age = np.zeros(count), 0.0
+
+    def _map(self, there: BoolArray) -> Array:
+        """Return weights of the sensors that speak on every mount, shape (3, M, M)."""
+        key = there.tobytes()
+        found = self._maps.get(key)
+        if found is None:
+            count = len(there)
+            x, y, one = self._place[:, 0], self._place[:, 1], np.ones(count)
+            found = np.zeros((3, count, count))
+            for axis, columns in enumerate(([one, y], [one, x], [one, x, y])):
+                design = np.column_stack(columns)
+                found[axis][:, there] = design @ np.linalg.pinv(design[there], rcond=1e-3)
+            self._maps[key] = found
+        return found
+
+    def fill(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
+        """Replace missing ticks and carry over to the mounts; return the signals (K, M, 3) and which ticks have one (K, M)."""
+        base, ok = self._filled(base, ok, duration)
+        if self._transport is None:
+            return base, ok
+        return np.asarray(base.reshape(len(base), -1) @ self._transport.T).reshape(base.shape), ok
+
+    def _filled(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
+        self._doubt *= math.exp(-duration / _FADES)
+        if self._complete and ok.all():
+            return base, ok
+        missing = self._has & ~ok.all(axis=0)
+        there = self._has & ~missing
+        if not missing.any() or not there.any():
+            return base, ok
+        filled, filled_ok = base.copy(), ok.copy()
+        for m in np.flatnonzero(missing):
+            estimate = np.einsum("aj,kja->ka", self._map(there)[:, m], base)
+            lost = ~ok[:, m]
+            filled[lost, m] = estimate[lost]
+            filled_ok[lost, m] = True
+            self._doubt[m] = 1.0
+        return filled, filled_ok
+
+    def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
+        """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
+        gain = np.where(self._doubt < 0.05, min(duration / _MEMORY, 1.0), 0.0)
+        follow_squares(block.deflection, gain, self._square)
+        follow_squares(block.rate, gain, self._rate_square)
+        if self._doubt.max(initial=0.0) < 0.05:
+            return block
+        share = (_UNKNOWN_SHARE * self._doubt)[:, None]
+        return dataclasses.replace(
+            block,
+            std=np.hypot(block.std, share * np.sqrt(self._square)),
+            rate_std=np.hypot(block.rate_std, share * np.sqrt(self._rate_square)),
+        )
+
+    def widen_forces(self, block: ForceBlock, duration: float) -> ForceBlock:
+        """Return the forces with what a guessed base motion leaves open added to the part of the mount model."""
+        doubt = float(self._doubt.max(initial=0.0))
+        if doubt < 0.05:
+            self._age += duration
+            gain = duration / min(max(self._age, duration), _MEMORY)
+            follow_scatter(block.force, gain, self._force, self._force_square)
+            return block
+        open_square = (_UNKNOWN_FORCE * doubt) ** 2 * self._force_square
+        model = np.sqrt(block.std_model**2 + open_square)
+        return dataclasses.replace(block, std_model=model, std=np.sqrt(block.std_equilibrium**2 + model**2))

@@ -1,0 +1,74 @@
+# Copyright 2026 ride_estimation contributors
+"""What the attachment forces of a block were made of: kept of a recorded run, so that they can be made again with hindsight."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
+from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
+from ride_estimation.estimation.motion.loads import InertialLoads
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceModel:
+    """Parameters that turn motion into forces.
+
+    Attributes
+    ----------
+    multipliers, std
+        Of stiffness and damping, factor of the mass included, and standard deviation of their logarithms, shape (2, M, 3).
+    mass, mass_std
+        [kg] and its relative standard deviation.
+    inertia, inertia_std
+        Shape (3, 3) [kg m^2] and its relative standard deviation.
+    follow
+        Share of the rotation of the brackets that the mount axes follow.
+    """
+
+    multipliers: Array
+    std: Array
+    mass: float
+    mass_std: float
+    inertia: Array
+    inertia_std: float
+    follow: float
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceBasis:
+    """Inputs of the attachment forces of one block.
+
+    Attributes
+    ----------
+    deflection
+        Of the mounts, cab axes, as the online estimator knew it.
+    load_covariance, constant_load
+        Of the wrench that the mounts carry, (6, 6) each: what equilibrium is judged by, and a constant error.
+    complete
+        Whether every sensor the deflections rest on was there and none in doubt.
+    model
+        Parameters of the time.
+    """
+
+    deflection: DeflectionBlock
+    load_covariance: Array
+    constant_load: Array
+    complete: bool
+    model: ForceModel
+
+    @classmethod
+    def of(
+        cls, forces: MountForceEstimator, loads: InertialLoads, deflection: DeflectionBlock, covariance: Array, complete: bool
+    ) -> ForceBasis:
+        """Return the basis of the block that was estimated just now; ``covariance`` is that of the wrench."""
+        model = ForceModel(
+            forces.law.multipliers, forces.parameter_std, forces.mass, forces.mass_relative_std, loads.inertia,
+            loads.inertia_relative_std, forces.follow,
+        )  # fmt: skip
+        return cls(deflection, covariance, forces.constant_load, complete, model)

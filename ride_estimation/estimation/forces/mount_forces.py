@@ -1,0 +1,435 @@
+# Copyright 2026 ride_estimation contributors
+"""Attachment forces: the mount law corrected by rigid-body equilibrium, with the two parts of the uncertainty.
+
+With constitutive forces F_c (covariance S), the wrench w the mounts carry (covariance W) and the map G of forces to wrench:
+``K = S G^T (G S G^T + W)^-1``, ``F = F_c + K (w - G F_c)``. Error covariance ``K W K^T`` (what equilibrium leaves: measured
+motion, mass) plus ``(I - K G) S (I - K G)^T`` (what the mount model assumes: for four three-axis mounts a six-dimensional null
+space of G). What the integrators cannot see (slow motion) is shared by stiffness, ``f = K_s G^T (G K_s G^T)^-1 w``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
+from ride_estimation.estimation.forces.mount_law import MountLaw
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
+from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
+from ride_estimation.frames import AXES
+
+Array = NDArray[np.float64]
+
+#: share of the dynamic mount force that frame twist hides from the body (34 to 40 % in pilots, up to 80 % on twisting frames)
+TWIST_SHARE = 0.7
+#: relative standard deviation of the static share that equilibrium leaves open (levelling, free lengths)
+STATIC_SHARE = 0.003
+#: memory of mean squares [s], and of those of spring forces where that is more: a bend is over before a mean has followed it
+_MEMORY, _SHORT_MEMORY = 5.0, 0.5
+#: time between two recomputations of the gains [s]
+_INTERVAL = 0.2
+#: memory of the residual of equilibrium against its covariance [s]
+_CONSISTENCY_MEMORY = 5.0
+#: rows of the wrench that judge horizontal and vertical deflections
+_ROWS = ((0, 1, 5), (2, 3, 4))
+#: corner below which the residual wrench is shared by stiffness [rad/s]
+_SLOW_CORNER = 0.8
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceBlock:
+    """Forces on the body and their standard deviation, total and by part (K, M, 3); deflection and rate in mount axes."""
+
+    force: Array
+    std: Array
+    std_equilibrium: Array
+    std_model: Array
+    deflection: Array
+    rate: Array
+    deflection_std: Array
+
+
+def share_by_stiffness(wrench: Array, stiffness: Array) -> Array:
+    """Return ``K G^T (G K G^T)^+``, shape (3 M, 6): mount forces from the wrench by stiffness alone.
+
+    Parameters
+    ----------
+    wrench
+        G, shape (6, 3 M).
+    stiffness
+        Shape (3 M,) [N/m].
+    """
+    weighted = stiffness[:, None] * wrench.T
+    return np.asarray(weighted @ np.linalg.pinv(wrench @ weighted, rcond=1e-9, hermitian=True))
+
+
+def static_share(wrench: Array, stiffness: Array, weight: Array) -> Array:
+    """Return the mount forces that carry the weight, shape (3 M,) [N].
+
+    Vertical forces in the ratio of the vertical stiffness where those can carry it (a cab is set down level, its mounts are not
+    strained sideways); all axes by stiffness where they cannot.
+
+    Parameters
+    ----------
+    wrench
+        Rows of G of the free coordinates, shape (F, 3 M).
+    stiffness
+        Shape (3 M,) [N/m].
+    weight
+        Wrench to be carried, shape (F,).
+    """
+    vertical = np.zeros_like(stiffness)
+    vertical[2::3] = stiffness[2::3]
+    force = share_by_stiffness(wrench, vertical) @ weight
+    if np.linalg.norm(wrench @ force - weight) > 1e-6 * np.linalg.norm(weight):
+        force = share_by_stiffness(wrench, stiffness) @ weight
+    return np.asarray(force)
+
+
+def double_cross_gradient(vector: Array, arms: Array) -> Array:
+    """Return the derivative of ``w x (w x r)`` by w at every arm r, shape (3 M, 3).
+
+    Parameters
+    ----------
+    vector
+        w, shape (3,).
+    arms
+        Shape (M, 3).
+    """
+    along = np.einsum("mi,j->mij", arms, vector)
+    inner = (arms @ vector)[:, None, None] * np.eye(3)
+    return np.asarray((inner + along.transpose(0, 2, 1) - 2.0 * along).reshape(-1, 3))
+
+
+class MountForceEstimator:
+    """Attachment forces block by block.
+
+    Parameters
+    ----------
+    arrangement
+        Body and mounts.
+    law
+        The mount elements, scaled by the parameter estimator.
+    known
+        Which mount axes have a measured deflection, shape (M, 3).
+    tilting
+        How the brackets tilt with their frame.
+    """
+
+    def __init__(self, arrangement: Arrangement, law: MountLaw, known: NDArray[np.bool_], tilting: BracketTilt) -> None:
+        self.arrangement = arrangement
+        self.law = law
+        self.known = known
+        self._tilting = tilting
+        self.mass = arrangement.body.mass.value
+        self.mass_relative_std = 0.0
+        #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
+        self.constant_load = np.zeros((6, 6))
+        #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
+        self.load_share = 0.0
+        #: angular rate of the body and the variance of its components, shape (3,) each
+        self.turning: tuple[Array, Array] = (np.zeros(3), np.zeros(3))
+        #: share of the rotation of the brackets that the mount axes follow
+        self.follow = 1.0
+        count = len(arrangement.mounts)
+        self._count, self._ones, self._all_known = count, np.ones((count, 3)), bool(known.all())
+        # log standard deviations of stiffness and damping, set by the parameter estimator
+        self.parameter_std = np.zeros((2, count, 3))
+        free = arrangement.free
+        self._g = arrangement.wrench[free]
+        self._free = free
+        # where every bracket is measured, deformation of the frame is told apart from rigid motion
+        self._frame: FrameDeformation | None = None
+        self._transducer = np.zeros(3 * count, dtype=bool)
+        for sensor in arrangement.transducers:
+            self._transducer[3 * arrangement.mount_names.index(sensor.mount) + AXES.index(sensor.axis)] = True
+        if arrangement.has_base_motion:
+            stated = [s.noise_std**2 for s in arrangement.base_sensors if s is not None]
+            self._frame = FrameDeformation(self._g, np.array(stated), tilting, arrangement.vehicle.gravity, arrangement.arms)
+        self.reset()
+
+    def bases_measured(self, measured: bool) -> None:
+        """Say whether the motion of every base is measured; the spectrum of the frame is learned from nothing else."""
+        if self._frame is not None:
+            self._frame.learns = measured
+
+    def take_tilt(self) -> None:
+        """Take over what was learned about the tilt of the brackets."""
+        if self._frame is not None:
+            self._frame.take_tilt()
+
+    def reset(self) -> None:
+        """Forget running statistics."""
+        #: what the mount model does not explain of the force on the body in the last block, shape (K, 6) [N, N m]
+        self.missing = np.zeros((0, 6))
+        count = self._count
+        if self._frame is not None:
+            self._frame.reset()
+        self._elastic_square, self._elastic_now = np.zeros((count, 3)), np.zeros((count, 3))
+        self._viscous_square = np.zeros((count, 3))
+        self._dynamic_square = np.zeros((count, 3))
+        self._slow = np.zeros(6)
+        self._until = 0.0
+        self._ratio = np.ones(2)
+        self._square, self._count_square = np.zeros(6), 0
+        self._time = 0.0
+        self._gain = np.zeros((3 * count, 6))
+        self._gain_slow = np.zeros((3 * count, 6))
+        self._innovation = np.zeros(6)
+        self._std = np.zeros((3, count, 3))
+        nothing = np.zeros((0, 0))
+        #: wrench, gain, mass and what :meth:`shared` made of them last
+        self._shared: tuple[Array, Array, float, Array] = (nothing, nothing, 0.0, nothing)
+        #: stiffness and mass the static forces are those of
+        self._static_of: tuple[Array | None, float] = (None, 0.0)
+        self._update_static()
+
+    def _update_static(self) -> None:
+        if self._static_of[0] is self.law.stiffness and self._static_of[1] == self.mass:
+            return
+        self._static_of = self.law.stiffness, self.mass
+        weight = self._weight()
+        stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
+        total = float(stiffness.max()) if stiffness.size else 0.0
+        self._stiffness = stiffness + 1e-9 * (total if total > 0.0 else 1.0)
+        share = share_by_stiffness(self._g, self._stiffness)
+        self.static_force = static_share(self._g, self._stiffness, weight[self._free]).reshape(self._count, 3)
+        self._gain_slow = np.zeros((3 * self._count, 6))
+        self._gain_slow[:, self._free] = share
+        vertical = np.zeros_like(self._stiffness)
+        vertical[2::3] = self._stiffness[2::3]
+        self._open_share = np.eye(3 * self._count) - share_by_stiffness(self._g, vertical) @ self._g
+
+    def observe(
+        self, deflection: DeflectionBlock, support: Array, load_covariance: Array, turn_rate: Array, dt: float
+    ) -> ForceBlock:
+        """Estimate the forces at the ticks of a block.
+
+        Parameters
+        ----------
+        deflection
+            From the deflection estimator, cab axes.
+        support
+            Wrench the mounts together carry, shape (K, 6) [N, N m].
+        load_covariance
+            Of the wrench for the given mass, shape (6, 6).
+        turn_rate
+            Rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s].
+        dt
+            Tick [s].
+        """
+        ticks, count = len(support), self._count
+        value, rate = self._with_frame(deflection, turn_rate, dt)
+        x, v = np.empty_like(value), np.empty_like(value)
+        turned_motion(value, rate, deflection.turn, turn_rate, self.follow, self.known, x, v)
+        tension = self.law.tension(x, v, dt)
+        static_force = self.static_force
+        self._watch(x, v, support, dt)
+        if self._time >= self._until:
+            self._update_gains(deflection, load_covariance)
+        force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
+        balanced_forces(
+            tension, deflection.turn, self.follow, static_force, support, self.arrangement.wrench, self._gain, self._gain_slow,
+            1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
+        )  # fmt: skip
+        self._count_square += ticks
+        std, spread = np.broadcast_to(self._std[:, None], (3, ticks, count, 3)), deflection.std
+        if not self._all_known:
+            x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
+            spread = np.where(self.known, spread, np.sqrt(self._elastic_square))
+        return ForceBlock(force, std[0], std[1], std[2], x, v, spread)
+
+    def _with_frame(self, deflection: DeflectionBlock, turn_rate: Array, dt: float) -> tuple[Array, Array]:
+        """Return deflection and rate with the deformation of the frame as its own filter knows it, cab axes (K, M, 3)."""
+        if self._frame is None:
+            return deflection.deflection, deflection.rate
+        own = self._frame.observe(
+            deflection.relative, deflection.turn, turn_rate, deflection.swing, deflection.swing_rate, self.law.stiffness,
+            self.law.damping, dt,
+        )  # fmt: skip
+        value, rate = np.empty_like(own[0]), np.empty_like(own[1])
+        with_deformation(deflection.deflection, self._frame.projector, own[0], self._transducer, value)
+        with_deformation(deflection.rate, self._frame.projector, own[1], self._transducer, rate)
+        return value, rate
+
+    def _watch(self, x: Array, v: Array, support: Array, dt: float) -> None:
+        ticks = len(support)
+        self._time += ticks * dt
+        forget = 1.0 - math.exp(-ticks * dt / min(_MEMORY, max(self._time, 1e-9)))
+        follow_scaled(x, self.law.stiffness, forget, self._elastic_square)
+        follow_scaled(x, self.law.stiffness, 1.0 - math.exp(-ticks * dt / min(_SHORT_MEMORY, self._time)), self._elastic_now)
+        follow_scaled(v, self.law.damping, forget, self._viscous_square)
+        follow_scaled(self.shared(support), self._ones, forget, self._dynamic_square)
+
+    def _weight(self) -> Array:
+        """Return the wrench that carries the body at rest and what it carries, shape (6,); all masses scale together."""
+        return self.mass / self.arrangement.body.mass.value * self.arrangement.weight
+
+    def shared(self, support: Array) -> Array:
+        """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
+        # asked for several times per block
+        of, gain, mass, found = self._shared
+        if of is not support or gain is not self._gain_slow or mass != self.mass:
+            found = np.asarray(((support - self._weight()) @ self._gain_slow.T).reshape(len(support), self._count, 3))
+            self._shared = support, self._gain_slow, self.mass, found
+        return found
+
+    def missing_deflection(self) -> Array | None:
+        """Return the rigid deflection that equilibrium asked for beyond the estimated one in the last block, shape (M, 3) [m].
+
+        None where not every mount has a deflection from sensors: what the others carry is not known there.
+        """
+        if not (self._all_known and len(self.missing)):
+            return None
+        force = self._gain_slow @ self.missing.mean(axis=0)
+        return np.asarray(-(force / self._stiffness).reshape(self._count, 3))
+
+    def _judge(self) -> None:
+        """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.
+
+        The directions equilibrium sees tell how good the integrated deflections are in those it does not see.
+        """
+        if self._count_square and np.any(self._innovation):
+            square = self._square / self._count_square
+            share = 1.0 - np.exp(-_INTERVAL / _CONSISTENCY_MEMORY)
+            for group, rows in enumerate(_ROWS):
+                used = [r for r in rows if self._innovation[r] > 0.0]
+                if used:
+                    ratio = float(np.mean(square[used] / self._innovation[used]))
+                    self._ratio[group] += share * (ratio - self._ratio[group])
+        self._square, self._count_square = np.zeros(6), 0
+
+    @property
+    def consistency(self) -> float:
+        """Return the mean squared residual of equilibrium over what the mount model and the noise let expect."""
+        return float(np.mean(self._ratio))
+
+    def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
+        self._until = self._time + _INTERVAL
+        self._judge()
+        self._update_static()
+        count, k, c = self._count, self.law.stiffness, self.law.damping
+        elastic = np.maximum(self._elastic_square, self._elastic_now)
+        parameters = self.parameter_std[0] ** 2 * elastic + self.parameter_std[1] ** 2 * self._viscous_square
+        variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2 + parameters
+        hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
+        seen = np.where(self.known, variance, hidden).ravel()
+        # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
+        model = prior = np.diag(seen + 1e-6 * self._stiffness)
+        if not self.known.all():
+            spread = float(np.mean(hidden)) / float(np.mean(self._stiffness))
+            prior = np.diag(np.where(self.known.ravel(), np.diag(prior), self._stiffness * spread))
+        elif self._frame is not None:
+            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(1e-6 * self._stiffness)
+        g = self._g
+        load = load_covariance[np.ix_(self._free, self._free)]
+        inverse = np.linalg.inv(g @ prior @ g.T + load)
+        gain = prior @ g.T @ inverse
+        self._gain = np.zeros((3 * count, 6))
+        self._gain[:, self._free] = gain
+        self._innovation = np.zeros(6)
+        self._innovation[self._free] = np.einsum("ij,j,ij->i", g, seen, g) + np.diag(load_covariance)[self._free]
+        rest = np.eye(3 * count) - gain @ g
+        left = np.einsum("ij,jk,ik->i", rest, model, rest) + self._static_variance()
+        determined = np.einsum("ij,jk,ik->i", gain, load, gain)
+        constant = self.constant_load + self._placed_load()
+        determined = determined + np.einsum("ij,jk,ik->i", self._gain_slow, constant, self._gain_slow)
+        determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
+        self._std = np.sqrt(np.stack([left + determined, determined, left])).reshape(3, count, 3)
+
+    def _placed_load(self) -> Array:
+        """Return the covariance of the moments of a load that may lie anywhere between the mounts, as wrench (6, 6).
+
+        At rest no accelerometer shows where it lies. Places are rectangular (GUM 4.3.7): the span over the root of twelve.
+        """
+        span = np.ptp(self.arrangement.arms[:, :2], axis=0) if self._count else np.zeros(2)
+        weight = self.load_share * self.mass * self.arrangement.vehicle.gravity
+        return np.asarray(np.diag([0.0, 0.0, 0.0, *(weight**2 * span[::-1] ** 2 / 12.0), 0.0]))
+
+    def _static_variance(self) -> Array:
+        """Return the variance of the static forces, shape (3 M,): stiffness that shares them is only so well known; levelling."""
+        # without motion of the bases the share of the twist, which is as wide as the forces, stands for this too
+        relative = STATIC_SHARE**2 + np.where(self.known, self.parameter_std[0] ** 2, 0.0).ravel()
+        return np.asarray(self._open_share**2 @ (relative * self.static_force.ravel() ** 2))
+
+    def _covariance(self, deflection: DeflectionBlock, frame: FrameDeformation, parameters: Array) -> Array:
+        """Return the covariance of the constitutive forces: rigid motion, deformation of the frame, parameters."""
+        k, c = self.law.stiffness.ravel(), self.law.damping.ravel()
+        rigid = np.eye(len(k)) - frame.projector
+        spread, rate_spread = deflection.std.ravel() ** 2, deflection.rate_std.ravel() ** 2
+        value, rate = frame.covariance()
+        value = value + (rigid * spread) @ rigid.T
+        rate = rate + (rigid * rate_spread) @ rigid.T
+        for total, measured in ((value, spread), (rate, rate_spread)):
+            total[self._transducer] = 0.0
+            total[:, self._transducer] = 0.0
+            total[self._transducer, self._transducer] = measured[self._transducer]
+        value = value + self._strain_covariance(deflection, frame)
+        return np.asarray(k[:, None] * value * k + c[:, None] * rate * c + np.diag(parameters.ravel()))
+
+    def _strain_covariance(self, deflection: DeflectionBlock, frame: FrameDeformation) -> Array:
+        """Return the covariance of deflections that an uncertain rotation is wrongly taken to strain the mounts by, (3 M, 3 M).
+
+        A finite rotation theta strains them by ``theta x (theta x r) / 2``, and the filter of the deformation takes what an error
+        of the rate omega leaves of ``omega x (omega x r)``, as slow as a bend, for one.
+        """
+        arms, maps = self.arrangement.arms, self._tilting.maps
+        turned = maps.mean(axis=0) ** 2 @ deflection.std.ravel() ** 2
+        rate, rate_variance = self.turning
+        theta = deflection.turn[-1].mean(axis=0)
+        bent = 0.5 * frame.projector @ double_cross_gradient(theta, arms)
+        thrown = np.sqrt(np.tile(frame.static_gain, self._count))[:, None] * (frame.projector @ double_cross_gradient(rate, arms))
+        return np.asarray((bent * turned) @ bent.T + (thrown * rate_variance) @ thrown.T)
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        names = (
+            "_elastic_square",
+            "_elastic_now",
+            "_viscous_square",
+            "_dynamic_square",
+            "_slow",
+            "_gain",
+            "_gain_slow",
+            "_innovation",
+            "_ratio",
+            "_std",
+        )
+        saved = {name[1:]: getattr(self, name).tolist() for name in names}
+        return {
+            **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
+            "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
+            "parameter_std": self.parameter_std.tolist(), "frame": self._frame.save() if self._frame is not None else None,
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        for name in (
+            "elastic_square",
+            "elastic_now",
+            "viscous_square",
+            "dynamic_square",
+            "slow",
+            "gain",
+            "gain_slow",
+            "innovation",
+            "ratio",
+            "std",
+        ):
+            own = getattr(self, "_" + name)
+            setattr(self, "_" + name, np.array(saved.get(name, own), dtype=float).reshape(own.shape))
+        if self._frame is not None and saved.get("frame") is not None:
+            self._frame.load(saved["frame"])
+        self._static_of = None, 0.0
+        self._until, self._time = float(saved["until"]), float(saved["time"])
+        self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
+        self._stiffness = np.array(saved["stiffness"], dtype=float)
+        self.mass = float(saved["mass"])
+        self.law.states = np.array(saved["law_states"], dtype=float).reshape(self.law.states.shape)
+        self.parameter_std = np.array(saved["parameter_std"], dtype=float).reshape(2, self._count, 3)

@@ -1,0 +1,332 @@
+# Copyright 2026 ride_estimation contributors
+"""How the brackets of a frame tilt, learned from the accelerometers on both sides of the mounts.
+
+Vertical readings show how a frame rolls and pitches and how far it twists, ``z = W x y``. With a rigid frame its brackets tilt
+as the frame does, unless their sensors are levelled or a rig only translates them. What they do in a twist depends on the members
+they sit on: on a cross member they roll, ``W x``, on a rail they pitch, ``-W y``, on a stiff subframe neither. Gravity tells: a
+bracket that rolls by phi and pitches by theta reads ``g phi`` in y and ``-g theta`` in x. With shares
+(s_r, c_r, s_p, c_p, l_r, l_p)
+
+    ``phi_j = (1 - l_r) phi + W (s_r x_j + c_r)``,   ``theta_j = (1 - l_p) theta - W (s_p y_j + c_p)``
+
+(c shifts the axis the frame twists about) the horizontal readings of the brackets less those of the body at the same places,
+which share nearly all real motion at low frequency, are regressed on W, on the roll and pitch of the frame, on its rotation
+against the body and on the accelerations of all these, which move the brackets sideways for real; everything passes the same
+band, where gravity dominates. Least squares weighted by the covariance of what is left, with a prior: brackets tilt with a rigid
+frame and follow its twist about half way.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import USUAL_SHARES, Arrangement, plate_fit, relative_tilt_maps
+from ride_estimation.jit import compile_kernel
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: shares before anything was learned and their standard deviations; shifts in metres
+_PRIOR = np.concatenate([USUAL_SHARES, [0.0, 0.0]])
+_PRIOR_STD = np.array([0.6, 0.15, 0.6, 0.15, 0.3, 0.3])
+#: band in which gravity dominates the horizontal readings: corners of the high-pass and the low-pass [Hz]
+_BAND = (0.25, 1.5)
+#: the band makes so many independent values per second of a run
+_PER_SECOND = 2.0 * (_BAND[1] - _BAND[0])
+#: time the filters need, least time before anything is concluded, and between two conclusions [s]
+_SETTLED, _LEAST, _EVERY = 1.5 / _BAND[0], 5.0, 1.0
+#: slopes that are looked at: twist, roll and pitch of the frame, roll and pitch of the frame against the body
+_SLOPES = 5
+#: levelled share that is acted on, and by how many standard deviations it must be known
+_LEVELLED, _CERTAIN = 0.3, 4.0
+#: memory of the mean of angular accelerations [s], noise of the angle [rad] its leak is chosen for and bounds of that corner [Hz]
+_MEMORY, _ANGLE_NOISE, _CORNERS = 30.0, 5e-3, (0.04, 0.25)
+#: time over which the swing sets in [s]: a step would ring in every double integration
+_FADE = 3.0
+
+
+@compile_kernel
+def accumulate(
+    slopes: Array, horizontal: Array, ok: BoolArray, corner: float, top: float, dt: float, state: Array, moments: Array
+) -> int:
+    """Filter readings and regressors alike and add their products.
+
+    Parameters
+    ----------
+    slopes
+        Angular accelerations (twist: per metre), shape (K, S).
+    horizontal
+        Readings in x and y of all brackets, shape (K, N).
+    ok
+        Who spoke, shape (K, M); ticks at which not all did are left out.
+    corner, top
+        Angular corner frequencies of the band [rad/s].
+    dt
+        Tick [s].
+    state
+        One-pole low-pass states, shape (2 S + N, 6); in place.
+    moments
+        Products of angles, angular accelerations and readings, lower half of (2 S + N, 2 S + N); in place.
+
+    Returns
+    -------
+    int
+        Ticks that were added.
+    """
+    low = 1.0 - np.exp(-corner * dt)
+    high = 1.0 - np.exp(-top * dt)
+    angles = slopes.shape[1]
+    size = 2 * angles + horizontal.shape[1]
+    row = np.zeros(size)
+    added = 0
+    for n in range(len(ok)):
+        if not ok[n].all():
+            continue
+        for i in range(size):
+            if i < angles:
+                value = slopes[n, i] / (corner * corner)
+            elif i < 2 * angles:
+                value = slopes[n, i - angles]
+            else:
+                value = horizontal[n, i - 2 * angles]
+            for stage in range(6):
+                gain = low if stage < 4 else high
+                state[i, stage] += gain * (value - state[i, stage])
+                # angles: two low-passes over corner^2 stand for the double integration of two high-passes
+                if stage >= 4 or (i < angles and stage >= 2):
+                    value = state[i, stage]
+                else:
+                    value -= state[i, stage]
+            row[i] = value
+        for i in range(size):
+            for j in range(i + 1):
+                moments[i, j] += row[i] * row[j]
+        added += 1
+    return added
+
+
+@compile_kernel
+def take_readings(base: Array, body: Array, fit: Array, slopes: Array, horizontal: Array) -> None:
+    """Write the regressors and the readings of :func:`accumulate`.
+
+    Parameters
+    ----------
+    base, body
+        Specific force of the brackets and of the body at the same places, shape (K, M, 3).
+    fit
+        Plane and twist from vertical readings: height, slope in x, slope in y, twist; shape (4, M).
+    slopes
+        Output: twist of the body against the frame, roll and pitch of the frame, then of the body against it, shape (K, 5).
+    horizontal
+        Output: readings in x and y of the brackets less those of the body, shape (K, 2 M).
+    """
+    for k in range(base.shape[0]):
+        for s in range(5):
+            slopes[k, s] = 0.0
+        for i in range(base.shape[1]):
+            frame, against = base[k, i, 2], base[k, i, 2] - body[k, i, 2]
+            slopes[k, 0] += fit[3, i] * against
+            slopes[k, 1] += fit[2, i] * frame
+            slopes[k, 2] -= fit[1, i] * frame
+            slopes[k, 3] += fit[2, i] * against
+            slopes[k, 4] -= fit[1, i] * against
+            horizontal[k, 2 * i] = base[k, i, 0] - body[k, i, 0]
+            horizontal[k, 2 * i + 1] = base[k, i, 1] - body[k, i, 1]
+
+
+@compile_kernel
+def integrate_slope(slopes: Array, corner: float, memory: float, dt: float, state: Array, angle: Array, rate: Array) -> None:
+    """Integrate angular accelerations (K, 2) twice without their running mean, leaking at ``corner`` [rad/s].
+
+    ``state`` (2, 4): mean over ``memory`` [s], rate, angle, age; in place. ``angle``, ``rate`` (K, 2) out.
+    """
+    leak = np.exp(-corner * dt)
+    for n in range(len(slopes)):
+        for i in range(2):
+            state[i, 3] += dt
+            state[i, 0] += min(1.0, dt / min(memory, state[i, 3])) * (slopes[n, i] - state[i, 0])
+            # leap frog: the rate is kept half a tick late
+            early = state[i, 1]
+            state[i, 2] = leak * state[i, 2] + dt * early
+            state[i, 1] = leak * early + dt * (slopes[n, i] - state[i, 0])
+            angle[n, i] = state[i, 2]
+            rate[n, i] = 0.5 * (early + state[i, 1]) - corner * state[i, 2]
+
+
+class BracketTilt:
+    """Shares by which brackets follow their frame, the tilt maps that follow from them, and how far a frame tilts without them.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts and sensors. Learned where every mount has a DC accelerometer on its base and the layout shows a twist.
+    """
+
+    def __init__(self, arrangement: Arrangement) -> None:
+        self._mounts = arrangement.mounts
+        self._gravity = arrangement.vehicle.gravity
+        place, self._fit = plate_fit(self._mounts)
+        dc = all(s is not None and s.coupling == "dc" for s in arrangement.base_sensors)
+        #: from vertical specific force of the brackets to the angular acceleration of the frame, roll and pitch, shape (M, 2)
+        self._to_slopes = self._fit[[2, 1]].T * np.array([1.0, -1.0])
+        self.learns = bool(arrangement.has_base_motion and dc and len(self._fit) == 4)
+        self._noise = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
+        #: what one unit of every share adds to the readings, order x and y of each bracket, per unit of W, shape (2 M, 4)
+        self._pattern = np.zeros((2 * len(self._mounts), 4))
+        self._pattern[0::2, 2], self._pattern[0::2, 3] = self._gravity * place[:, 1], self._gravity
+        self._pattern[1::2, 0], self._pattern[1::2, 1] = self._gravity * place[:, 0], self._gravity
+        self._slope_variance = float(np.max(self._fit[1:3] ** 2 @ self._noise)) if self.learns else 0.0
+        #: the maps where no bracket follows the twist, and what a unit of every share adds, (M, 3, 3 M) and (4, M, 3, 3 M)
+        self._stiff = relative_tilt_maps(self._mounts, np.zeros(4))
+        self._per_share = np.array([relative_tilt_maps(self._mounts, unit) - self._stiff for unit in np.eye(4)])
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the prior."""
+        self.shares = _PRIOR.copy()
+        self.covariance = np.diag(_PRIOR_STD**2)
+        size = 2 * _SLOPES + len(self._pattern)
+        self._moments = np.zeros((size, size))
+        self._time, self._next = 0.0, _LEAST
+        self.restart()
+        self._conclude()
+
+    def restart(self) -> None:
+        """Begin a new time base: the filters start again, what was learned stays."""
+        self._state = np.zeros((2 * _SLOPES + len(self._pattern), 6))
+        self._angle = np.zeros((2, 4))
+        self._started = 0.0
+        self._offset: Array | None = None
+        self._applied = np.zeros(2)
+
+    def _conclude(self) -> None:
+        #: from the stacked deflections to the rotation of the body relative to each bracket, shape (M, 3, 3 M)
+        self.maps = self._stiff + np.tensordot(self.shares[:4], self._per_share, 1)
+        share, std = self.shares[4:], np.sqrt(np.diag(self.covariance)[4:])
+        #: share of roll and pitch of the frame that its brackets do not make, zero unless it is certain
+        self.levelled = np.where((share > _LEVELLED) & (share > _CERTAIN * std), share, 0.0)
+
+    @property
+    def doubt(self) -> Array:
+        """Return maps like :attr:`maps` of one standard deviation of every independent error of the shares, (4, M, 3, 3 M)."""
+        values, vectors = np.linalg.eigh(self.covariance[:4, :4])
+        return np.tensordot((vectors * np.sqrt(np.maximum(values, 0.0))).T, self._per_share, 1)
+
+    def observe(self, base: Array, body: Array, ok: BoolArray, dt: float) -> bool:
+        """Learn from a block where :attr:`learns`; return whether the maps changed.
+
+        Parameters
+        ----------
+        base, body
+            Specific force of the brackets in bracket axes and of the body at the same places, shape (K, M, 3).
+        ok
+            Which brackets spoke, shape (K, M).
+        dt
+            Tick [s].
+        """
+        slopes, horizontal = np.empty((len(base), _SLOPES)), np.empty((len(base), len(self._pattern)))
+        take_readings(base, body, self._fit, slopes, horizontal)
+        # constant parts are outside the band; the first reading is taken out at once, the filters would take long over gravity
+        if self._offset is None:
+            self._offset = np.concatenate([slopes[0], horizontal[0]])
+        moments = np.zeros_like(self._moments)
+        added = accumulate(
+            slopes - self._offset[:_SLOPES], horizontal - self._offset[_SLOPES:], ok,
+            2.0 * np.pi * _BAND[0], 2.0 * np.pi * _BAND[1], dt, self._state, moments,
+        )  # fmt: skip
+        self._started += added * dt
+        if self._started < _SETTLED or not np.isfinite(moments).all():
+            return False
+        # per second, so that the answer does not depend on the tick
+        self._moments += moments * dt
+        self._time += added * dt
+        if self._time < self._next:
+            return False
+        self._next = self._time + _EVERY
+        return self._learn()
+
+    def swing(self, base: Array, dt: float) -> tuple[Array, Array]:
+        """Return the rotation of the frame that its brackets do not make, and its rate, shape (K, 3) each [rad, rad/s].
+
+        Parameters
+        ----------
+        base
+            Specific force of the brackets, shape (K, M, 3).
+        dt
+            Tick [s].
+        """
+        angle, rate = np.zeros((len(base), 3)), np.zeros((len(base), 3))
+        if not self.learns:
+            return angle, rate
+        plane = base[:, :, 2] @ self._to_slopes
+        # white noise s^2 dt integrated twice with a leak w leaves an angle of variance s^2 dt / (4 w^3)
+        corner = (self._slope_variance * dt / (4.0 * _ANGLE_NOISE**2)) ** (1.0 / 3.0)
+        corner = min(max(corner, 2.0 * np.pi * _CORNERS[0]), 2.0 * np.pi * _CORNERS[1])
+        whole, whole_rate = np.empty_like(plane), np.empty_like(plane)
+        integrate_slope(plane, corner, _MEMORY, dt, self._angle, whole, whole_rate)
+        if not (self.levelled.any() or self._applied.any()):
+            return angle, rate
+        fade = np.exp(-dt / _FADE * np.arange(1, len(base) + 1))[:, None]
+        share = self.levelled + (self._applied - self.levelled) * fade
+        self._applied = share[-1]
+        angle[:, :2], rate[:, :2] = share * whole, share * whole_rate
+        return angle, rate
+
+    def _learn(self) -> bool:
+        """Weigh what was regressed against the prior; return whether that was possible."""
+        full = self._moments + np.tril(self._moments, -1).T
+        n = 2 * _SLOPES
+        scale = np.sqrt(np.maximum(np.diag(full)[:n], 1e-300))
+        normal = full[:n, :n] / np.outer(scale, scale)
+        if not np.all(np.diag(full)[:n] > 0.0) or np.linalg.cond(normal) > 1e9:
+            return False
+        inverse = np.linalg.inv(normal) / np.outer(scale, scale)
+        slope = inverse @ full[:n, n:]
+        left = (full[n:, n:] - full[n:, :n] @ slope) / self._time
+        left = 0.5 * (left + left.T) + np.diag(np.repeat(self._noise, 2))
+        independent = max(self._time * _PER_SECOND - n, 1.0)
+        # coefficients of twist, roll and pitch of the frame: Kronecker product of both covariances
+        covariance = np.kron(inverse[:3, :3] * (self._time / independent), left)
+        size = len(self._pattern)
+        pattern = np.zeros((3 * size, 6))
+        pattern[:size, :4] = self._pattern
+        pattern[size + 1 : 2 * size : 2, 4] = -self._gravity
+        pattern[2 * size :: 2, 5] = self._gravity
+        weighted = np.linalg.solve(covariance, np.column_stack([pattern, slope[:3].ravel()]))
+        self.covariance = np.linalg.inv(pattern.T @ weighted[:, :6] + np.diag(_PRIOR_STD**-2))
+        self.shares = self.covariance @ (pattern.T @ weighted[:, 6] + _PRIOR / _PRIOR_STD**2)
+        self._conclude()
+        return True
+
+    def notes(self) -> list[str]:
+        """Return words on brackets that do not tilt with their frame."""
+        names = [name for name, share in zip(("roll", "pitch"), self.levelled) if share > 0.0]
+        if not names:
+            return []
+        return [
+            f"accelerometers at the mount bases do not show the {' and '.join(names)} of the frame: brackets are taken not to "
+            "turn with it (levelled, or a rig that only translates)"
+        ]
+
+    def save(self) -> dict[str, Any]:
+        """Return what was learned and the state of the filters as plain lists."""
+        return {
+            "moments": self._moments.tolist(), "time": self._time, "next": self._next, "state": self._state.tolist(),
+            "angle": self._angle.tolist(), "started": self._started, "applied": self._applied.tolist(),
+            "offset": None if self._offset is None else self._offset.tolist(),
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self.reset()
+        self._moments = np.array(saved["moments"], dtype=float).reshape(self._moments.shape)
+        self._time, self._next, self._started = float(saved["time"]), float(saved["next"]), float(saved["started"])
+        self._state = np.array(saved["state"], dtype=float).reshape(self._state.shape)
+        self._angle = np.array(saved["angle"], dtype=float).reshape(2, 4)
+        self._applied = np.array(saved["applied"], dtype=float)
+        self._offset = None if saved["offset"] is None else np.array(saved["offset"], dtype=float)
+        if self.learns and self._time >= _LEAST:
+            self._learn()

@@ -1,0 +1,226 @@
+# Copyright 2026 ride_estimation contributors
+"""Deflection of the mounts from the motion of body and bases and, where there are some, displacement transducers."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.motion.cg_motion import MotionBlock
+from ride_estimation.estimation.motion.motion_kernel import deflection_block
+from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
+from ride_estimation.frames import AXES
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: growth of the bias of a relative acceleration [(m/s^2)^2/s]: temperature, slow tilt
+_BIAS_DENSITY = np.array([1e-6, 1e-6, 1e-8])
+#: standard deviation of the constant bias at the start [m/s^2]: two sensors; two sensors and a degree of tilt for x, y
+_BIAS_STD = np.array([0.2, 0.2, 0.07])
+#: deflection assumed before it is known [m]
+_DEFLECTION_STD = np.array([2e-3, 2e-3, 8e-3])
+#: time over which the slow deflection stays similar [s]
+_CORRELATION_TIME = 0.3
+#: relative acceleration while no base sensor tells it [m/s^2]
+_UNKNOWN_RELATIVE = 5.0
+#: memory of the amplitude [s]
+_MEMORY = 5.0
+_ATTACK = 0.1
+#: time between two looks at the noise [s]
+_RENEWAL = 0.05
+#: slow share of the mean squared deflection that equilibrium does not tell (twist of the frame), as a factor per axis
+_MARGIN = np.array([0.2, 0.2, 0.05])
+#: smallest deflection assumed [m]
+_LEAST = np.array([1e-4, 1e-4, 2e-4])
+
+
+@dataclasses.dataclass(frozen=True)
+class DeflectionBlock:
+    """Deflection, rate, relative acceleration, rotation against the bracket (K, M, 3); rotation of the frame that the brackets do
+    not make and its rate (K, 3); std of deflection and rate (M, 3); specific force of the brackets in bracket axes (K, M, 3).
+    """
+
+    deflection: Array
+    rate: Array
+    relative: Array
+    turn: Array
+    swing: Array
+    swing_rate: Array
+    std: Array
+    rate_std: Array
+    base: Array
+
+
+class DeflectionEstimator:
+    """Drift-free double integration of relative acceleration at every mount, fused with transducers.
+
+    How fast drift leaks away follows from the noise and from the size of the deflection: a corner ``omega^4 = sigma^2 dt /
+    (d^2 tau)``, d its standard deviation and tau the time over which it stays similar.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts, sensors.
+    tilting
+        How the brackets tilt with their frame.
+    """
+
+    def __init__(self, arrangement: Arrangement, tilting: BracketTilt) -> None:
+        self.arrangement = arrangement
+        self._tilting = tilting
+        self._count = len(arrangement.mounts)
+        self.has_base = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
+        self._base_variance = np.array([s.noise_std**2 if s else _UNKNOWN_RELATIVE**2 for s in arrangement.base_sensors])
+        wrench = arrangement.wrench[arrangement.free]
+        #: part of deflections that a rigid motion makes, shape (3 M, 3 M)
+        self._rigid = np.linalg.pinv(wrench) @ wrench
+        self._slots = [
+            (arrangement.mount_names.index(s.mount), AXES.index(s.axis), s.noise_std**2) for s in arrangement.transducers
+        ]
+        self._transducer_variance = np.ones((self._count, 3))
+        self.has_transducer = np.zeros((self._count, 3), dtype=bool)
+        for i, a, variance in self._slots:
+            self._transducer_variance[i, a] = variance
+            self.has_transducer[i, a] = True
+        self.reset()
+
+    @property
+    def known(self) -> BoolArray:
+        """Return which mount axes have a deflection from sensors at all, shape (M, 3)."""
+        return self.has_base[:, None] | self.has_transducer
+
+    def reset(self) -> None:
+        """Start again from rest with wide uncertainty."""
+        m = self._count
+        self._state = np.zeros((4, m, 3))
+        self._p = np.zeros((m, 3, 3, 3))
+        for a in range(3):
+            self._p[:, a, 0, 0] = _DEFLECTION_STD[a] ** 2
+            self._p[:, a, 1, 1] = (10.0 * _DEFLECTION_STD[a]) ** 2
+            self._p[:, a, 2, 2] = _BIAS_STD[a] ** 2
+        self._mean_square = np.tile(_DEFLECTION_STD**2, (m, 1))
+        self._started = False
+        self._lasting = LastingAcceleration()
+        self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 4))
+
+    def observe(
+        self,
+        motion: MotionBlock,
+        base: Array,
+        base_ok: BoolArray,
+        displaced: Array,
+        displaced_ok: BoolArray,
+        expected_square: Array,
+        dt: float,
+        missing: Array | None = None,
+    ) -> DeflectionBlock:
+        """Integrate over the ticks of a block.
+
+        Parameters
+        ----------
+        motion
+            CG motion at the ticks.
+        base, base_ok
+            Specific force of the brackets in bracket axes (K, M, 3), finite; which spoke (K, M).
+        displaced, displaced_ok
+            Transducers (K, M, 3); which spoke.
+        expected_square
+            Mean squared deflection that the forces on the body and the stiffness let expect, shape (M, 3): it cannot drift.
+        dt
+            Tick [s].
+        missing
+            Rigid deflection that equilibrium asked for beyond the estimated one in the last block, shape (M, 3) [m];
+            None where it tells nothing.
+        """
+        ticks = len(base)
+        shape = (ticks, self._count, 3)
+        deflection, rate, relative, turn = (np.zeros(shape) for _ in range(4))
+        if not self._started:
+            self._begin(motion, base)
+            self._mean_square = _MARGIN * expected_square
+        self._lasting.observe(motion.motion[:, :3], ticks * dt)
+        swing, swing_rate = self._tilting.swing(base, dt)
+        noise = self._noise_now(motion.covariance, ticks, dt)
+        # rigid motion is drawn to where equilibrium has it, deformation of the frame to nothing
+        target = np.zeros((self._count, 3))
+        if missing is not None:
+            target = (self._rigid @ self._state[0].ravel()).reshape(self._count, 3) + missing
+        drawn = np.where(self.has_transducer, displaced, target)
+        drawn_variance = np.where(self.has_transducer, self._transducer_variance, noise[:, :, 2])
+        deflection_block(
+            motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._tilting.maps,
+            swing, self.arrangement.vehicle.gravity, dt, self._state,
+            self._p, noise, drawn, displaced_ok | ~self.has_transducer, drawn_variance,
+            deflection, rate, relative, turn,
+        )  # fmt: skip
+        self._follow_size(_MARGIN * expected_square, ticks * dt)
+        std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
+        return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
+
+    def _follow_size(self, square: Array, duration: float) -> None:
+        """Follow the mean squared deflection, quickly up and slowly down: at rest the deflection is known to be small."""
+        memory = np.where(square > self._mean_square, _ATTACK, _MEMORY)
+        self._mean_square += np.minimum(duration / memory, 1.0) * (square - self._mean_square)
+
+    def turn_rate(self, block: DeflectionBlock) -> Array:
+        """Return the rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s]."""
+        flat = block.rate.reshape(len(block.rate), 3 * self._count)
+        relative = (flat @ self._tilting.maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape)
+        return np.asarray(relative + block.swing_rate[:, None])
+
+    def _begin(self, motion: MotionBlock, base: Array) -> None:
+        """Take the first relative acceleration as bias in x and y: it is mostly tilt of the sensors."""
+        first = motion.motion[0, :3] - base[0]
+        self._state[2, :, :2] = np.clip(first[:, :2], -0.5, 0.5) * self.has_base[:, None]
+        self._state[3] = self._state[2]
+        self._started = True
+
+    def _noise_now(self, covariance: Array, ticks: int, dt: float) -> Array:
+        """Return the noise, renewed every tenth of a second."""
+        self._noise_age += ticks * dt
+        if self._noise_age >= _RENEWAL:
+            self._noise_age, self._held_noise = 0.0, self._noise(covariance, dt)
+        return self._held_noise
+
+    def _noise(self, covariance: Array, dt: float) -> Array:
+        """Return acceleration variance, bias density, pseudo variance and variance without base sensor, shape (M, 3, 4)."""
+        noise = np.empty((self._count, 3, 4))
+        for a in range(3):
+            noise[:, a, 0] = self._base_variance + covariance[a, a]
+        noise[:, :, 1] = _BIAS_DENSITY
+        noise[:, :, 2] = np.maximum(self._mean_square, _LEAST**2) * _CORRELATION_TIME / dt
+        # sensors on both sides whose angles and gains are not quite those of the file
+        slow = 2.0 * self._lasting.error_variance
+        if slow > 0.0:
+            both = zip(noise[:, :, 0].ravel().tolist(), noise[:, :, 2].ravel().tolist())
+            noise[:, :, 0] = np.reshape([with_slow_error(white, slow, held, dt) for white, held in both], (self._count, 3))
+        # an error of the tilt, as slow as the drift of the vertical deflections, is an acceleration in the horizontal axes
+        gravity = self.arrangement.vehicle.gravity
+        corner = np.mean(noise[:, 2, 0] / noise[:, 2, 2]) ** 0.25 / dt**0.5 if self._count else 1.0
+        for a, row in ((0, 1), (1, 0)):
+            tilt_variance = self._tilting.maps[:, row, 2::3] ** 2 @ self._p[:, 2, 0, 0]
+            noise[:, a, 0] += gravity**2 * tilt_variance * 2.0 / (corner * dt)
+        # white in continuous time, so that the answer does not depend on the tick
+        noise[:, :, 3] = _UNKNOWN_RELATIVE**2 * 0.002 / dt
+        return noise
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        return {
+            "state": self._state.tolist(), "p": self._p.tolist(), "mean_square": self._mean_square.tolist(),
+            "started": self._started, "lasting": self._lasting.save(),
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._state = np.array(saved["state"], dtype=float).reshape(4, self._count, 3)
+        self._p = np.array(saved["p"], dtype=float).reshape(self._count, 3, 3, 3)
+        self._mean_square = np.array(saved["mean_square"], dtype=float).reshape(self._count, 3)
+        self._started = bool(saved["started"])
+        self._lasting.load(saved["lasting"])

@@ -1,0 +1,499 @@
+# Copyright 2026 ride_estimation contributors
+"""CG motion from all accelerometer and gyro channels of a body by weighted least squares, with a residual test.
+
+``y_j = e_j . (f + alpha x r_j + omega x (omega x r_j))`` per channel, f the specific force at the CG (gravity in it), so
+``[f, alpha] = (H^T R^-1 H)^-1 H^T R^-1 (y - centripetal)``. The six-channel matrix B of document 000 eq. (3), (4) is the
+case of six channels. The centripetal term takes omega from gyros or from integrated alpha.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.common.arrangement import channel_geometry
+from ride_estimation.estimation.common.block_math import stretches
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
+from ride_estimation.estimation.motion.motion_kernel import LARGEST_RATE, cg_block, follow_slow, predict_block, remove_gravity
+from ride_estimation.estimation.motion.residual_doubt import error_of_one, more_than_chance, residual_doubt
+from ride_estimation.estimation.motion.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
+from ride_estimation.estimation.motion.sensor_drift import motion_error
+from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
+from ride_estimation.estimation.motion.spare_rate import SpareRate
+from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
+from ride_estimation.sensors.layout import motion_rows
+from ride_estimation.sensors.sensor import Sensor
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: standard deviation of an angular acceleration that no channel tells [rad/s^2]
+UNKNOWN_ANGULAR_ACCEL = 20.0
+#: standard deviation of a linear acceleration that no channel tells [m/s^2]
+UNKNOWN_ACCEL = 100.0
+#: growth of accelerometer biases: (rad/s^2)^2/s and (rad/s)^2/s for gyros
+_BIAS_DENSITY, _GYRO_BIAS_DENSITY = 1.0e-8, 1.0e-10
+#: standard deviation of a constant bias at the start
+_ALPHA_BIAS, _GYRO_BIAS = 0.1, 0.02
+#: angular rate about the vertical of a body without gyros [rad/s] and how long it lasts [s]
+_YAW_STD, _YAW_TIME = 0.1, 3.0
+_MASKS = 64
+#: standard deviation of the angular rate [rad/s] from which on residuals count, and no longer do: centripetal terms are a guess
+_RATE_KNOWN, _RATE_LOST = 0.03, 0.15
+#: ticks handled with one covariance of the angular rate
+_LONGEST = 100
+#: memory of the residual test, longest time for which attitude and rates wait for the verdict on a gross error [s]
+_TEST_MEMORY, _HOLD = 60.0, 0.5
+#: ticks of residuals that say something; cosine from which a channel reads of an acceleration that is no coordinate of the body
+_LEAST_SUMS, _ACROSS = 50.0, 0.1
+#: time after which a sensor that does not speak or is refused counts as left out [s]
+_LEFT_OUT = 2.0
+#: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
+_CENTRIPETAL = 0.08
+#: time over which horizontal acceleration counts as slow, and memory of its size [s]
+_SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
+#: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
+_LASTING = 10.0
+
+
+def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
+    """Return B of document 000 eq. (3): rows ``[e, r x e]`` of single channels, shape (C, 6).
+
+    Parameters
+    ----------
+    sensors
+        Per channel the place relative to the CG [m] and the axis ``x``, ``y`` or ``z``.
+
+    Raises
+    ------
+    ConfigurationError
+        Six channels that do not determine the six accelerations (document 000: three sensors on one line in plan, or
+        sensors 2 and 3 with equal x).
+    """
+    rows = []
+    for place, axis in sensors:
+        e = np.eye(3)["xyz".index(axis)]
+        rows.append(np.concatenate([e, np.cross(np.asarray(place, dtype=float), e)]))
+    matrix = np.array(rows)
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    if len(matrix) < 6 or singular[-1] < 1e-9 * singular[0]:
+        raise ConfigurationError(
+            f"{len(matrix)} channels of rank {int(np.sum(singular > 1e-9 * singular[0]))} do not determine the six "
+            "accelerations of a body; place three triaxial sensors off one line", where="sensor layout",
+        )  # fmt: skip
+    return matrix
+
+
+@dataclasses.dataclass(frozen=True)
+class Weights:
+    """Least squares for the channels that speak: weights (6, C), covariance (6, 6), rank of the rows, mean variance of roll
+    and pitch acceleration per unit variance of independent errors of the accelerometer channels.
+    """
+
+    matrix: Array
+    covariance: Array
+    residual_variance: Array
+    rank: int
+    turn_gain: float
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionBlock:
+    """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the accelerometers read for
+    it (K, C); variance of the rate (3,).
+    """
+
+    motion: Array
+    covariance: Array
+    rate: Array
+    tilt: Array
+    tilt_variance: float
+    predicted: Array
+    valid: BoolArray
+    rate_variance: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+
+
+class CgMotionEstimator:
+    """Weighted least squares over all channels of one body, sample by sample.
+
+    Parameters
+    ----------
+    sensors
+        Accelerometers and IMUs of the body.
+    cg
+        Centre of gravity [m], shape (3,).
+    free
+        Which of the six coordinates the body has, shape (6,) bool; the others are zero.
+    gravity
+        [m/s^2].
+    """
+
+    def __init__(
+        self, sensors: Sequence[Sensor], cg: Array, free: BoolArray, gravity: float, settings: PipelineSettings | None = None
+    ) -> None:
+        self.sensors = tuple(sensors)
+        self.gyros = tuple(i for i, s in enumerate(self.sensors) if s.kind == "imu")
+        self._free = np.asarray(free, dtype=bool)
+        self._gravity, self._settings = gravity, settings or PipelineSettings()
+        directions, points = channel_geometry(self.sensors, np.asarray(cg, dtype=float))
+        rows = motion_rows(self.sensors, np.asarray(cg, dtype=float))
+        extra = 3 * len(self.gyros)
+        self.directions = np.vstack([directions, np.zeros((extra, 3))])
+        self.points = np.vstack([points, np.zeros((extra, 3))])
+        self.rows = np.vstack([rows, *([np.hstack([np.zeros((3, 3)), np.eye(3)])] * len(self.gyros))])
+        self._own_variance = np.concatenate([np.full(3, s.noise_std**2) for s in self.sensors])
+        self.variance = self._own_variance.copy()
+        self._along = np.sum(directions * points, axis=1)
+        self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
+        #: which gyros tell angular rates: one whose unit or axes are wrong does not, see :mod:`gyro_check`
+        self._gyro_fit = np.ones(len(self.gyros), dtype=bool)
+        self._cache: dict[tuple[bytes, float], Weights] = {}
+        self._needed = int(np.sum(self._free))
+        self._observed_tilt = bool(self._free[3] or self._free[4])
+        self._sums = ResidualSums.empty(len(directions))
+        self._accelerometer_rows = np.ascontiguousarray(self.rows[: len(directions)])
+        #: channels that are compared: of accelerations that are no coordinate of a planar body its model knows nothing
+        self._asked: BoolArray = np.all(np.abs(directions[:, ~self._free[:3]]) < _ACROSS, axis=1)
+        self._spare = max(int(np.sum(self._asked)) - self._needed, 0)
+        self._free_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._free])
+        self._centripetal = centripetal_terms(self.directions, self.points)
+        told = self._spare if self._free[3:].all() else 0
+        self._turning = SpareRate(self._centripetal[: len(directions)], self._accelerometer_rows, told)
+        self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
+        self._faults.set_variance(self.variance)
+        #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
+        self.doubted, self._held = False, 0.0
+        #: sums of the residuals since the last look, and ticks
+        self._fresh, self._drift = np.zeros(len(directions) + 1), np.zeros((6, 6))
+        #: sensors that spoke last, and how long it is those [s]
+        self._mask: BoolArray = np.ones(len(self.sensors), dtype=bool)
+        self._same, self._summed = 0.0, self._mask.copy()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget attitude and rates; what the residuals told stays."""
+        self._faults.interrupt()
+        self._turning.reset()
+        self._begin_attitude()
+        self._last_gyro: Array | None = None
+        #: residuals while the angular rate is not known yet
+        self._early = ResidualSums.empty(3 * len(self.sensors))
+        self._last_good, self._slow = np.zeros(6), np.zeros(4)
+        s, self._lasting = self._settings, LastingAcceleration()
+        self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
+
+    def _begin_attitude(self) -> None:
+        """Begin attitude and rates anew from the next specific force."""
+        self._state, self._rate_known, self._rate_variance = np.zeros((5, 3)), False, np.zeros(3)
+        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
+        self._p_yaw = self._p_tilt.copy()
+
+    def set_variance(self, sensor: int, variance: Array) -> None:
+        """Use the variance that the messages of a sensor state [(m/s^2)^2], shape (3,)."""
+        if not np.array_equal(self.variance[3 * sensor : 3 * sensor + 3], variance):
+            self.variance[3 * sensor : 3 * sensor + 3] = variance
+            self._cache.clear()
+            self._faults.set_variance(self.variance)
+
+    def leave_out_gyro(self, gyro: int) -> None:
+        """Take angular rates from the other gyros or else from the accelerometers; attitude and rates begin anew."""
+        self._gyro_fit[gyro] = False
+        self._cache.clear()
+        points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
+        self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
+        self._faults.set_variance(self.variance)
+        self._sums = ResidualSums.empty(3 * len(self.sensors))
+        self.reset()
+
+    def weights(self, mask: BoolArray, dt: float) -> Weights:
+        """Return the least squares for the channels that speak.
+
+        Directions nothing observes get a wide prior instead of a singular matrix: their estimate is zero, their standard
+        deviation says so.
+
+        Parameters
+        ----------
+        mask
+            Per sensor, shape (S,) bool.
+        dt
+            Tick [s], for the noise of differentiated gyro rates.
+        """
+        key = (mask.tobytes(), dt)
+        found = self._cache.get(key)
+        if found is not None:
+            return found
+        channels = np.repeat(mask, 3)
+        gyro_ok = np.repeat(mask[list(self.gyros)] & self._gyro_fit, 3) if self.gyros else np.zeros(0, dtype=bool)
+        variance = np.concatenate([self.variance, np.repeat(2.0 * self._gyro_variance / dt**2, 3)])
+        inverse = np.concatenate([channels, gyro_ok]) / variance
+        prior = np.diag(np.where(self._free, np.repeat([UNKNOWN_ACCEL**-2, UNKNOWN_ANGULAR_ACCEL**-2], 3), 1e12))
+        information = self.rows.T @ (inverse[:, None] * self.rows)
+        covariance = np.linalg.inv(information + prior)
+        covariance = 0.5 * (covariance + covariance.T)
+        matrix = covariance @ (self.rows.T * inverse)
+        n = 3 * len(self.sensors)
+        residual_variance = self.variance - np.einsum("ij,jk,ik->i", self.rows[:n], covariance, self.rows[:n])
+        scaled = self.rows[np.concatenate([channels, gyro_ok])][:, self._free]
+        rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if scaled.size else 0
+        turn_gain = 0.5 * float(np.sum(matrix[3:5, :n] ** 2))
+        if len(self._cache) >= _MASKS:
+            self._cache.clear()
+        made = Weights(np.ascontiguousarray(matrix), covariance, np.maximum(residual_variance, 0.0), rank, turn_gain)
+        return self._cache.setdefault(key, made)
+
+    def observe(self, samples: Array, gyro: Array, valid: BoolArray, dt: float) -> MotionBlock:
+        """Estimate the motion at the ticks of a block.
+
+        Parameters
+        ----------
+        samples
+            Accelerometer channels in sensor axes and file order, shape (K, 3 S), finite.
+        gyro
+            Angular rates of the IMUs in sensor axes, shape (K, 3 G).
+        valid
+            Shape (K, S).
+        dt
+            Tick [s].
+        """
+        ticks = len(samples)
+        out = MotionBlock(
+            np.zeros((ticks, 6)), np.zeros((6, 6)), np.zeros((ticks, 3)), np.zeros((ticks, 3)), 0.0,
+            np.zeros((ticks, 3 * len(self.sensors))), np.ones(ticks, dtype=bool),
+        )  # fmt: skip
+        samples = np.ascontiguousarray(samples)
+        body_gyro = self.body_rates(gyro)
+        covariance, start = np.zeros((6, 6)), 0
+        # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
+        before = self._state.copy() if self.doubted and self._held < _HOLD else None
+        for stop in stretches(valid, _LONGEST):
+            covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
+            start = stop
+        self._held = self._held + ticks * dt if self.doubted else 0.0
+        if before is not None:
+            self._state = before
+        tilt_variance = float(self._p_tilt[0, 0]) if self._observed_tilt else 0.0
+        return dataclasses.replace(out, covariance=covariance, tilt_variance=tilt_variance, rate_variance=self._rate_variance)
+
+    def body_rates(self, gyro: Array) -> Array:
+        """Return gyro rates in body axes, shape (K, G, 3)."""
+        rates = np.zeros((len(gyro), len(self.gyros), 3))
+        for g, i in enumerate(self.gyros):
+            rates[:, g] = gyro[:, 3 * g : 3 * g + 3] @ self.sensors[i].rotation.T
+        return rates
+
+    def _segment(self, y: Array, gyro: Array, mask: BoolArray, dt: float, out: MotionBlock, where: slice) -> Array:
+        """Estimate over ticks with the same channels; write into ``out`` and return the covariance."""
+        weights = self.weights(mask, dt)
+        needed = self._needed
+        if weights.rank == 0:
+            out.motion[where] = self._last_good
+            out.tilt[where] = self._state[0]
+            out.valid[where] = False
+            self._faults.interrupt()
+            return weights.covariance
+        gyro_mask = mask[list(self.gyros)] & self._gyro_fit if self.gyros else np.zeros(0, dtype=bool)
+        use_gyro = bool(gyro_mask.any())
+        mean_rate = gyro[:, gyro_mask].mean(axis=1) if use_gyro else np.zeros((len(y), 3))
+        if self.gyros:
+            before = gyro[:1] if self._last_gyro is None else self._last_gyro[None]
+            difference = np.diff(np.concatenate([before, gyro]), axis=0) / dt
+            self._last_gyro = gyro[-1].copy()
+            y_all = np.hstack([y, difference.reshape(len(y), -1)])
+        else:
+            y_all = y
+        noise = self._filter_noise(weights, dt)
+        motion, rate, tilt, predicted = out.motion[where], out.rate[where], out.tilt[where], out.predicted[where]
+        cg_block(
+            np.ascontiguousarray(y_all), self.directions, self.points, weights.matrix, np.ascontiguousarray(mean_rate), use_gyro,
+            self._gravity, dt, self._state, self._p_tilt, self._p_yaw, noise, motion, rate, tilt,
+        )  # fmt: skip
+        self._last_good = motion[-1].copy()
+        # how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)
+        slow, size, mean = (-math.expm1(-len(y) * dt / time) for time in (_SLOW_TIME, _SLOW_MEMORY, _LASTING))
+        self._lasting.observe(motion[:, :3], len(y) * dt)
+        self._slow_square = float(follow_slow(motion, tilt, self._gravity, slow, size, mean, self._slow, self._slow_square))
+        astray = not use_gyro and bool(np.abs(rate).max() >= LARGEST_RATE)
+        if weights.rank != needed or astray:
+            out.valid[where] = False
+        predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
+        self._rate_known = use_gyro or bool(self._p_tilt[1, 1] < (_RATE_LOST if self._rate_known else _RATE_KNOWN) ** 2)
+        if astray:
+            self._begin_attitude()
+        tells = weights.rank == needed and not self.doubted and not astray and self._tells(mask, len(y) * dt)
+        if tells:
+            # of a sensor that is left out since long nothing is asked; the others go on being compared
+            asked = self._asked & np.repeat(mask, 3)
+            said = y if asked.all() else np.where(asked, y, predicted)
+            (self._sums if self._rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+            left = said - predicted
+            self._fresh += [*np.sum(left, axis=0), len(y)]
+            if not use_gyro and mask.all() and self._turning.observe(left, rate, dt):
+                own, white, lasts = weights.matrix[:, : y.shape[1]], float(np.mean(self.variance)), self._lasting.error_variance
+                self._turning.correct(own, white, lasts, self._state, self._p_tilt, self._p_yaw, dt)
+        if tells and self._rate_known:
+            self._faults.observe(said, motion, rate, dt)
+        else:
+            self._faults.interrupt()
+        return weights.covariance + self._rate_doubt(weights, rate, use_gyro)
+
+    def _tells(self, mask: BoolArray, duration: float) -> bool:
+        """Return whether the residuals of a set of sensors say something: all of them, or since long the same ones."""
+        if not np.array_equal(mask, self._mask):
+            self._mask, self._same = mask.copy(), 0.0
+        self._same += duration
+        if self._same > _LEFT_OUT and not mask.all() and not np.array_equal(mask, self._summed):
+            # what a sensor left in the residuals before it was left out says nothing about the others
+            self._summed, self._sums = mask.copy(), ResidualSums.empty(3 * len(mask))
+        return bool(mask.all()) or (self._same > _LEFT_OUT and 3 * int(mask.sum()) > self._needed)
+
+    def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
+        """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
+        at, more = (2, float(np.mean(self._gyro_variance)) / len(self.gyros)) if use_gyro else (1, 0.0)
+        self._rate_variance = self._free[3:] * (np.array([p[at, at] for p in (self._p_tilt, self._p_tilt, self._p_yaw)]) + more)
+        return centripetal_covariance(weights.matrix, self._centripetal, rate, self._rate_variance)
+
+    def _filter_noise(self, weights: Weights, dt: float) -> Array:
+        s = self._settings
+        start = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time
+        tilt = min(max(2.0 * _SLOW_TIME * self._slow_square, 1e-3 * start), 30.0 * start) / dt
+        gyro = float(np.mean(self._gyro_variance)) / max(len(self.gyros), 1) if self.gyros else 0.0
+        alpha = 0.5 * float(weights.covariance[3, 3] + weights.covariance[4, 4])
+        bias = _GYRO_BIAS_DENSITY if self._gyro_fit.any() else _BIAS_DENSITY
+        # wrong angles and gains turn an acceleration that lasts into an angular acceleration: slow, not white
+        alpha = with_slow_error(alpha, self._lasting.error_variance * weights.turn_gain, tilt, dt)
+        return np.array([alpha, _BIAS_DENSITY, tilt, _YAW_STD**2 * _YAW_TIME / dt, gyro, bias, _GYRO_BIAS**2])
+
+    def predict(self, motion: Array, rate: Array) -> Array:
+        """Return what the accelerometers read for a motion, sensor axes, shape (K, 3 S)."""
+        predicted = np.empty((len(motion), 3 * len(self.sensors)))
+        predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
+        return predicted
+
+    def accelerate(self, block: MotionBlock) -> tuple[Array, Array]:
+        """Return acceleration without gravity (K, 6) and its covariance (6, 6).
+
+        ``a = f - R^T [0, 0, g]`` with the tilt estimate; the tilt's variance adds ``g^2 var`` to x and y.
+        """
+        g = self._gravity
+        accel = np.empty_like(block.motion)
+        remove_gravity(block.motion, block.tilt, g, self._free, accel)
+        covariance = block.covariance.copy()
+        covariance[[0, 1], [0, 1]] += g**2 * block.tilt_variance
+        return accel, covariance
+
+    def residual_test(self) -> ResidualTest:
+        """Judge the residuals gathered so far and name the sensor that explains them best."""
+        return self._sized().with_fault(self._faults.judge())
+
+    def contradicting(self, ratio: float) -> str:
+        """Return the sensor that contradicts the others most where the ratio of the residual test is above one, else empty."""
+        # with a sensor left out hardly anything is to spare that would show more; without tolerances the ratio is larger
+        ratio = ratio if self._mask.all() else MEANINGFUL
+        sums, stated = self._compared()
+        if sums.count == 0.0 or sums.noise_ratio(stated) <= 0.5 * ratio * max(self._spare, 1):
+            return ""
+        test = self._sized()
+        return test.sensor if test.ratio > ratio else ""
+
+    def disagreement(self, dt: float) -> tuple[float, Array, Array]:
+        """Return what the residuals of the last minute ask of the covariance of the motion: a factor on the std, and an addition.
+
+        Scaled and widened by what all residuals show, see :mod:`residual_doubt`. Where they are more than noise and tolerances
+        explain, what an error of the sensor that explains them best does to the motion is added, gradually up to twice that. What
+        is constant is kept apart, as nothing is learned from constant parts of a motion.
+
+        Parameters
+        ----------
+        dt
+            Tick [s].
+
+        Returns
+        -------
+        tuple
+            Factor, at least 1; what moving residuals add, shape (6, 6); what their constant part adds, shape (6, 6).
+        """
+        drift = self._follow_drift(dt)
+        sums, stated = self._compared()
+        used = np.flatnonzero(self._asked & np.repeat(self._mask, 3))
+        if len(used) <= self._needed or sums.count < _LEAST_SUMS:
+            return 1.0, np.zeros((6, 6)), drift
+        weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
+        mean, moving = sums.moments()
+        spare = len(used) - self._needed
+        factor, biases = residual_doubt(mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare)
+        constant = biases + drift
+        if sums is self._sums:
+            self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
+        if sums.noise_ratio(self.variance) / max(self._spare, 1) <= MEANINGFUL:
+            return factor, np.zeros((6, 6)), constant
+        test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])
+        share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
+        if share == 0.0 or not test.sensor:
+            return factor, np.zeros((6, 6)), constant
+        sensor = [s.name for s in self.sensors].index(test.sensor)
+        reading = sums.signal_mean / sums.count
+        one, steady = error_of_one(self._accelerometer_rows, weights, sensor, mean, moving, reading, sums.dynamic())
+        return factor, share**2 * one, share**2 * steady + constant
+
+    def _follow_drift(self, dt: float) -> Array:
+        """Return what constant parts of the residuals that moved since long add to the covariance of the motion, shape (6, 6).
+
+        A sensor that drifts turns into a constant motion, told by the error of the sensor that explains the change best. On an
+        angular one attitude and rates would run away: the bias of that is as open as the change is large.
+        """
+        (*fresh, ticks), self._fresh = self._fresh, np.zeros_like(self._fresh)
+        if self._spare == 0 or self._sums.count < _LEAST_SUMS or ticks == 0.0:
+            return np.zeros((6, 6)) if ticks else self._drift
+        before, self._drift = np.diagonal(self._drift), np.zeros((6, 6))
+        mean, moving = self._sums.moments()
+        change = np.array(fresh) / ticks - mean
+        if more_than_chance(change, np.diagonal(moving), ticks, self._spare):
+            moved = motion_error(change, self._accelerometer_rows, self.weights(self._mask, dt).matrix[:, : len(change)])
+            self._drift = np.outer(moved, moved)
+        if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on
+            roll, pitch, yaw = np.maximum(before, np.diagonal(self._drift))[3:].tolist()
+            self._p_tilt[2, 2], self._p_yaw[2, 2] = max(self._p_tilt[2, 2], roll, pitch), max(self._p_yaw[2, 2], yaw)
+        return self._drift
+
+    def _compared(self) -> tuple[ResidualSums, Array]:
+        """Return the residuals that count, those of an unknown angular rate where there are no others, and their variance."""
+        early = self._sums.count < _LEAST_SUMS
+        return (self._early, self.variance + _CENTRIPETAL**2) if early else (self._sums, self.variance)
+
+    def _sized(self) -> ResidualTest:
+        return residual_test(*self._compared(), self._free_rows, [s.name for s in self.sensors])
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        return {
+            "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
+            "variance": self.variance.tolist(), "own_variance": self._own_variance.tolist(),
+            "residuals": self._sums.save(), "faults": self._faults.save(), "turning": self._turning.save(),
+            "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
+            "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._state = np.array(saved["state"], dtype=float)
+        self._p_tilt = np.array(saved["p_tilt"], dtype=float)
+        self._p_yaw = np.array(saved["p_yaw"], dtype=float)
+        # variances that messages state are kept, those of the vehicle file are the ones of now: their scale may have been changed
+        before = np.array(saved["variance"], dtype=float)
+        self.variance = np.where(before == np.array(saved["own_variance"], dtype=float), self._own_variance, before)
+        self._sums = ResidualSums.load(saved["residuals"])
+        self._faults.set_variance(self.variance)
+        self._faults.load(saved["faults"])
+        self._turning.load(saved.get("turning", self._turning.save()))
+        self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
+        self._lasting.load(saved["lasting"])
+        self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
+        self._last_good = np.array(saved["last_good"], dtype=float)
+        self._cache.clear()

@@ -1,0 +1,108 @@
+# Copyright 2026 ride_estimation contributors
+"""How wrong a motion is by what its spare equations show: noise larger than stated, gains and angles, biases.
+
+With more channels than unknowns the residuals ``r = (I - H W) e`` of errors e that are alike in all channels have the size of
+those errors: ``<r^T r> = spare <e^2>``. What moves of them scales the stated covariance (Birge, Phys. Rev. 40, 207, 1932); what
+is constant are biases, which no filter sees and which reach the motion as ``<e^2> W W^T``. Sensors within the tolerances of their
+installation are no reason for a word, but what they leave in the motion is as real as noise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.motion.sensor_drift import error_of_residuals, residual_of_errors
+from ride_estimation.estimation.sensor_errors.sensor_faults import BIAS_TOLERANCE
+
+Array = NDArray[np.float64]
+
+#: samples of a filtered signal per independent one
+_DEPENDENT = 4.0
+#: standard deviations by which a mean square must exceed what was stated
+_CLEARLY = 3.0
+#: change of a bias within a minute that sensors in good order do not show [m/s^2], and by chance [standard deviations]
+_DRIFT, _CHANGE_BY_CHANCE = 0.5 * BIAS_TOLERANCE, 2.0
+
+
+def residual_doubt(
+    mean: Array, moving: Array, stated: Array, weights: Array, count: float, spare: int
+) -> tuple[float, Array]:  # fmt: skip
+    """Return a factor on the standard deviation of the motion, at least 1, and what biases add to its covariance, shape (6, 6).
+
+    Parameters
+    ----------
+    mean, moving
+        Mean of the residuals of the channels that are used and their variance about it, shape (C,).
+    stated
+        Variance of the noise of the channels, shape (C,).
+    weights
+        W, shape (6, C).
+    count
+        Ticks the residuals were seen for.
+    spare
+        Equations more than unknowns, at least 1.
+    """
+    independent = max(count / _DEPENDENT, 1.0)
+    ratio = float(np.sum(moving / stated)) / spare
+    factor = math.sqrt(ratio) if ratio > 1.0 + _CLEARLY * math.sqrt(2.0 / (spare * independent)) else 1.0
+    chance = float(np.sum(moving)) / (spare * independent)
+    bias = max(float(mean @ mean) / spare - chance, 0.0)
+    return factor, bias * (weights @ weights.T)
+
+
+def error_of_one(
+    rows: Array, weights: Array, sensor: int, mean: Array, moving: Array, reading: Array, dynamic: Array
+) -> tuple[Array, Array]:  # fmt: skip
+    """Return what the error of one sensor does to the motion, covariances of its moving and of its constant part, shape (6, 6).
+
+    An error d leaves ``M_s d`` of residuals, ``M = I - H W``, and moves the motion by ``W_s d``. Where the other sensors leave no
+    equation to spare, a direction of d shows nothing: there the sensor is as wrong, relative to what it reads, as where it shows.
+
+    Parameters
+    ----------
+    rows
+        H, shape (C, 6).
+    weights
+        W, shape (6, C).
+    sensor
+        Which; three channels each.
+    mean, moving
+        Mean of the residuals, shape (C,), and their covariance, shape (C, C).
+    reading, dynamic
+        Mean and variance of the readings, shape (C,).
+    """
+    part = slice(3 * sensor, 3 * sensor + 3)
+    to_error = error_of_residuals(residual_of_errors(rows, weights), sensor)
+    error, steady = to_error @ moving @ to_error.T, to_error @ mean
+    # to_error is a pseudo-inverse: what it reaches is what shows
+    left, singular, _ = np.linalg.svd(to_error)
+    hidden = left[:, singular <= 1e-9 * singular[0]]
+    if hidden.size and singular[0] > 0.0:
+        shown = left[:, singular > 1e-9 * singular[0]]
+        share = float(np.trace(error)) / max(float(dynamic[part] @ np.sum(shown**2, axis=1)), 1e-30)
+        unseen = hidden @ hidden.T
+        error = error + share * unseen @ (dynamic[part, None] * unseen)
+        steady = np.column_stack([steady, math.sqrt(share) * unseen @ np.diag(reading[part])])
+    moved = weights[:, part] @ steady.reshape(3, -1)
+    return np.asarray(weights[:, part] @ error @ weights[:, part].T), np.asarray(moved @ moved.T)
+
+
+def more_than_chance(change: Array, moving: Array, ticks: float, spare: int) -> bool:
+    """Return whether the mean residual of some ticks differs from that of the run by more than chance and good sensors explain.
+
+    Parameters
+    ----------
+    change
+        Of the mean, shape (C,).
+    moving
+        Variance of the residuals, shape (C,).
+    ticks
+        How many.
+    spare
+        Equations more than unknowns.
+    """
+    chance = _CHANGE_BY_CHANCE**2 * _DEPENDENT * float(np.sum(moving)) / ticks
+    return float(change @ change) >= spare * _DRIFT**2 + chance

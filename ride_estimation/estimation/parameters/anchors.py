@@ -1,0 +1,340 @@
+# Copyright 2026 ride_estimation contributors
+"""Mass where something anchors forces in absolute terms; without an anchor it stays what the vehicle file says.
+
+Accelerations alone leave every signal unchanged under ``(m, J, k, c) -> s (m, J, k, c)``. Everything here estimates that one
+factor s: from a stiffness that is known, from a load cell, from the pressure of an air spring at rest or from a mass added during
+the run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.estimate import Estimate, Status
+from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.estimation.parameters.parameter_change import common_change
+from ride_estimation.frames import AXES
+from ride_estimation.vehicles.vehicle import ForceReference
+
+Array = NDArray[np.float64]
+
+#: relative standard deviation of a reference that states none
+_DEFAULT_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.03, "known_added_mass": 0.005}
+#: relative standard deviation of a mount's share of the weight (levelling)
+_SHARE_STD = 0.03
+#: memory of the means of a load cell [s] and correlation time of its misfit [s]
+_MEAN_MEMORY, _CORRELATION = 4.0, 0.3
+#: excited time needed on each side of an added mass [s]
+_SETTLED = 8.0
+#: common change of all logarithms that is worth a word, standard deviations and share of all change that make it one
+_LOAD, _CLEARLY, _COMMON = 0.05, 4.0, 0.75
+
+NULL_DIRECTION = (
+    "mass, inertia and all stiffness and damping values scaled by one factor together: accelerations do not change; only ratios "
+    "such as k/m, c/m and force per mass can be told"
+)
+
+
+@dataclasses.dataclass
+class _Slope:
+    """Regression of a load cell on the estimated force; ``time`` is that of the excitation it remembers [s]."""
+
+    cross: float = 0.0
+    square: float = 0.0
+    misfit: float = 0.0
+    time: float = 0.0
+
+    @property
+    def value(self) -> float:
+        return self.cross / self.square if self.square > 0.0 else 1.0
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of the value by how the cell scatters about it."""
+        return math.sqrt(self.misfit * 2.0 * _CORRELATION / (self.square * self.time)) if self.square > 0.0 else math.inf
+
+    def add(self, force: Array, cell: Array, duration: float) -> None:
+        """Take moving parts of force and cell, shape (K,)."""
+        self.cross += float(force @ cell) / len(force) * duration
+        self.square += float(force @ force) / len(force) * duration
+        self.misfit += float(np.mean((cell - self.value * force) ** 2)) * duration
+        self.time += duration
+
+
+@dataclasses.dataclass
+class _Cell:
+    """A load cell against the estimated force: means, shape (3,), and slope since the last load came on."""
+
+    mean_cell: Array
+    mean_force: Array
+    slope: _Slope = dataclasses.field(default_factory=_Slope)
+    time: float = 0.0
+
+
+class MassAnchor:
+    """The factor between the true mass and the one of the vehicle file.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts, force references.
+    slots
+        Multipliers of the parameter estimator.
+    """
+
+    def __init__(self, arrangement: Arrangement, slots: Sequence[Slot]) -> None:
+        self.arrangement = arrangement
+        self._slots = tuple(slots)
+        body = arrangement.body.name
+        self._references = tuple(
+            r for r in arrangement.vehicle.force_references if r.mount in arrangement.mount_names or r.body == body
+        )
+        self.known = any(r.kind == "known_mass" for r in self._references)
+        self._cells = {r.sensor: _Cell(np.zeros(3), np.zeros(3)) for r in self._references if r.kind == "load_cell"}
+        self._found: dict[int, tuple[float, float]] = {}
+        self._before: tuple[Array, Array] | None = None
+        self._added_at = 0.0
+        self._bare: tuple[float, float] | None = None
+        #: parameters of the beginning, and by how much all of them together have changed since
+        self._first: tuple[Array, Array] | None = None
+        self._together = 0.0
+        #: the common change from which on load cells are compared
+        self._slopes_from = 0.0
+
+    @property
+    def cells(self) -> tuple[tuple[str, int], ...]:
+        """Return (sensor, mount index) of the load cells that anchor forces."""
+        names = self.arrangement.mount_names
+        return tuple((r.sensor, names.index(r.mount)) for r in self._references if r.kind == "load_cell")
+
+    @property
+    def anchored(self) -> bool:
+        """Return whether the vehicle file names anything that anchors forces."""
+        return bool(self._references)
+
+    def observe_cell(self, sensor: str, measured: Array, force: Array, duration: float) -> None:
+        """Compare a load cell with the force estimated for the file's mass, shapes (K, 3); moving parts only."""
+        cell = self._cells[sensor]
+        share = 1.0 - math.exp(-duration / _MEAN_MEMORY)
+        if cell.time == 0.0:
+            cell.mean_cell, cell.mean_force = measured.mean(axis=0), force.mean(axis=0)
+        cell.mean_cell = cell.mean_cell + share * (measured.mean(axis=0) - cell.mean_cell)
+        cell.mean_force = cell.mean_force + share * (force.mean(axis=0) - cell.mean_force)
+        cell.time += duration
+        if cell.time < _MEAN_MEMORY:
+            return
+        a, b = (force - cell.mean_force)[:, 2], (measured - cell.mean_cell)[:, 2]
+        cell.slope.add(a, b, duration)
+
+    def update(self, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float) -> None:
+        """Look at all references with the present parameters (logarithms of multipliers, for the file's mass)."""
+        self._compare(theta, std, excited_time)
+        for n, reference in enumerate(self._references):
+            found = self._look(reference, theta, std, static_force, run_time, excited_time)
+            if found is not None:
+                self._found[n] = found
+
+    def _compare(self, theta: Array, std: Array, excited_time: float) -> None:
+        """Follow by how much all stiffness and damping values together have changed since the beginning of the run."""
+        if not len(theta) or excited_time < _SETTLED:
+            return
+        if self._first is None:
+            self._first = theta.copy(), std.copy()
+        change, change_std, share = common_change(*self._first, theta, std)
+        clear = abs(change) > max(_LOAD, _CLEARLY * change_std) and share > _COMMON
+        self._together = change if clear else 0.0
+        if abs(self._together - self._slopes_from) > _LOAD:
+            self._begin_slopes_anew()
+
+    def _begin_slopes_anew(self) -> None:
+        """A load that came on is none of what load cells showed before; until they tell, what they told is carried along."""
+        for n, r in enumerate(self._references):
+            if r.kind == "load_cell":
+                self._cells[r.sensor].slope = _Slope()
+                if n in self._found:
+                    log, std = self._found[n]
+                    self._found[n] = log + self._slopes_from - self._together, math.hypot(std, self.doubt)
+        self._slopes_from = self._together
+
+    @property
+    def doubt(self) -> float:
+        """Return the relative standard deviation that a common change of all parameters leaves of the mass.
+
+        A load or mounts that all change alike: at even odds the mean square error of either reading is half the square.
+        """
+        return abs(math.expm1(-self._together)) / math.sqrt(2.0)
+
+    def notes(self) -> list[str]:
+        """Return what the person in the field should know about the mass."""
+        if not self._together or any(self._references[n].kind != "air_spring_pressure" for n in self._found):
+            return []
+        body, load = self.arrangement.body.name, math.expm1(-self._together)
+        way, other = ("fell", "softened") if load > 0.0 else ("rose", "stiffened")
+        return [
+            f"all stiffness and damping values {way} together by {100 * abs(math.expm1(self._together)):.0f} % during the run: "
+            f"a mass of {body} that is {100 * load:+.0f} % of what it was does exactly that (a load that came on or off), mounts "
+            f"that all {other} alike would too; a known stiffness, a load cell or the load itself as known_added_mass tells which"
+        ]
+
+    def _look(
+        self, r: ForceReference, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float
+    ) -> tuple[float, float] | None:
+        """Return (logarithm of the factor, its standard deviation) of one reference, None while it tells nothing."""
+        own = float(r.details.get("relative_std", _DEFAULT_STD.get(r.kind, 0.0)))
+        if r.kind == "known_stiffness":
+            slot = self._slot(r)
+            return None if slot is None or std[slot] > 0.1 else (-float(theta[slot]), math.hypot(own, float(std[slot])))
+        if r.kind == "air_spring_pressure":
+            force = float(r.details["pressure"]) * float(r.details["area"])
+            weight = float(static_force[self.arrangement.mount_names.index(r.mount), AXES.index(r.axis or "z")])
+            if "force_std" in r.details:
+                own = float(r.details["force_std"]) / force
+            if weight <= 0.0 or force <= 0.0:
+                return None
+            # read at the beginning: what has come on since shows in all parameters
+            return math.log(force / weight) - self._together, math.hypot(own, _SHARE_STD, self.doubt)
+        if r.kind == "load_cell":
+            slope = self._cells[r.sensor].slope
+            if slope.value <= 0.0 or slope.time < _MEAN_MEMORY:
+                return None
+            return math.log(slope.value), math.hypot(own, slope.std / slope.value)
+        if r.kind == "known_added_mass":
+            return self._added(r, own, theta, std, run_time, excited_time)
+        return None
+
+    def _slot(self, r: ForceReference) -> int | None:
+        names = self.arrangement.mount_names
+        for n, slot in enumerate(self._slots):
+            if slot.role == 0 and names[slot.mount] == r.mount and AXES[slot.axis] == r.axis:
+                return n
+        return None
+
+    def _added(
+        self, r: ForceReference, own: float, theta: Array, std: Array, run_time: float, excited_time: float
+    ) -> tuple[float, float] | None:
+        """Return the factor from the fall of all k/m and c/m when a known mass comes on: ``exp(-fall) = m / (m + dm)``.
+
+        It is that of the present mass: with what was added until it is taken off again.
+        """
+        start, end = float(r.details["from_s"]), float(r.details.get("to_s", math.inf))
+        added, file_mass = float(r.details["mass"]), self.arrangement.file_mass
+        if run_time < start:
+            self._before, self._added_at = (theta.copy(), std.copy()), excited_time
+            return None
+        if run_time > end:
+            if self._bare is None:
+                return None
+            return math.log(self._bare[0] / file_mass), self._bare[1]
+        if self._before is None or excited_time - self._added_at < _SETTLED:
+            return None
+        vertical = np.array([s.axis == 2 for s in self._slots])
+        change, fall_std, _ = common_change(*(values[vertical] for values in (*self._before, theta, std)))
+        fall = -change
+        ratio = math.expm1(fall)
+        if ratio * added <= 0.0 or abs(fall) < 3.0 * fall_std:
+            return None
+        mass = added / ratio
+        # d log m = -(1 + ratio) / ratio d fall; of the mass with the load the load itself is known
+        relative = math.hypot(own, fall_std * (1.0 + ratio) / abs(ratio))
+        self._bare = (mass, relative)
+        return math.log((mass + added) / file_mass), relative * mass / (mass + added)
+
+    def factor(self) -> tuple[float, float]:
+        """Return the factor on the file's mass and its relative standard deviation."""
+        prior = self.arrangement.body.mass
+        relative = prior.std / prior.value if prior.std else 0.0
+        if self.known or not self._found:
+            return 1.0, relative if self.known else math.hypot(relative if prior.std else 0.1, self.doubt)
+        weights = np.array([1.0 / s**2 for _, s in self._found.values()])
+        logs = np.array([v for v, _ in self._found.values()])
+        mean = float(np.sum(weights * logs) / np.sum(weights))
+        spread = float(np.sqrt(np.sum(weights * (logs - mean) ** 2) / np.sum(weights))) if len(logs) > 1 else 0.0
+        return math.exp(mean), math.hypot(1.0 / math.sqrt(float(np.sum(weights))), spread)
+
+    def status(self) -> tuple[Status, str]:
+        """Return status and reason of the mass."""
+        if self.known:
+            return Status.VALID, "declared as known in the vehicle file"
+        if not self._references:
+            return (
+                Status.NOT_IDENTIFIABLE,
+                f"nothing anchors forces in absolute terms; {NULL_DIRECTION}; the file's mass is used as given",
+            )
+        if not self._found:
+            kinds = ", ".join(sorted({r.kind for r in self._references}))
+            return Status.ESTIMATING, f"waiting for excitation to use {kinds}; the file's mass is used meanwhile"
+        kinds = ", ".join(sorted({self._references[n].kind for n in self._found}))
+        return Status.VALID, f"from {kinds}"
+
+    def mass(self, stamp_ns: int) -> Estimate:
+        """Return the mass as it is estimated."""
+        body = self.arrangement.body
+        factor, relative = self.factor()
+        status, reason = self.status()
+        mass = body.mass.value * factor
+        return Estimate(f"{body.name}.mass", mass, mass * relative, "kg", body.mass.value, status, reason, stamp_ns)
+
+    def absolute(self, estimates: Sequence[Estimate], doubt: str) -> list[Estimate]:
+        """Return estimates, made for the file's mass, for the present one.
+
+        Parameters
+        ----------
+        estimates
+            Stiffnesses and dampings; their standard deviations do not know that of the mass, those of the result do.
+        doubt
+            Why nothing that was learned is called valid, empty where nothing speaks against it.
+        """
+        (factor, relative), anchored, found = self.factor(), self.anchored, []
+        for e in estimates:
+            value, status, reason = e.value * factor, e.status, e.reason
+            if not anchored and status in (Status.VALID, Status.ESTIMATING):
+                status, reason = (
+                    Status.NOT_IDENTIFIABLE,
+                    "only its ratio to the mass can be told; the value holds for the file's mass",
+                )
+            if doubt and status is Status.VALID:
+                status, reason = Status.SUSPECT, doubt
+            std = math.hypot(e.std * factor, value * relative)
+            found.append(Estimate(e.name, value, std, e.unit, e.prior, status, reason, e.stamp_ns))
+        return found
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        cells = {
+            name: {**dataclasses.asdict(c), "mean_cell": c.mean_cell.tolist(), "mean_force": c.mean_force.tolist()}
+            for name, c in self._cells.items()
+        }
+        before = None if self._before is None else [self._before[0].tolist(), self._before[1].tolist()]
+        return {
+            "found": {str(n): list(v) for n, v in self._found.items()},
+            "cells": cells,
+            "before": before,
+            "added_at": self._added_at,
+            "bare": None if self._bare is None else list(self._bare),
+            "first": None if self._first is None else [self._first[0].tolist(), self._first[1].tolist()],
+            "together": self._together,
+            "slopes_from": self._slopes_from,
+        }
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._found = {int(n): (float(v[0]), float(v[1])) for n, v in saved["found"].items()}
+        for name, c in saved["cells"].items():
+            slope = _Slope(**{key: float(value) for key, value in c["slope"].items()})
+            mean_cell, mean_force = (np.array(c[key], dtype=float) for key in ("mean_cell", "mean_force"))
+            self._cells[name] = _Cell(mean_cell, mean_force, slope, float(c["time"]))
+        self._before, self._first = (
+            None if pair is None else (np.array(pair[0], dtype=float), np.array(pair[1], dtype=float))
+            for pair in (saved["before"], saved["first"])
+        )
+        self._together, self._slopes_from = float(saved["together"]), float(saved["slopes_from"])
+        self._added_at = float(saved["added_at"])
+        bare = saved.get("bare")
+        self._bare = None if bare is None else (float(bare[0]), float(bare[1]))

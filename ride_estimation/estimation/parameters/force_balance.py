@@ -1,0 +1,316 @@
+# Copyright 2026 ride_estimation contributors
+"""The force balance of the body as high-passed signals: what was measured, what the mounts explain, one column per parameter."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.block_math import cross
+from ride_estimation.estimation.forces.mount_law import MountLaw
+from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.parameters.balance_kernel import high_pass_block, integrate_block, low_pass_block
+from ride_estimation.frames import AXES, skew
+
+Array = NDArray[np.float64]
+
+#: rate above which the balance is averaged over neighbouring ticks [Hz]
+HIGHEST_RATE = 130.0
+#: relative step of the derivative with respect to a multiplier of a nonlinear element
+_STEP = 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class BalanceInput:
+    """What one block contributes, shapes (K, 6) and (K, M, 3): the wrench the mounts carry, relative acceleration, deflection and
+    rate, rotation against the brackets and its rate, dynamic part of the mount forces; rotation of the frame that the brackets
+    do not make, shape (K, 3).
+    """
+
+    support: Array
+    relative: Array
+    deflection: Array
+    rate: Array
+    turn: Array
+    turn_rate: Array
+    dynamic: Array
+    swing: Array
+
+    @staticmethod
+    def join(parts: list[BalanceInput]) -> BalanceInput:
+        """Return several blocks as one."""
+        names = [f.name for f in dataclasses.fields(BalanceInput)]
+        return BalanceInput(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in names})
+
+
+@dataclasses.dataclass(frozen=True)
+class BalanceChunk:
+    """High-passed accelerations at K averaged ticks.
+
+    Attributes
+    ----------
+    measured
+        Acceleration the mounts cause, from the body's motion, shape (K, 6).
+    modelled
+        The same from the mount law with the present multipliers, shape (K, 6).
+    columns
+        Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
+        inverse principal inertia that is estimated, shape (K, 6, N + 1 + R).
+    step
+        Distance of the ticks [s].
+    """
+
+    measured: Array
+    modelled: Array
+    columns: Array
+    step: float
+
+
+def inverse_mass(arrangement: Arrangement) -> Array:
+    """Return the inverse of the mass matrix about the CG, zero for coordinates the body does not have, shape (6, 6)."""
+    free = np.flatnonzero(arrangement.free)
+    mass_matrix = np.zeros((6, 6))
+    mass_matrix[:3, :3] = arrangement.body.mass.value * np.eye(3)
+    mass_matrix[3:, 3:] = arrangement.body.inertia
+    inverse = np.zeros((6, 6))
+    inverse[np.ix_(free, free)] = np.linalg.inv(mass_matrix[np.ix_(free, free)])
+    return inverse
+
+
+class ForceBalance:
+    """High-passed force balance, chunk by chunk.
+
+    Parameters
+    ----------
+    arrangement
+        Body and mounts.
+    tilting
+        How the brackets tilt with their frame.
+    slots
+        Multipliers to be estimated.
+    law
+        The mount elements with their present multipliers.
+    corner_hz
+        Corner of the common high-pass [Hz].
+    turns
+        Axes (0 to 2) about which the inertia is estimated.
+    """
+
+    def __init__(
+        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float,
+        turns: tuple[int, ...] = (),
+    ) -> None:
+        self.arrangement = arrangement
+        self.slots = slots
+        self.law = law
+        self.corner = 2.0 * np.pi * corner_hz
+        self._count = len(arrangement.mounts)
+        self._linear = np.ones((self._count, 3), dtype=bool)
+        for i, mount in enumerate(arrangement.mounts):
+            for a, axis in enumerate(AXES):
+                element = mount.elements.get(axis)
+                self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
+        self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
+        self.turns = turns
+        self._file_inverse = inverse_mass(arrangement)
+        self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
+        self._tilting = tilting
+        self._slot_axis = np.array([3 * s.mount + s.axis for s in slots], dtype=np.int64)
+        self._slot_role = np.array([s.role for s in slots], dtype=np.int64)
+        self.scale_inertia(np.zeros(len(turns)))
+        self.reset()
+
+    def scale_inertia(self, logs: Array) -> None:
+        """Take the inertia as the file's over ``exp(logs)`` about the estimated axes, shape (R,)."""
+        root = self._root(logs)
+        self.inverse_mass = root[:, None] * self._file_inverse * root
+        #: acceleration per unit tension of every mount axis, (6, 3 M)
+        self.push = -self.inverse_mass @ self.arrangement.wrench
+        turn = np.eye(6)[:, [3 + a for a in self.turns]]
+        #: acceleration per unit of what every parameter scales, (6, N + 1 + R)
+        self.direction = np.hstack([self.push[:, self._slot_axis], np.zeros((6, 1)), turn])
+
+    def _root(self, logs: Array) -> Array:
+        root = np.ones(6)
+        root[[3 + a for a in self.turns]] = np.exp(0.5 * logs)
+        return root
+
+    def inertia_map(self, new: Array, old: Array) -> Array:
+        """Return what takes accelerations by the mounts from one inertia (logarithms as above) to another, shape (6, 6)."""
+        ratio = self._root(new), self._root(old)
+        step = ratio[0] / ratio[1]
+        moved = (ratio[0][:, None] * self._file_inverse * step) @ (self._file_mass / ratio[1])
+        return np.asarray(moved)
+
+    def reset(self) -> None:
+        """Start the filters again."""
+        n = 3 * self._count
+        self._input = np.zeros((3, n))
+        self._tilt = np.zeros((3, n))
+        self._swing = np.zeros((8, 3))
+        self._integrators = np.zeros((9, n))
+        self._turned = np.zeros((7, 2 * n))
+        self._wrench = np.zeros((7, 12))
+        self._nonlinear = np.zeros((7, 3 * n))
+        self._offset: tuple[Array, Array] | None = None
+        #: high-passed deflections and rates of the last chunk, (K, 3 M) each
+        self.moved = np.zeros((0, n)), np.zeros((0, n))
+        self._left: list[Array] = []
+
+    def stiffness_matrices(self) -> tuple[Array, Array]:
+        """Return what displacement and rate of the body add to the deflections' forces, (6, 6) each, as acceleration."""
+        p = self.arrangement.wrench.T
+        k, c = self.law.stiffness.ravel(), self.law.damping.ravel()
+        return self.push @ (k[:, None] * p), self.push @ (c[:, None] * p)
+
+    def static_turn(self, static_force: Array, follow: float) -> Array:
+        """Return the acceleration that a rotation of the body against its static loads causes, shape (6, 3)."""
+        total = np.zeros((6, 3))
+        for i, arm in enumerate(self.arrangement.arms):
+            turned = skew(static_force[i])
+            total += np.vstack([turned, skew(arm) @ turned])
+        return np.asarray(follow * self.inverse_mass @ total)
+
+    def observe(self, data: BalanceInput, static_force: Array, follow: float, dt: float) -> BalanceChunk:
+        """Filter a chunk.
+
+        Parameters
+        ----------
+        data
+            Blocks of the chunk joined.
+        static_force
+            Static force on the body by each mount, shape (M, 3).
+        follow
+            Share of the rotation of the brackets that the mount forces follow: 1 axes of the bracket, 0 axes of the body.
+        dt
+            Tick [s].
+        """
+        ticks, n = len(data.support), 3 * self._count
+        second = cross(data.turn, data.deflection)
+        second_rate = cross(data.turn_rate, data.deflection) + cross(data.turn, data.rate)
+        x_full, v_full = data.deflection + follow * second, data.rate + follow * second_rate
+        # what turns with the brackets: the dynamic force here, the static one after the filters, where the tilt is exact
+        turned_wrench = cross(data.turn, data.dynamic).reshape(ticks, n) @ self.arrangement.wrench.T
+        both = np.hstack([(data.support + follow * turned_wrench) @ self.inverse_mass.T, turned_wrench @ self.inverse_mass.T])
+        relative = data.relative.reshape(ticks, n)
+        if self._offset is None:
+            self._offset = (relative.mean(axis=0), both.mean(axis=0))
+        x, v, turn = self._integrate(relative - self._offset[0], data.swing, dt)
+        accelerations = np.empty((ticks, 12))
+        high_pass_block(both - self._offset[1], self.corner, dt, self._wrench, accelerations)
+        static = cross(turn.reshape(ticks, self._count, 3), static_force).reshape(ticks, n) @ self.arrangement.wrench.T
+        accelerations[:, 6:] += static @ self.inverse_mass.T
+        accelerations[:, :6] += follow * static @ self.inverse_mass.T
+        turned = np.empty((ticks, 2 * n))
+        high_pass_block(
+            np.hstack([second.reshape(ticks, n), second_rate.reshape(ticks, n)]), self.corner, dt, self._turned, turned
+        )
+        x, v = x + follow * turned[:, :n], v + follow * turned[:, n:]
+        self.moved = x, v
+        elastic, viscous, rest = self._parts(x, v, x_full, v_full, dt)
+        average = max(1, int(np.ceil(1.0 / (dt * HIGHEST_RATE))))
+        # the follow share moves the measured side, hence the sign, and the deflections
+        held = follow * accelerations[:, [9 + a for a in self.turns]]
+        moved = turned[:, :n] * self.law.stiffness.ravel() + turned[:, n:] * self.law.damping.ravel()
+        accelerations[:, 6:] = moved @ self.push.T - accelerations[:, 6:]
+        stacked = self._averaged(np.hstack([accelerations, held, elastic, viscous, rest]), average)
+        return self._assemble(stacked, n, dt * average)
+
+    def _integrate(self, relative: Array, swing: Array, dt: float) -> tuple[Array, Array, Array]:
+        """Return high-passed deflection, rate and rotation against the brackets, each (K, 3 M)."""
+        ticks, n = relative.shape
+        passed, slow = np.empty((ticks, n)), np.empty((ticks, n))
+        high_pass_block(relative, self.corner, dt, self._input, passed)
+        low_pass_block(relative, self.corner, dt, self._tilt, slow)
+        # the trapezoidal rule loses (omega dt)^2 / 6 of a double integral
+        tilt_map = self._tilting.maps.reshape(3 * self._count, -1)
+        tilt = (slow - dt * dt / 6.0 * passed) @ tilt_map.T
+        gravity = self.arrangement.vehicle.gravity
+        # two sections here, four more after: each as many as the signals it is added to went through
+        twice, often = np.empty_like(swing), np.empty_like(swing)
+        high_pass_block(swing, self.corner, dt, self._swing[:3], twice)
+        high_pass_block(twice, self.corner, dt, self._swing[3:], often)
+        passed[:, 0::3] += gravity * (tilt[:, 1::3] + twice[:, 1:2])
+        passed[:, 1::3] -= gravity * (tilt[:, 0::3] + twice[:, 0:1])
+        x, v = np.empty((ticks, n)), np.empty((ticks, n))
+        integrate_block(passed, self.corner, dt, self._integrators, x, v)
+        return x, v, x @ tilt_map.T + np.tile(often, self._count)
+
+    def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
+        measured, follow_column = stacked[:, :6], stacked[:, 6:12]
+        held, forces = np.split(stacked[:, 12:], [len(self.turns)], axis=1)
+        elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
+        modelled = (elastic + viscous + rest) @ self.push.T
+        chosen = np.where(self._slot_role == 0, elastic[:, self._slot_axis], viscous[:, self._slot_axis])
+        count = len(self.slots)
+        columns = np.zeros((len(stacked), 6, count + 1 + len(self.turns)))
+        columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._slot_axis]
+        columns[:, :, count] = follow_column
+        for r, a in enumerate(self.turns):
+            # what the mounts cause about the axis: dynamic forces here, what turns with the brackets on the measured side
+            columns[:, 3 + a, count + 1 + r] = modelled[:, 3 + a] - held[:, r]
+        return BalanceChunk(np.ascontiguousarray(measured), modelled, columns, step)
+
+    def _averaged(self, stacked: Array, average: int) -> Array:
+        """Average neighbouring ticks; what is left waits for the next chunk."""
+        if average == 1:
+            return stacked
+        if self._left:
+            stacked = np.concatenate([*self._left, stacked])
+        whole = len(stacked) // average * average
+        self._left = [stacked[whole:]] if whole < len(stacked) else []
+        return np.asarray(stacked[:whole].reshape(-1, average, stacked.shape[1]).mean(axis=1))
+
+    def _parts(self, x: Array, v: Array, x_full: Array, v_full: Array, dt: float) -> tuple[Array, Array, Array]:
+        """Return the high-passed forces scaled by stiffness, by damping and by neither, each (K, 3 M)."""
+        linear = self._linear.ravel()
+        elastic = x * (self.law.stiffness.ravel() * linear)
+        viscous = v * (self.law.damping.ravel() * linear)
+        rest = np.zeros_like(elastic)
+        if self._variants is None:
+            return elastic, viscous, rest
+        ticks, n = x.shape
+        forces = []
+        for variant, law in enumerate(self._variants):
+            multipliers = self.law.multipliers.copy()
+            if variant:
+                multipliers[variant - 1] *= 1.0 + _STEP
+            law.scale(multipliers)
+            forces.append(law.tension(x_full, v_full, dt).reshape(ticks, n) * ~linear)
+        raw = np.hstack([(forces[1] - forces[0]) / _STEP, (forces[2] - forces[0]) / _STEP, forces[0]])
+        passed = np.empty_like(raw)
+        high_pass_block(raw, self.corner, dt, self._nonlinear, passed)
+        own_elastic, own_viscous, total = passed[:, :n], passed[:, n : 2 * n], passed[:, 2 * n :]
+        return elastic + own_elastic, viscous + own_viscous, total - own_elastic - own_viscous
+
+    def save(self) -> dict[str, Any]:
+        """Return the filters as plain lists (chunks not yet averaged are dropped)."""
+        return {
+            "input": self._input.tolist(), "tilt": self._tilt.tolist(), "swing": self._swing.tolist(),
+            "integrators": self._integrators.tolist(), "turned": self._turned.tolist(), "wrench": self._wrench.tolist(),
+            "nonlinear": self._nonlinear.tolist(), "left": [p.tolist() for p in self._left],
+            "offset": None if self._offset is None else [o.tolist() for o in self._offset],
+            "variants": [] if self._variants is None else [v.states.tolist() for v in self._variants],
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        n = 3 * self._count
+        self._integrators = np.array(saved["integrators"], dtype=float).reshape(9, n)
+        self._input = np.array(saved["input"], dtype=float).reshape(3, n)
+        self._tilt = np.array(saved["tilt"], dtype=float).reshape(3, n)
+        self._swing = np.array(saved["swing"], dtype=float).reshape(8, 3)
+        self._turned = np.array(saved["turned"], dtype=float).reshape(7, 2 * n)
+        self._wrench = np.array(saved["wrench"], dtype=float).reshape(7, 12)
+        self._nonlinear = np.array(saved["nonlinear"], dtype=float).reshape(7, 3 * n)
+        self._left = [np.array(p, dtype=float) for p in saved["left"]]
+        offset = saved["offset"]
+        self._offset = None if offset is None else (np.array(offset[0], dtype=float), np.array(offset[1], dtype=float))
+        for variant, states in zip(self._variants or [], saved["variants"]):
+            variant.states = np.array(states, dtype=float).reshape(variant.states.shape)

@@ -1,0 +1,236 @@
+# Copyright 2026 ride_estimation contributors
+"""Innovations and gradients of an interval in compressed form, and the honest scatter over the last intervals."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.parameters.parameter_change import steady_scatter, told_directions
+
+Array = NDArray[np.float64]
+
+#: intervals in memory
+_LENGTH = 40
+#: factor on standard deviations for what linearisation and few intervals leave out; measured on worlds of their own
+_MARGIN = 1.2
+#: intervals' worth of white-noise theory that the scatter is mixed with
+_SHRINK = 4.0
+#: scatter over white-noise theory before it is known, and its bounds
+_START, _INFLATION = 4.0, (0.5, 1e6)
+#: intervals that a scatter needs
+_FEWEST = 4
+#: intervals that tell a scatter from parameters that move
+_FEWEST_STEADY = 8
+
+
+class Interval:
+    """Normal equations of an interval: ``A = sum psi^T W psi``, ``g = sum psi^T W nu``, ``sum nu^T W nu``.
+
+    Parameters
+    ----------
+    count
+        Number of parameters.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.information = np.zeros((count, count))
+        self.gradient = np.zeros(count)
+        self.square = 0.0
+        self.samples = 0
+        self.duration = 0.0
+
+    def add(self, innovation: Array, gradient: Array, weights: Array, duration: float) -> None:
+        """Add the ticks of a chunk.
+
+        Parameters
+        ----------
+        innovation, gradient
+            Shapes (K, 6) and (K, 6, N).
+        weights
+            L with ``L L^T`` the inverse covariance of an innovation, shape (6, 6).
+        duration
+            [s].
+        """
+        white = innovation @ weights
+        rows = np.matmul(weights.T, gradient).reshape(-1, gradient.shape[2])
+        self.information += rows.T @ rows
+        self.gradient += rows.T @ white.reshape(-1)
+        self.square += float(np.sum(white**2))
+        self.samples += white.size
+        self.duration += duration
+
+
+@dataclasses.dataclass(frozen=True)
+class Scatter:
+    """How much gradients scatter where intervals tell something: eigenvalues of their joint information (D,), eigenvectors
+    (N, D), covariance of the sum of the gradients along them (D, D).
+    """
+
+    values: Array
+    basis: Array
+    covariance: Array
+
+    @property
+    def ratio(self) -> float:
+        """Return the mean of scatter over what white noise of the stated size would make."""
+        return float(np.mean(np.diag(self.covariance) / self.values))
+
+
+def scatter_of(told: tuple[Array, Array], scores: Array) -> Scatter:
+    """Return the scatter of gradients, each with its neighbour: noise near a resonance is correlated over an interval.
+
+    Parameters
+    ----------
+    told
+        Where J intervals together tell something, see :func:`told_directions`.
+    scores
+        Gradients at the parameters in question, shape (J, N).
+    """
+    n = len(scores)
+    # neighbours together: half of the scatter of sums of two
+    pairs = scores[1:] + scores[:-1]
+    scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
+    values, basis = told
+    return Scatter(values, basis, basis.T @ scatter @ basis)
+
+
+class IntervalMemory:
+    """The last intervals, for a covariance that rests on their scatter.
+
+    ``Cov = A^-1 B A^-1`` with ``A = sum A_j`` and ``B`` the scatter of the gradients at the present parameters, each with its
+    neighbour (noise near a resonance is correlated over an interval): the estimate is no surer than its intervals agree.
+
+    Parameters
+    ----------
+    count
+        Number of parameters.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._information: list[Array] = []
+        self._gradient: list[Array] = []
+        self._centre: list[Array] = []
+        self._stack: Array | None = None
+        self._told: tuple[Array, Array] | None = None
+        self.inflation = _START
+
+    def foresee(self, intervals: list[Interval]) -> None:
+        """Take the scatter of intervals that are about to be learned, linearised where they fit best: sensors may be far better
+        than the model, and the first intervals would be believed as if the model were as good.
+        """
+        if len(intervals) >= _FEWEST:
+            scores = np.array([i.gradient for i in intervals])
+            ratio = scatter_of(told_directions(np.sum([i.information for i in intervals], axis=0)), scores).ratio
+            self.inflation = float(np.clip(ratio, _START, _INFLATION[1]))
+
+    @property
+    def length(self) -> int:
+        """Return the number of intervals in memory."""
+        return len(self._information)
+
+    @property
+    def total(self) -> Array:
+        """Return the information of all intervals in memory, shape (N, N)."""
+        return np.asarray(np.sum(self._information, axis=0)) if self._information else np.zeros((self._count, self._count))
+
+    def add(self, interval: Interval, centre: Array) -> None:
+        """Add an interval linearised at ``centre``."""
+        for stack, item in (
+            (self._information, interval.information),
+            (self._gradient, interval.gradient),
+            (self._centre, centre),
+        ):
+            stack.append(np.array(item))
+            if len(stack) > _LENGTH:
+                stack.pop(0)
+        self._stack = self._told = None
+
+    def _stacked(self) -> Array:
+        """Return the information of all intervals, shape (J, N, N); asked for several times per interval."""
+        if self._stack is None:
+            self._stack = np.array(self._information)
+        return self._stack
+
+    def _directions(self) -> tuple[Array, Array]:
+        """Return along which directions all intervals together tell something."""
+        if self._told is None:
+            self._told = told_directions(self._stacked().sum(axis=0))
+        return self._told
+
+    def scores(self, theta: Array) -> tuple[Array, Array]:
+        """Return the information of the intervals (J, N, N) and their gradients at given parameters (J, N)."""
+        information = self._stacked()
+        return information, np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
+
+    def carry(self, step: Array, recent: int) -> None:
+        """Carry all but the recent intervals over to parameters that have moved since: they were about those of their time."""
+        old = max(self.length - recent, 0)
+        self._centre[:old] = [c + step for c in self._centre[:old]]
+
+    def weigh(self, theta: Array) -> float:
+        """Refresh ``inflation`` with parameters that were learned; return it over what it was."""
+        if self.length < _FEWEST_STEADY:
+            return 1.0
+        before = self.inflation
+        values, basis = self._directions()
+        # parameters that move are no noise
+        steady = np.einsum("ai,ab,bi->i", basis, steady_scatter(self.scores(theta)[1]), basis)
+        self.inflation = float(np.clip(np.mean(steady / values), *_INFLATION))
+        return self.inflation / before
+
+    def standard_deviation(self, p: Array, theta: Array) -> Array:
+        """Return the standard deviations of the parameters, shape (N,).
+
+        Parameters
+        ----------
+        p
+            Covariance of the filter, whose measurement noise was scaled by ``inflation``.
+        theta
+            Present parameters.
+        """
+        n = self.length
+        stated = np.sqrt(np.diag(p))
+        if n < _FEWEST:
+            return stated
+        information, scores = self.scores(theta)
+        total = information.sum(axis=0)
+        scatter = scatter_of(self._directions(), scores)
+        ratio = scatter.ratio
+        # the filter remembers more than this memory: take its covariance, with the scatter instead of scaled theory
+        half = p @ scatter.basis / self.inflation
+        mixed = (n * scatter.covariance + _SHRINK * ratio * np.diag(scatter.values)) / (n + _SHRINK)
+        weight = float(np.sum(scatter.values))
+        filtered = half @ mixed @ half.T
+        gained = float(np.trace(p @ total) / self.inflation / len(p))
+        scale = max(1.0, gained) if weight > 0.0 else 1.0
+        sandwich = np.diag(filtered) / scale
+        # degrees of freedom are few: Student instead of Gauss
+        student = (n + _SHRINK) / max(n + _SHRINK - 3.0, 1.0)
+        sandwich = _MARGIN**2 * sandwich
+        stated = _MARGIN * stated
+        excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
+        return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state; its arrays are shared and never change."""
+        return {
+            "information": list(self._information), "gradient": list(self._gradient), "centre": list(self._centre),
+            "inflation": self.inflation,
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`snapshot`."""
+        self._information = [np.array(i, dtype=float) for i in saved["information"]]
+        self._gradient = [np.array(g, dtype=float) for g in saved["gradient"]]
+        self._centre = [np.array(c, dtype=float) for c in saved["centre"]]
+        self.inflation = float(saved["inflation"])
+        self._stack = self._told = None

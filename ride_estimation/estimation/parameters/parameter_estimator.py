@@ -1,0 +1,462 @@
+# Copyright 2026 ride_estimation contributors
+"""Stiffness and damping of every mount and axis while driving: quick start by least squares, then an extended Kalman filter.
+
+The filter's measurement is the innovation of a simulated body over an interval (output error, :mod:`response`), compressed to its
+gradient, so the joint covariance of motion and parameters is carried by the exact sensitivities. Nothing is learned while the
+vehicle stands; only excited directions are forgotten; the standard deviation comes from how much the gradients of the last
+intervals really scatter, not from white-noise theory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.estimate import Estimate, Status
+from ride_estimation.estimation.common.saved_state import plain
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.forces.mount_law import ROLES
+from ride_estimation.estimation.forces.slots import find_slots
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.motion.cg_motion import MotionBlock
+from ride_estimation.estimation.parameters.force_balance import BalanceChunk, BalanceInput
+from ride_estimation.estimation.parameters.identifiable import null_directions
+from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
+from ride_estimation.estimation.parameters.parameter_filter import ParameterFilter
+from ride_estimation.estimation.parameters.parameter_model import ParameterModel
+from ride_estimation.estimation.parameters.parameter_status import StatusTracker
+from ride_estimation.estimation.parameters.refinement import Kept, Refinement
+from ride_estimation.estimation.parameters.repetition import Repetition
+from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
+from ride_estimation.estimation.sensor_errors.mounting_doubt import MountingDoubt
+from ride_estimation.estimation.sensor_errors.sensor_faults import GAIN_TOLERANCE
+from ride_estimation.frames import AXES
+
+Array = NDArray[np.float64]
+
+#: the mounts turn with their brackets (1) or with the body (0): prior of that share
+FOLLOW_STD = 0.3
+#: largest ratio of an inertia to the file's, either way
+_INERTIA_RATIO = 2.0
+#: sections of the high-pass times its time constant after which the start is forgotten
+_SETTLE = 9.0
+#: time in which a simulated body that begins where the measured one is forgets that beginning [s]
+_FADE = 1.0
+#: rotation against the brackets from which on nothing is learned [rad]: the balance is that of small rotations, and half
+#: their square, which it leaves out, exceeds what the gains of good sensors are off
+_LEANING = float(np.sqrt(2.0 * GAIN_TOLERANCE))
+#: excited time gathered before the first estimate [s]
+_FIRST = 2.5
+#: length of the stretch that is looked at as a whole [s]
+_LONGEST = 7.0
+#: excited time after a start or a change at which it is [s]
+_REVIEWS = (4.5, 9.0)
+_REVIEWS_AFTER_CHANGE = (3.0, 7.0)
+#: mean over ten intervals of the normalised innovation squared that has the last seconds looked at again: one is expected
+_RESTLESS = 2.5
+#: passes over a chunk that a look at the last seconds may take per second of data: about a tenth of a core
+_PACE = 250.0
+
+
+class ParameterEstimator:
+    """Multipliers of the mount elements; holds the vehicle file's values until the data can tell more.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts, sensors.
+    settings
+        Of the pipeline.
+    """
+
+    def __init__(self, arrangement: Arrangement, tilting: BracketTilt, settings: PipelineSettings) -> None:
+        self.arrangement = arrangement
+        self.settings = settings
+        all_slots = find_slots(arrangement, settings)
+        by_transducers = not arrangement.has_base_motion and transducers_suffice(arrangement)
+        self.slots = tuple(s for s in all_slots if s.axis == 2) if by_transducers else all_slots
+        self._left_out = tuple(s for s in all_slots if s not in self.slots)
+        self.count = len(self.slots)
+        seen = arrangement.has_base_motion or by_transducers
+        self.possible = seen and self.count > 0 and settings.estimate_parameters
+        self._turns = () if by_transducers else self._inertia_axes()
+        model = (arrangement, tilting, self.slots, self._turns, settings.parameter_corner_hz, by_transducers)
+        self._model = ParameterModel(*model)
+        variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
+        self._base_variance = float(np.mean(variances)) if variances else 0.0
+        turns, bound = len(self._turns), math.log(_INERTIA_RATIO)
+        self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD] + turns * [self._inertia_std()])
+        self._lower = np.array([s.lower for s in self.slots] + [-1.2] + turns * [-bound])
+        self._upper = np.array([s.upper for s in self.slots] + [0.2] + turns * [bound])
+        #: logarithms of the multipliers, the follow share minus one, logarithms of the inverse inertia over the file's
+        self.theta = np.zeros(self.count + 1 + turns)
+        self.std = self._prior_std.copy()
+        self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
+        self.rejected: dict[str, int] = {}
+        self.changes = 0
+        self.excited = False
+        self.excited_time = 0.0
+        self.stamp_ns = 0
+        self._doubt: MountingDoubt | None = None
+        if self._model.inertial is not None:
+            self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
+        self._filter: ParameterFilter | None = None
+        self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
+        self._reviews: tuple[float, ...] = _REVIEWS
+        #: first estimate or review under way, the chunks it sees, whether the excitation lasts since it began, steps it may take
+        self._look: Generator[int, None, ParameterFilter | None] | None = None
+        self._looked_at: list[Kept] = []
+        self._look_open, self._credit = False, 0.0
+        self.restart()
+
+    def _no_input_reason(self) -> str:
+        if not self.settings.estimate_parameters:
+            return "estimation of parameters is switched off"
+        return "no motion sensor on the base side of every mount: a triaxial accelerometer at each mount base would tell it"
+
+    def restart(self) -> None:
+        """Begin with empty filters after a gap or a new time base; what was learned stays."""
+        self._model.balance.reset()
+        self._model.response.reset()
+        self._blocks: list[BalanceInput] = []
+        self._pending_ticks = 0
+        self._settled = self._followed = 0.0
+        self._upright = 0.0
+        self._interval = Interval(len(self.theta))
+        self._kept: list[Kept] = []
+        self._repetition = Repetition()
+        self._drop_look()
+
+    def _fresh(self, theta: Array) -> ParameterFilter:
+        kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
+        roles = np.array([s.role for s in self.slots])
+        common = np.zeros((len(theta), 2))
+        common[: self.count] = roles[:, None] == (0, 1)
+        common = common[:, common.any(axis=0)] / np.sqrt(max(self.count, 1))
+        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common)
+
+    # -- results ----------------------------------------------------------------------------------------------------------
+
+    def multipliers(self) -> Array:
+        """Return the multipliers, shape (2, M, 3)."""
+        return self._model.spread(np.exp(self.theta[: self.count]), 1.0)
+
+    def stds(self) -> Array:
+        """Return the standard deviations of the logarithms, shape (2, M, 3)."""
+        return self._model.spread(self.std[: self.count], 0.0)
+
+    @property
+    def innovation_ratio(self) -> float:
+        """Return the mean normalised innovation squared of the last intervals, 0 before the first; one is expected."""
+        return 0.0 if self._filter is None else self._filter.innovation_ratio
+
+    @property
+    def follow(self) -> float:
+        """Return the share of the rotation of the brackets that the mount forces follow."""
+        return 1.0 + float(self.theta[self.count])
+
+    def _inertia_axes(self) -> tuple[int, ...]:
+        """Return the axes about which the body turns and its inertia over its mass is not known for certain."""
+        return tuple(int(a) for a in np.flatnonzero(self.arrangement.free[3:])) if self._inertia_std() > 0.0 else ()
+
+    def _inertia_std(self) -> float:
+        """Return the standard deviation of the logarithm of inertia over mass: either may be off alone."""
+        body = self.arrangement.body
+        mass = body.mass.std / body.mass.value if body.mass.std else 0.0
+        return math.sqrt(math.log1p(mass**2 + (body.inertia_relative_std or 0.0) ** 2))
+
+    def inertia(self) -> tuple[Array, float]:
+        """Return the inertia about the CG for the file's mass, shape (3, 3) [kg m^2], and its largest relative std."""
+        root, body = np.ones(3), self.arrangement.body
+        root[list(self._turns)] = np.exp(-0.5 * self.theta[self.count + 1 :])
+        own = self.std[self.count + 1 :]
+        return root[:, None] * np.asarray(body.inertia) * root, float(own.max()) if own.size else body.inertia_relative_std or 0.0
+
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
+        found = []
+        listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.slots)]
+        unseen = "no transducer tells this axis: a triaxial accelerometer at each mount base would"
+        listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
+        for slot, log, std, status, reason in listed:
+            mount, axis = self.arrangement.mounts[slot.mount], AXES[slot.axis]
+            element = mount.elements[axis]
+            for p in element.parameters():
+                if p.role != ROLES[slot.role]:
+                    continue
+                prior = float(getattr(element, p.name))
+                value = prior * float(np.exp(log))
+                name = f"{mount.name}.{axis}.{p.name}"
+                found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, self.stamp_ns))
+        return tuple(found)
+
+    def null_directions(self) -> list[str]:
+        """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
+        if self._filter is None:
+            return []
+        names = [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
+        return null_directions(self._filter.covariance[: self.count, : self.count], self._prior_std[: self.count], names)
+
+    def notes(self) -> list[str]:
+        """Return what the person in the field should know about the parameters."""
+        found = []
+        if self.changes:
+            found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
+        vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
+        moved = self.theta[: self.count][vertical]
+        sure = self.std[: self.count][vertical]
+        if len(moved) >= 4 and np.max(sure) < 0.03 and np.ptp(moved) < 0.03 and abs(np.mean(moved)) > 0.04:
+            found.append(
+                f"all vertical stiffness and damping values are {100 * np.expm1(np.mean(moved)):+.0f} % off the vehicle file "
+                "together: a mass that differs from the file explains that better than the mounts"
+            )  # fmt: skip
+        return found
+
+    def at_bound(self) -> tuple[str, ...]:
+        """Return the names of multipliers at a bound."""
+        names = []
+        for n, slot in enumerate(self.slots):
+            if self.theta[n] <= self._lower[n] + 1e-9 or self.theta[n] >= self._upper[n] - 1e-9:
+                names.append(f"{self.arrangement.mounts[slot.mount].name}.{AXES[slot.axis]}.{ROLES[slot.role]}")
+        return tuple(names)
+
+    # -- input ------------------------------------------------------------------------------------------------------------
+
+    def observe(self, data: BalanceInput, motion: MotionBlock, complete: bool, stamp_ns: int, dt: float) -> bool:
+        """Take one block; return whether the parameters moved.
+
+        Parameters
+        ----------
+        data
+            Signals of the force balance.
+        motion
+            CG motion, for its covariance.
+        complete
+            Whether every sensor that is needed spoke at every tick.
+        stamp_ns
+            Newest stamp.
+        dt
+            Tick [s].
+        """
+        if not self.possible:
+            return False
+        if not complete:
+            self.rejected["gap in a sensor"] = self.rejected.get("gap in a sensor", 0) + 1
+            self.restart()
+            return False
+        ticks = len(data.support)
+        moved = self._look_again(ticks * dt, stamp_ns)
+        self._blocks.append(data)
+        self._pending_ticks += ticks
+        if self._pending_ticks * dt < self.settings.parameter_interval / 2.0:
+            return moved
+        taken, chunk = self._pending_ticks, self._filtered(dt)
+        self._settled += taken * dt
+        if self._settled < _SETTLE / self._model.balance.corner:
+            return moved
+        return self._take(chunk, motion.covariance, stamp_ns) or moved
+
+    def _filtered(self, dt: float) -> BalanceChunk:
+        joined = BalanceInput.join(self._blocks)
+        leans = bool(np.abs(joined.turn).max() > _LEANING)
+        self._upright = 0.0 if leans else self._upright + len(joined.support) * dt
+        self._blocks, self._pending_ticks = [], 0
+        chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
+        if self._doubt is not None and self._model.inertial is not None:
+            self._doubt.observe(*self._model.inertial.moved, dt)
+            self._doubt.weigh(joined.relative, dt)
+        return chunk
+
+    def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
+        noise = np.sqrt(np.trace(covariance[:3, :3]))
+        size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
+        repeats = self._repetition.observe(chunk.measured[:, :3], chunk.step)
+        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
+        self.excited = self.excited and not repeats and self._upright >= _SETTLE / self._model.balance.corner
+        weights = self._weights(covariance)
+        duration = len(chunk.measured) * chunk.step
+        self._keep(chunk)
+        response = self._model.response
+        response.set_noise(covariance, self._base_variance)
+        if self._filter is None:
+            if self.excited and self._look is None and self._duration(self._kept) >= _FIRST:
+                self._begin_look(weights, covariance)
+            return False
+        if response.step != chunk.step:
+            self._model.prepare(self.theta, chunk.step)
+        innovation, gradient = response.observe(chunk)
+        self._followed += duration
+        if not self.excited or self._followed < _FADE:
+            return False
+        self.excited_time += duration
+        self._interval.add(innovation, gradient, weights, duration)
+        if self._interval.duration < self.settings.parameter_interval:
+            return False
+        self._update(self._filter, self._interval, chunk.step)
+        self._interval = Interval(len(self.theta))
+        due = bool(self._reviews) and self.excited_time >= self._reviews[0]
+        if due and self._look is None and self._duration(self._kept) >= _FIRST:
+            self._begin_look(weights, covariance)
+        self.stamp_ns = stamp_ns
+        return True
+
+    def _keep(self, chunk: BalanceChunk) -> None:
+        """Remember the last seconds of excitation; a look that is under way sees what comes meanwhile."""
+        if not self.excited:
+            self._kept, self._look_open = [], False
+            return
+        kept = (chunk, self.theta.copy())
+        self._kept.append(kept)
+        while len(self._kept) > 2 and self._duration(self._kept) > _LONGEST:
+            self._kept.pop(0)
+        if self._look_open:
+            self._looked_at.append(kept)
+
+    @staticmethod
+    def _duration(kept: list[Kept]) -> float:
+        return sum(len(c.measured) * c.step for c, _ in kept)
+
+    def _weights(self, covariance: Array) -> Array:
+        """Return the whitening of the innovations, shape (6, 6), zero for coordinates the body does not have."""
+        free = np.flatnonzero(self.arrangement.free)
+        result = np.zeros((6, 6))
+        result[np.ix_(free, free)] = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)]))
+        return result
+
+    # -- looks at the last seconds as a whole: the start, and reviews -----------------------------------------------------
+
+    def _begin_look(self, weights: Array, covariance: Array) -> None:
+        """Begin the first estimate or a review; the work is spread over the blocks to come while the filter goes on."""
+        self._looked_at, self._look_open, self._credit = list(self._kept), True, 0.0
+        self._refinement.model.response.set_noise(covariance, self._base_variance)
+        if self._filter is None:
+            self._look = self._refinement.first_estimate(self._looked_at, self.theta, weights)
+        else:
+            inflation = max(self._filter.memory.inflation, 1.0)
+            self._look = self._refinement.review(self._looked_at, self.theta.copy(), weights, inflation)
+
+    def _drop_look(self) -> None:
+        self._look, self._looked_at, self._look_open, self._credit = None, [], False, 0.0
+
+    def _look_again(self, duration: float, stamp_ns: int) -> bool:
+        """Take so many steps of the look as the data that came since allow; return whether the parameters moved."""
+        if self._look is None:
+            return False
+        self._credit += _PACE * duration
+        try:
+            while self._credit > 0.0:
+                self._credit -= next(self._look)
+        except StopIteration as end:
+            moved = self._adopt(end.value)
+            self.stamp_ns = stamp_ns if moved else self.stamp_ns
+            self._drop_look()
+            return moved
+        return False
+
+    def _adopt(self, found: ParameterFilter | None) -> bool:
+        """Go on with what a look found, if anything; return whether it did."""
+        if self._filter is None:
+            self.excited_time += self._duration(self._looked_at)
+        else:
+            self._reviews = self._reviews[1:]
+        if found is None:
+            return False
+        self._filter = found
+        self._heed(found)
+        self._note_changes(found.changes)
+        response = self._refinement.model.response
+        self._model.prepare(self.theta, response.step)
+        if self._look_open:
+            # the simulated body of the look saw every chunk, with parameters hardly different
+            self._model.response.take_state(response)
+            self._followed = _FADE
+        self._interval = Interval(len(self.theta))
+        return True
+
+    # -- tracking ---------------------------------------------------------------------------------------------------------
+
+    def _update(self, own: ParameterFilter, interval: Interval, step: float) -> None:
+        before, changes = self.theta.copy(), own.changes
+        if own.learn(interval, before):
+            largest = self.settings.largest_step
+            own.hold(np.clip(own.theta, before - largest, before + largest))
+            self._heed(own)
+            self._model.prepare(self.theta, step)
+        self._count_rejected(own)
+        if self._note_changes(own.changes - changes):
+            self._drop_look()
+        elif own.innovation_ratio > _RESTLESS and not self._reviews:
+            # too small a change for the gate would widen the scatter and never be learned
+            self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
+
+    def _note_changes(self, count: int) -> bool:
+        """After a change of the vehicle the seconds that follow are to be looked at as a whole; return whether there was one."""
+        if not count:
+            return False
+        self.changes += count
+        self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
+        return True
+
+    def _heed(self, own: ParameterFilter) -> None:
+        """Take over parameters, standard deviations and status from a filter."""
+        self.theta, self.std = own.theta.copy(), own.std.copy()
+        mine = slice(0, self.count)
+        self.std[mine] = self._with_doubt(self.std[mine])
+        self.status.follow(
+            self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
+        )  # fmt: skip
+        own.learned = 0
+        self._count_rejected(own)
+
+    def _count_rejected(self, own: ParameterFilter) -> None:
+        for reason, count in own.rejected.items():
+            self.rejected[reason] = self.rejected.get(reason, 0) + count
+        own.rejected = {}
+
+    def _with_doubt(self, std: Array) -> Array:
+        """Return standard deviations with what the mounting of the sensors leaves uncertain, at most those of the file."""
+        if self._doubt is None:
+            return std
+        law = self._model.law
+        doubt = self._doubt.std(law.stiffness, law.damping, self._model.spread(self._prior_std[: self.count], 0.0))
+        added = np.array([doubt[s.role, s.mount, s.axis] for s in self.slots])
+        return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
+
+    # -- persistence ------------------------------------------------------------------------------------------------------
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what was learned; the filters of the signals start again. Costs little, arrays are shared."""
+        memory = IntervalMemory(len(self.theta)).snapshot() if self._filter is None else self._filter.memory.snapshot()
+        return {
+            "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
+            "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
+            "p": None if self._filter is None else self._filter.covariance, "memory": memory,
+            "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
+        }  # fmt: skip
+
+    def save(self) -> dict[str, Any]:
+        """Return the same as plain lists."""
+        return dict(plain(self.snapshot()))
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save` or :meth:`snapshot`."""
+        self.theta = np.array(saved["theta"], dtype=float)
+        self.std = np.array(saved["std"], dtype=float)
+        if self._doubt is not None:
+            self._doubt.load(saved["doubt"])
+        self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
+        self.changes = int(saved["changes"])
+        self.status.load(saved["status"])
+        self._filter = None
+        if saved["p"] is None:
+            self._reviews = _REVIEWS
+        else:
+            self._filter = self._fresh(self.theta)
+            self._filter.load(saved, self.std)
+        self._model.scale(self.theta)
+        self.restart()

@@ -1,0 +1,88 @@
+# Copyright 2026 ride_estimation contributors
+"""The force balance and the response of the simulated body for one vector of parameters.
+
+The vector holds the logarithms of the multipliers, the follow share minus one and the logarithms of the inverse inertias over the
+file's. The online filter and the review of the last seconds each have a model of their own: neither disturbs the other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.forces.mount_forces import static_share
+from ride_estimation.estimation.forces.mount_law import MountLaw
+from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.parameters.force_balance import ForceBalance
+from ride_estimation.estimation.parameters.response import ModelResponse
+from ride_estimation.estimation.parameters.transducer_balance import MeasuredResponse, TransducerBalance
+
+Array = NDArray[np.float64]
+
+
+class ParameterModel:
+    """Balance and response, made ready for one vector of parameters at a time.
+
+    Parameters
+    ----------
+    arrangement, tilting
+        Body and mounts, and how the brackets tilt.
+    slots
+        Multipliers that are estimated, N of them.
+    turns
+        Axes (0 to 2) about which the inertia is estimated, R of them.
+    corner_hz
+        Corner of the high-pass of the balance [Hz].
+    by_transducers
+        Whether displacement transducers instead of accelerometers tell the deflections.
+    """
+
+    def __init__(
+        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], turns: tuple[int, ...], corner_hz: float,
+        by_transducers: bool,
+    ) -> None:  # fmt: skip
+        self.arrangement, self.slots, self.turns = arrangement, slots, turns
+        self.law = MountLaw(arrangement)
+        #: where inertia is part of the vector
+        self.inertial: ForceBalance | None = None
+        self.balance: ForceBalance | TransducerBalance
+        self.response: ModelResponse | MeasuredResponse
+        if by_transducers:
+            self.balance = TransducerBalance(arrangement, slots, self.law, corner_hz)
+            self.response = MeasuredResponse()
+        else:
+            self.balance = self.inertial = ForceBalance(arrangement, tilting, slots, self.law, corner_hz, turns)
+            self.response = ModelResponse(self.inertial, arrangement.vehicle.gravity)
+        self._static_of: Array | None = None
+        self._static = np.zeros((len(arrangement.mounts), 3))
+
+    def spread(self, values: Array, empty: float) -> Array:
+        """Return values per slot as an array (2, M, 3) of role, mount and axis; ``empty`` where nothing is estimated."""
+        result = np.full((2, len(self.arrangement.mounts), 3), empty)
+        for slot, value in zip(self.slots, values):
+            result[slot.role, slot.mount, slot.axis] = value
+        return result
+
+    def scale(self, theta: Array) -> None:
+        """Take parameters over into mounts and inertia."""
+        count = len(self.slots)
+        self.law.scale(self.spread(np.exp(theta[:count]), 1.0))
+        if self.inertial is not None:
+            self.inertial.scale_inertia(theta[count + 1 :])
+
+    def prepare(self, theta: Array, step: float) -> None:
+        """Make the response ready for a vector of parameters and a step [s]."""
+        self.scale(theta)
+        self.response.prepare(self.static_force(), 1.0 + float(theta[len(self.slots)]), step)
+
+    def static_force(self) -> Array:
+        """Return the static force on the body by each mount, shape (M, 3) [N]."""
+        if self._static_of is not self.law.stiffness:
+            a = self.arrangement
+            stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
+            stiffness = stiffness + 1e-9 * max(float(stiffness.max()), 1.0)
+            self._static = static_share(a.wrench[a.free], stiffness, a.weight[a.free]).reshape(len(a.mounts), 3)
+            self._static_of = self.law.stiffness
+        return self._static

@@ -1,0 +1,92 @@
+# Copyright 2026 ride_estimation contributors
+"""Status and reason of every parameter, with hysteresis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.forces.slots import Slot
+
+Array = NDArray[np.float64]
+
+_DIRECTION = ("longitudinal", "lateral", "vertical")
+#: standard deviation of a logarithm below which an estimate is valid, above which it stops being valid
+_VALID = (0.05, 0.08)
+#: share of the prior standard deviation that must be gone before a parameter counts as seen at all
+_SEEN = 0.7
+#: intervals of excitation after which what is not seen counts as not identifiable
+_PATIENCE = 40
+
+
+class StatusTracker:
+    """Status of every slot.
+
+    Parameters
+    ----------
+    slots
+        The multipliers.
+    arrangement
+        For names.
+    possible
+        Whether parameters can be estimated at all.
+    reason
+        Why not, where they cannot.
+    """
+
+    def __init__(self, slots: tuple[Slot, ...], arrangement: Arrangement, possible: bool, reason: str) -> None:
+        self._slots = slots
+        self._possible = possible
+        self._reason = reason
+        self._status = [Status.STARTING if possible else Status.NOT_IDENTIFIABLE] * len(slots)
+        self._intervals = 0
+        self._at_bound = np.zeros(len(slots), dtype=bool)
+
+    def of(self, n: int) -> tuple[Status, str]:
+        """Return status and reason of one slot."""
+        status = self._status[n]
+        if not self._possible:
+            return status, self._reason
+        axis = _DIRECTION[self._slots[n].axis]
+        if status is Status.VALID:
+            return status, ""
+        if status is Status.SUSPECT:
+            return status, "at its bound: the mount model or the mass may be wrong"
+        if status is Status.NOT_IDENTIFIABLE:
+            return (
+                status,
+                f"the motion so far does not separate it from other parameters; needs {axis} excitation of this mount alone",
+            )
+        if status is Status.ESTIMATING:
+            return status, f"still uncertain; needs more {axis} excitation"
+        return status, f"needs {axis} excitation"
+
+    def follow(self, std: Array, prior: Array, theta: Array, intervals: int, lower: Array, upper: Array) -> None:
+        """Update after so many more intervals."""
+        self._intervals += intervals
+        for n in range(len(self._slots)):
+            if theta[n] <= lower[n] + 1e-9 or theta[n] >= upper[n] - 1e-9:
+                self._status[n] = Status.SUSPECT
+                continue
+            limit = _VALID[1] if self._status[n] is Status.VALID else _VALID[0]
+            if std[n] < limit:
+                self._status[n] = Status.VALID
+            elif std[n] < _SEEN * prior[n]:
+                self._status[n] = Status.ESTIMATING
+            elif self._intervals >= _PATIENCE:
+                self._status[n] = Status.NOT_IDENTIFIABLE
+            else:
+                self._status[n] = Status.STARTING
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        return {"status": [s.value for s in self._status], "intervals": self._intervals}
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._status = [Status(s) for s in saved["status"]]
+        self._intervals = int(saved["intervals"])

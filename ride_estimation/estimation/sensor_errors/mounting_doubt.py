@@ -1,0 +1,190 @@
+# Copyright 2026 ride_estimation contributors
+"""What mounting and noise of the base sensors leave uncertain of horizontal parameters, however long a run is.
+
+A base accelerometer that is turned by epsilon takes part of the large vertical motion z for horizontal motion of its bracket: an
+error ``epsilon z`` of the deflection that no averaging removes. The sum over the mounts hardly feels it; how the sum is split
+among them is told by the deformation d of the frame only, often a few hundredths of a millimetre. The stiffness of a split is
+off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, as far as z goes along with d', by
+``r epsilon k z / (c d')`` (rms values). r is their correlation: a frame that bends with the motion has one, and N independent
+values of a run leave it ``1 / sqrt(N)``.
+
+epsilon is a tenth of a degree (a machined face) or, where that is more, what gravity shows: a sensor that leans reads
+``epsilon g`` all the time. So does one with a bias, and nothing here tells which it is; that a reading is zero proves no right
+angle either, zeros are often set so. What all bases have in common leans the body's sensors and is in the sum.
+
+Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
+four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
+angles of the sensors as epsilon.
+
+A sensor whose gain is off by g, at the body or at a base, makes an error of g of force or deflection that no averaging removes
+either. Motion of a base has any phase to the deflection: the stiffness is off by g, the damping by
+``g sqrt(1 + (k d / c d')^2)``.
+
+Of what looks like deformation, noise is a share lambda, and of a split that noise alone tells nothing is known: ``lambda`` times
+the standard deviation of the vehicle file.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement, plate_fit
+from ride_estimation.estimation.sensor_errors.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
+
+Array = NDArray[np.float64]
+
+#: least standard deviation of the angle at which a sensor is mounted [rad]: a tenth of a degree, on a machined face
+_ANGLE = np.radians(0.1)
+#: standard deviation of what a sensor wrongly takes for vertical motion: limits of gain and angle, rectangular (GUM 4.3.7)
+_SHARE = float(np.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)) / np.sqrt(3.0)
+#: standard deviation of a gain, of the same kind
+_GAIN = GAIN_TOLERANCE / np.sqrt(3.0)
+#: pattern of vertical stiffnesses that rigid motion tells this little of, share of what it tells of equal ones
+_UNTOLD = 0.25
+#: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
+_PER_SECOND = 2.0
+#: smallest deformation and rigid motion that count as such, share of the vertical motion: less is certainly not told
+_LEAST = 1e-6
+#: variance of deflection and rate over s^2 dt / w^3 and s^2 dt / w, from white relative acceleration of variance s^2 through
+#: six sections s / (s + w): B(9/2, 3/2) / 2 pi and B(11/2, 1/2) / 2 pi
+_NOISE = (0.013672, 0.123046)
+
+
+class MountingDoubt:
+    """Follows how much the mounts move and states what the sensors at their bases may hide.
+
+    Parameters
+    ----------
+    arrangement
+        Body and mounts.
+    corner
+        w of the sections deflections and rates were passed through [rad/s].
+    """
+
+    def __init__(self, arrangement: Arrangement, corner: float) -> None:
+        wrench = arrangement.wrench[arrangement.free]
+        self._rigid = np.linalg.pinv(wrench) @ wrench
+        self._count, self._gravity = len(arrangement.mounts), arrangement.vehicle.gravity
+        variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
+        split = 1.0 - np.diag(self._rigid).reshape(self._count, 3)
+        #: variance per tick that noise makes of the deforming part of deflection and rate, (2, M, 3)
+        self._noise = np.array([share / corner**power for share, power in zip(_NOISE, (3, 1))])[:, None, None] * (
+            variance[:, None] * split
+        )
+        #: share of every vertical stiffness in the splits that only the deformation tells, shape (M,)
+        self._open = _untold_share(plate_fit(arrangement.mounts)[0])
+        self._time = 0.0
+        #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
+        self._square = np.zeros((2, 3, self._count, 3))
+        #: sums of products of vertical deflection, or its rate, and deforming rate along x and y, shape (2, M, 2)
+        self._along = np.zeros((2, self._count, 2))
+        #: sums of what noise makes of the deforming part, shape (2, M, 3)
+        self._noisy = np.zeros((2, self._count, 3))
+        #: sum of the relative accelerations along x and y, shape (M, 2) [m s / s^2], and their time [s]
+        self._relative, self._weighed = np.zeros((self._count, 2)), 0.0
+
+    def observe(self, deflection: Array, rate: Array, dt: float) -> None:
+        """Add ticks of ``dt`` [s], shape (K, 3 M) each."""
+        for role, signal in enumerate((deflection, rate)):
+            rigid = signal @ self._rigid.T
+            for part, values in enumerate((signal, rigid, signal - rigid)):
+                self._square[role, part] += np.sum(values**2, axis=0).reshape(self._count, 3)
+        vertical = np.stack([deflection[:, 2::3], rate[:, 2::3]])
+        self._along += np.einsum("rkm,kma->rma", vertical, (rate - rigid).reshape(-1, self._count, 3)[:, :, :2])
+        self._noisy += len(deflection) * dt * self._noise
+        self._time += len(deflection) * dt
+
+    def weigh(self, relative: Array, dt: float) -> None:
+        """Add ticks of relative acceleration of body and bases without what gravity adds through tilt, shape (K, M, 3)."""
+        self._relative += dt * relative[:, :, :2].sum(axis=0)
+        self._weighed += len(relative) * dt
+
+    def _angles(self) -> tuple[Array, Array]:
+        """Return the angle a base sensor may lean by along x and y, and that of all together, shape (2,) each [rad]."""
+        lean = self._relative / (max(self._weighed, 1e-9) * self._gravity)
+        common = lean.mean(axis=0)
+        own = np.sqrt(np.mean(np.maximum(np.abs(lean - common), _ANGLE) ** 2, axis=0))
+        return own, np.hypot(own / np.sqrt(self._count), common)
+
+    def std(self, stiffness: Array, damping: Array, prior: Array) -> Array:
+        """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3).
+
+        Parameters
+        ----------
+        stiffness, damping
+            Of the mounts, shape (M, 3) [N/m, N s/m].
+        prior
+            Standard deviations of the vehicle file, shape (2, M, 3).
+        """
+        total = np.sqrt(self._square.mean(axis=2))
+        out = np.zeros((2, self._count, 3))
+        chance = 1.0 / np.sqrt(max(_PER_SECOND * self._time, 1.0))
+        own, together = self._angles()
+        for role in range(2):
+            error = np.full((self._count, 2), total[role, 0, 2])
+            if total[role, 0, 2] <= 0.0:
+                continue
+            if role == 1:
+                along = total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
+                error = np.hypot(error, np.hypot(self._correlation(), chance) * along)
+            floor = _LEAST * total[role, 0, 2]
+            seen, noisy = (np.mean(a, axis=0) for a in (self._square[role, 2], self._noisy[role]))
+            share = np.minimum(noisy / np.maximum(seen, 1e-300), 1.0)
+            noise = share[:2]
+            common = together * error / np.maximum(total[role, 1, :2], floor)
+            split = own * error / np.maximum(total[role, 2, :2] * np.sqrt(1.0 - noise), floor)
+            out[role, :, :2] = np.sqrt(common**2 + split**2 + (noise * prior[role, :, :2]) ** 2)
+            wrong = _SHARE * total[role, 0, 2]
+            if role == 1:
+                wrong = np.hypot(wrong, chance * _SHARE * total[0, 0, 2] * stiffness[:, 2] / np.maximum(damping[:, 2], 1e-9))
+            vertical = wrong / max(total[role, 2, 2] * np.sqrt(1.0 - share[2]), floor)
+            out[role, :, 2] = self._open * np.hypot(vertical, share[2] * prior[role, :, 2])
+        if not total[:, 0].all():
+            return out
+        out[0] = np.hypot(out[0], _GAIN)
+        phase = stiffness * total[0, 0] / np.maximum(damping * total[1, 0], 1e-9)
+        out[1] = np.hypot(out[1], _GAIN * np.hypot(1.0, phase))
+        return out
+
+    def _correlation(self) -> Array:
+        """Return how far vertical motion and deforming rate along x and y go together, shape (M, 2), noise taken off.
+
+        A base moves with any phase to the deflection, so deflection and rate, which do not go together, share what it has.
+        """
+        real = np.maximum(self._square[1, 2, :, :2] - self._noisy[1, :, :2], _LEAST * self._square[1, 2, :, :2])
+        size = np.sqrt(self._square[:, 0, :, 2:] * real)
+        return np.asarray(np.minimum(np.linalg.norm(self._along / np.maximum(size, 1e-300), axis=0), 1.0))
+
+    def save(self) -> dict[str, Any]:
+        """Return the sums as plain lists."""
+        return {
+            "square": self._square.tolist(), "noisy": self._noisy.tolist(), "along": self._along.tolist(), "time": self._time,
+            "relative": self._relative.tolist(), "weighed": self._weighed,
+        }  # fmt: skip
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._square = np.array(saved["square"], dtype=float).reshape(self._square.shape)
+        self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
+        self._along = np.array(saved["along"], dtype=float).reshape(self._along.shape)
+        self._time, self._weighed = float(saved["time"]), float(saved["weighed"])
+        self._relative = np.array(saved["relative"], dtype=float).reshape(self._relative.shape)
+
+
+def _untold_share(place: Array) -> Array:
+    """Return the share of each mount in the patterns of vertical stiffness that rigid motion does not tell, shape (M,).
+
+    Parameters
+    ----------
+    place
+        Horizontal places of the mounts from their middle, shape (M, 2).
+    """
+    x, y = (p / max(float(np.sqrt(np.mean(p**2))), 1e-12) for p in place.T)
+    told = np.column_stack([np.ones(len(place)), x, y, x * x, x * y, y * y])
+    vectors, values, _ = np.linalg.svd(told, full_matrices=False)
+    kept = vectors[:, values > _UNTOLD * np.sqrt(len(place))]
+    rest = 1.0 - np.sum(kept**2, axis=1)
+    return np.asarray(np.sqrt(np.where(rest > 1e-9, rest, 0.0)))
