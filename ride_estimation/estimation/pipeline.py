@@ -97,7 +97,8 @@ class Pipeline:
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
         self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._anchor.cells)
-        self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion)
+        law = (self._law.stiffness, self._law.damping)
+        self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion, *law)
         self._force = np.array([0.0, 0.0, vehicle.gravity])
         self._excess, self._rate = 1.0, np.zeros(3)
         self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
@@ -241,6 +242,9 @@ class Pipeline:
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
+            if self._checks.weighs:
+                shared = self._forces.shared(support)[:, :, :2] / self._factor
+                self._checks.weigh(support / self._factor, shared, self._motion_at_mounts(motion)[:, :, 2])
             self._checks.learn(dt)
 
         self._due = learn
@@ -345,13 +349,15 @@ class Pipeline:
         spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.arrangement.mounts)))
-        calm = self._copies.deflections() if spoiled else None
-        if calm is not None:
-            self._deflection.load(restarted(self._deflection.save(), calm, spoiled))
+        copies = self._copies.take(self._run_time, verdict.spoiled)
+        if copies is not None and spoiled:
+            self._deflection.load(restarted(self._deflection.save(), copies[1], spoiled))
         self._parameters.restart()
-        learned = self._copies.take(self._run_time)
-        if learned is not None:
-            self._go_back_to(learned)
+        if copies is not None:
+            self._go_back_to(copies[0])
+        elif verdict.spoiled:
+            self._deflection.reset()
+            self._forget()
 
     def _motion_at_mounts(self, motion: MotionBlock) -> Array:
         """Return the specific force of the body at its mounts, shape (K, M, 3)."""
@@ -366,6 +372,8 @@ class Pipeline:
         measured = base_ok
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
+        if self._checks.bases_in_doubt:
+            self._fill.doubt()
         if self.tilting.learns and self.tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
             self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)

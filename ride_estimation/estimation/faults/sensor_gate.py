@@ -90,6 +90,8 @@ class GateVerdict:
         Whether the sensors of the body disagree clearly more than before: nothing is to be learned.
     excess
         Factor on the standard deviation of the body's motion, 1 without such doubt.
+    spoiled
+        Time for which what was learned is spoiled where a fault began, beyond the second or two it always is [s].
     """
 
     valid: BoolArray
@@ -98,6 +100,7 @@ class GateVerdict:
     suspects: tuple[str, ...]
     unusual: bool
     excess: float
+    spoiled: float = 0.0
 
     def without(self, streams: int | NDArray[np.int64]) -> GateVerdict:
         """Return the verdict with some streams left out of the whole block."""

@@ -91,6 +91,10 @@ class BaseFill:
             self._doubt[m] = 1.0
         return filled, filled_ok
 
+    def doubt(self) -> None:
+        """Say that the base motion of any mount may be wrong."""
+        self._doubt[:] = 1.0
+
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
         gain = np.where(self._doubt < 0.05, min(duration / _MEMORY, 1.0), 0.0)
