@@ -39,6 +39,7 @@ SUFFIXES: dict[str, tuple[str, float]] = {
     "_m3": ("m^3", 1.0),
     "_n_m_per_rad": ("N m/rad", 1.0),
     "_n_m_s_per_rad": ("N m s/rad", 1.0),
+    "_n_m_per_rad3": ("N m/rad^3", 1.0),
     "_rpm": ("rpm", 1.0 / 60.0),
 }
 
@@ -48,6 +49,24 @@ SI_UNITS: dict[str, str] = {
     "mm": "m", "kN": "N", "ms": "s", "deg": "rad", "bar": "Pa",
     "rpm": "Hz",
 }
+
+#: SI unit of a force element along an axis -> about an axis, where force is a moment and deflection an angle
+ABOUT_AN_AXIS: dict[str, str] = {
+    "N": "N m", "m": "rad", "m/s": "rad/s", "N/m": "N m/rad", "N s/m": "N m s/rad", "N/m^3": "N m/rad^3",
+}
+
+
+def key_about_an_axis(key: str) -> str:
+    """Return the key of a force element's parameter as it reads at a roll, pitch or yaw axis.
+
+    Examples
+    --------
+    >>> key_about_an_axis("stiffness_n_per_m")
+    'stiffness_n_m_per_rad'
+    """
+    base, printed, _ = split_suffix(key)
+    turned = ABOUT_AN_AXIS.get(printed)
+    return key if turned is None else base + suffixes_of(turned)[0]
 
 
 def si_unit(unit: str) -> str:

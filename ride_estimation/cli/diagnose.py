@@ -22,7 +22,7 @@ from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_oscillator_record
-from ride_estimation.io.json_file import write_json
+from ride_estimation.io.json_file import written_last
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
@@ -197,10 +197,10 @@ def _write(
     document["software"] = software()
     document["run"] = run_facts
     document["vehicle"] = vehicle
-    write_json(folder / "diagnosis.json", document)
-    save_vehicle(answer.extended, folder / "vehicle_extended.yaml")
-    if not options.no_report:
-        write_diagnosis_report(answer, name, folder / "report.html")
+    with written_last(folder / "diagnosis.json", document):
+        save_vehicle(answer.extended, folder / "vehicle_extended.yaml")
+        if not options.no_report:
+            write_diagnosis_report(answer, name, folder / "report.html")
     print(answer.sentence)
     for line in (*answer.remarks, *answer.warnings):
         print(f"  {line}")

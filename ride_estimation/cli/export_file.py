@@ -11,6 +11,7 @@ from ride_estimation.io.bags import read_recording
 from ride_estimation.io.bounded import read_arrays
 from ride_estimation.io.files.conversion import recording_groups, replay_groups
 from ride_estimation.io.files.formats import WRITE_SUFFIXES, write_measurement_file
+from ride_estimation.io.result_files import read_result
 from ride_estimation.io.vehicle_file import load_vehicle
 
 HELP = "write a recording or the results of a replay as CSV, Parquet or MDF4"
@@ -35,6 +36,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out.suffix.lower() not in WRITE_SUFFIXES:
         raise InputDataError(f"{options.out}: cannot be written; allowed endings: {', '.join(WRITE_SUFFIXES)}")
     if (options.source / "signals.npz").is_file():
+        read_result(options.source)
         groups, start = replay_groups(read_arrays(options.source / "signals.npz"))
     elif options.vehicle is None:
         what = "no signals.npz of a replay" if options.source.exists() else "does not exist"

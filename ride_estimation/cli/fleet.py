@@ -86,18 +86,33 @@ def find_recordings(folder: Path) -> dict[str, Path]:
         what = "is a file; 'replay' takes one recording" if folder.exists() else "no such folder"
         raise InputDataError(f"{folder}: {what}")
     found: dict[str, Path] = {}
+    seen: set[tuple[int, int]] = set()
+    _is_new(folder, seen)
     for place, folders, files in os.walk(folder, followlinks=True):
-        folders.sort()
         here = Path(place)
+        # symbolic links may lead back to where one came from, or twice to the same place
+        folders[:] = sorted(name for name in folders if _is_new(here / name, seen))
         names = sorted(name for name in files if Path(name).suffix in SUFFIXES)
         if "metadata.yaml" in files and names:
             found[here.relative_to(folder).as_posix()] = here
             folders.clear()
             continue
-        found.update({(here / name).relative_to(folder).as_posix(): here / name for name in names})
+        found.update({(here / name).relative_to(folder).as_posix(): here / name for name in names if _is_new(here / name, seen)})
     if not found:
         raise InputDataError(f"{folder}: no recording below it; looked for rosbag2 folders and {', '.join(SUFFIXES)} files")
     return found
+
+
+def _is_new(path: Path, seen: set[tuple[int, int]]) -> bool:
+    """Return whether a file or folder was not met before by another name, and remember it; links to nothing count as new."""
+    try:
+        status = path.stat()
+    except OSError:
+        return True  # a replay says what is wrong with it
+    key = (status.st_dev, status.st_ino)
+    new = key not in seen
+    seen.add(key)
+    return new
 
 
 def folder_name(name: str) -> str:
@@ -106,7 +121,7 @@ def folder_name(name: str) -> str:
     if plain.replace("__", "/") == name and plain not in (".", ".."):
         return plain
     # characters were replaced: another name might become the same
-    return f"{plain.strip('.') or 'run'}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    return f"{plain.strip('.') or 'run'}_{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"
 
 
 def collect(tasks: Sequence[FleetTask], options: argparse.Namespace) -> list[FleetRow]:

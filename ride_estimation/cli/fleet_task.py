@@ -15,6 +15,7 @@ from ride_estimation.cli.replay import ReplayJob, replay_run
 from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.io.bag_source import checksum_of
 from ride_estimation.io.json_file import jsonable, read_json, write_json
+from ride_estimation.io.result_files import read_result
 from ride_estimation.io.results import software
 
 #: what a finished run was made with; another one is not taken for it
@@ -91,8 +92,9 @@ def process_task(task: FleetTask) -> FleetRow:
         folder = Path(task.folder)
         wanted = fingerprint(task)
         mark = folder / MARK
-        if mark.is_file() and (folder / "result.json").is_file() and _kept(mark) == wanted:
-            return FleetRow(task.name, "kept", "", read_json(folder / "result.json"), time.monotonic() - started)
+        kept = _kept(folder, wanted)
+        if kept is not None:
+            return FleetRow(task.name, "kept", "", kept, time.monotonic() - started)
         mark.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
         document, _, _ = replay_run(task.recording, task.job, folder)
@@ -113,8 +115,9 @@ def _failed(task: FleetTask, why: str, started: float) -> FleetRow:
     return FleetRow(task.name, "failed", why, {}, time.monotonic() - started)
 
 
-def _kept(mark: Path) -> dict[str, Any] | None:
+def _kept(folder: Path, wanted: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the results of an earlier call where they are complete and of the same data and settings."""
     try:
-        return dict(read_json(mark))
+        return read_result(folder) if read_json(folder / MARK) == wanted else None
     except InputDataError:
         return None

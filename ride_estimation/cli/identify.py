@@ -15,13 +15,13 @@ import ride_estimation
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.bench.analysis import BenchIdentification, identify_records, ladder_for
+from ride_estimation.identification.bench.analysis import BenchIdentification, identify_records
 from ride_estimation.identification.bench.element_mapping import build_element
 from ride_estimation.identification.bench.frequency_analysis import identify_operating_points
 from ride_estimation.identification.bench.frequency_domain import NORMS
 from ride_estimation.identification.bench.jounce_analysis import MODELS as JOUNCE_MODELS
 from ride_estimation.identification.bench.jounce_analysis import identify_jounce
-from ride_estimation.identification.bench.models import LADDER
+from ride_estimation.identification.bench.models import LADDER, ladder_for
 from ride_estimation.identification.bench.oscillator import identify_oscillator
 from ride_estimation.identification.bench.steady_cycles import EXTRACTIONS, find_operating_points
 from ride_estimation.identification.bench.time_domain import prepare
@@ -148,10 +148,9 @@ def _run_time(options: argparse.Namespace) -> int:
     from ride_estimation.reporting.identification_report import identification_document, write_identification_report
 
     reading = reading_options(options)
-    models = ladder_for(options.model)
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
-    progress = Progress(len(models), "identify")
+    progress = Progress(len(ladder_for(options.model)), "identify")
     found = identify_records(records, validation, model=options.model, progress=progress.update)
     progress.close()
     print_summary(found)
@@ -164,13 +163,12 @@ def _run_frequency(options: argparse.Namespace) -> int:
     from ride_estimation.reporting.identification_special_reports import frequency_document, write_frequency_report
 
     reading = reading_options(options)
-    models = ladder_for(options.model)
     table = read_operating_points(options.records[0]) if len(options.records) == 1 else None
     if table is None:
         table = find_operating_points([prepare(read_bench_record(p, reading)) for p in options.records], options.extraction)
     validation = [prepare(read_bench_record(p, reading)) for p in options.validate]
-    progress = Progress(len(models), "identify")
-    found = identify_operating_points(table, validation, models, norm=options.norm, progress=progress.update)
+    progress = Progress(len(ladder_for(options.model)), "identify")
+    found = identify_operating_points(table, validation, model=options.model, norm=options.norm, progress=progress.update)
     progress.close()
     print(
         f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'left out %':>12}{'criterion':>12}"

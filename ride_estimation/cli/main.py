@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 
 import ride_estimation
 import ride_estimation.cli as package
+from ride_estimation.cli.terminal import printable_output
 from ride_estimation.errors import RideEstimationError
 
 #: verbs by what one wants to do, in the order of a first day; others follow under "more"
@@ -121,6 +122,11 @@ def _overview(helps: dict[str, str]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; return 0 on success, 2 on bad input (one message on stderr)."""
+    with printable_output():
+        return _main(arguments)
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     helps = verb_helps()
     parser = build_parser([word for word in given if word in helps][:1])

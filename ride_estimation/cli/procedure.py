@@ -12,6 +12,7 @@ from ride_estimation.assessment import ride_comfort, seat
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
+from ride_estimation.io.atomic import replacing
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.tables import Table, read_table
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -139,8 +140,8 @@ def _loop(options: argparse.Namespace) -> None:
         loops.append(hysteresis_loop.analyse_loop(time_s, displacement, force, frequency))
         r = loops[-1]
         print(
-            f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm: stiffness {r.stiffness:.5g} N/m, equivalent damping "
-            f"{r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
+            f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm, {r.wave}: stiffness {r.stiffness:.5g} N/m, "
+            f"equivalent damping {r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
         )
         if r.stiffness <= 0.0 or r.loss_energy <= 0.0:
             print("warning: a spring that pushes the wrong way, or a loop that gives energy: sign of force or displacement?")
@@ -200,7 +201,8 @@ def _velocity(options: argparse.Namespace) -> None:
     drift = integration.velocity_drift(options.noise_m_per_s2, rate, duration)
     rows = np.column_stack([table.column("time"), found])
     output_folder(options.out.parent)
-    np.savetxt(options.out, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
+    with replacing(options.out) as new:
+        np.savetxt(new, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
     print(
         f"offset {acceleration.mean():.4g} m/s^2 removed: left in, it would drift to "
         f"{abs(acceleration.mean()) * duration:.3g} m/s in {duration:.4g} s, the noise alone to {drift:.3g} m/s; "

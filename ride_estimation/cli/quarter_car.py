@@ -11,8 +11,8 @@ import numpy as np
 
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.quarter_car.checks import check_road, pitch_evidence
-from ride_estimation.identification.quarter_car.fit import QuarterCarFit, fit_models, line_coherence
+from ride_estimation.identification.quarter_car.checks import check_road, line_test, pitch_evidence
+from ride_estimation.identification.quarter_car.fit import QuarterCarFit, fit_models
 from ride_estimation.identification.quarter_car.models import PARAMETERS, QuarterCarSimulation
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, require_folder
@@ -90,8 +90,8 @@ def run(options: argparse.Namespace) -> int:
     if enough is not best:
         print(f"the simplest that explains as much: model {enough.model.number}, {enough.model.title}")
     if best.sinusoid is not None:
-        coherence = line_coherence(residual, rate, best.sinusoid.frequency_hz)
-        print(f"phase coherence of the line over the record: {coherence:.2f} (1 for a sinusoid, about 0.4 for chance)")
+        searched = (PARAMETERS["sine_frequency"].lower, PARAMETERS["sine_frequency"].upper)
+        print(line_test(residual, rate, best.sinusoid.frequency_hz, searched).statement)
     if options.speed_m_per_s > 0.0:
         offer = pitch_evidence(residual, axle, rate, options.speed_m_per_s).offer
         if offer:

@@ -20,7 +20,7 @@ from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.frames import AXES
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.json_file import write_json
+from ride_estimation.io.json_file import written_last
 from ride_estimation.io.result_files import read_diagnosis
 from ride_estimation.io.results import output_folder, result_document, write_signals
 from ride_estimation.io.settings_file import load_settings
@@ -197,12 +197,12 @@ def replay_run(
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, job.settings)
     clear_pages(folder)
-    write_json(folder / "result.json", document)
-    write_signals(folder / "signals.npz", result)
     written = ["result.json", "signals.npz"]
-    if job.formats:
-        page = replay_page(recording, vehicle, result, quality, document, side, assessment, diagnosis)
-        written += write_page(page, folder, job.formats)
+    with written_last(folder / "result.json", document):
+        document["signals_sha256"] = write_signals(folder / "signals.npz", result)
+        if job.formats:
+            page = replay_page(recording, vehicle, result, quality, document, side, assessment, diagnosis)
+            written += write_page(page, folder, job.formats)
     return document, summary(recording, result, (*warnings,), layout), written
 
 

@@ -15,6 +15,12 @@ from ride_estimation.errors import InputDataError
 Array = NDArray[np.float64]
 
 _GRID = 4096  # points a cycle of the common grid; the chord area of a circle is then 4e-7 small
+_FLOOR_HARMONICS = 0.5  # share of the harmonics, the highest ones, that show the noise of the displacement
+_STANDS_OUT = 10.0  # power of a harmonic over that noise from which it belongs to the motion
+_EMPTY_ORDERS = 3  # orders without power after which no more belong to the motion; a wave alike both ways has every second
+_RAMP_FORM = 1.1  # form factor below which the motion is called ramps: between ramps (1) and a sine (1.234)
+_SINE_FORM = 0.01  # departure from the form factor of a sine within which the motion is called a sine
+_REPEATS = 0.05  # share of the displacement's energy that may not repeat with the cycle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,13 +32,15 @@ class LoopResult:
     stiffness
         First-harmonic in-phase stiffness [N/m].
     damping
-        Equivalent viscous damping ``dW / (pi omega X^2)`` [N s/m] at the frequency of the loop only.
+        Equivalent viscous damping, loss over the time integral of the squared velocity [N s/m], at this speed only.
     loss_energy
         Loop area per cycle [J].
     amplitude
-        Deflection amplitude [m].
+        Half the stroke [m].
     omega
         Angular frequency [rad/s].
+    form
+        Mean square over squared mean of the speed: 1 for ramps at constant speed, ``pi^2/8`` for a sine.
     """
 
     stiffness: float
@@ -40,13 +48,25 @@ class LoopResult:
     loss_energy: float
     amplitude: float
     omega: float
+    form: float
+
+    @property
+    def wave(self) -> str:
+        """Return what kind of motion it was, in words."""
+        if abs(self.form - math.pi**2 / 8.0) <= _SINE_FORM:
+            return "sine"
+        mean_speed = 2.0 * self.omega * self.amplitude / math.pi
+        if self.form < _RAMP_FORM:
+            return f"ramps at {mean_speed:.3g} m/s"
+        return f"no sine and no ramps, mean speed {mean_speed:.3g} m/s"
 
 
 def analyse_loop(time_s: ArrayLike, displacement: ArrayLike, force: ArrayLike, frequency_hz: float) -> LoopResult:
-    """Read stiffness and equivalent damping from whole cycles of a sinusoidal loop.
+    """Read stiffness and equivalent damping from whole cycles of a periodic loop: sine, ramps or any other motion.
 
-    ``dW = closed integral of F dx``, ``c = dW / (pi omega X^2)`` with omega in rad/s: document 001 quotes 0.02 Hz beside
-    formulas in rad/s, a factor of 2 pi if confused.
+    ``dW = closed integral of F dx``; a viscous damper takes ``c`` times the integral of the squared velocity, so
+    ``c = dW / integral of v^2 dt``: ``dW / (pi omega X^2)`` for a sine, ``dW / (4 v X)`` for ramps at constant speed v. omega is
+    in rad/s: document 001 quotes 0.02 Hz beside formulas in rad/s, a factor of 2 pi if confused.
 
     Parameters
     ----------
@@ -58,36 +78,64 @@ def analyse_loop(time_s: ArrayLike, displacement: ArrayLike, force: ArrayLike, f
     Raises
     ------
     InputDataError
-        Less than one cycle, fewer than 16 samples a cycle, constant displacement, values not finite.
+        Less than one cycle, fewer than 16 samples a cycle, constant displacement, values not finite, a displacement that does
+        not repeat with that frequency.
     """
     t, x, f = (np.asarray(v, dtype=float).ravel() for v in (time_s, displacement, force))
+    per_cycle = _checked(t, x, f, frequency_hz)
+    cycles = max(1, math.floor((t.size - 1) / per_cycle + 1e-6))
+    start = t[-1] - cycles / frequency_hz
+    grid = start + np.arange(cycles * _GRID + 1) / (_GRID * frequency_hz)
+    xg, fg = np.interp(grid, t, x), np.interp(grid, t, f)
+    parts = xg[:-1].reshape(cycles, _GRID)
+    mean_x, mean_f = parts.mean(axis=0), fg[:-1].reshape(cycles, _GRID).mean(axis=0)
+    apart = float(np.sum((parts - mean_x) ** 2) / np.sum((parts - parts.mean()) ** 2))
+    if apart > _REPEATS:
+        raise InputDataError(
+            f"{100 * apart:.0f} % of the displacement's energy does not repeat with {frequency_hz:g} Hz: wrong frequency, or no "
+            "steady test"
+        )
+    harmonics = 2.0 * np.fft.rfft(mean_x) / _GRID
+    response = 2.0 * np.fft.rfft(mean_f) / _GRID
+    kept = _harmonics_of_the_motion(harmonics, int(per_cycle / 2))
+    smooth = np.fft.irfft(np.where(np.arange(harmonics.size) <= kept, harmonics, 0.0) * _GRID / 2.0, _GRID)
+    amplitude = 0.5 * float(np.ptp(smooth))
+    omega = 2.0 * math.pi * frequency_hz
+    orders = np.arange(1, kept + 1)
+    squared_speed = 0.5 * omega**2 * float(np.sum(orders**2 * np.abs(harmonics[1 : kept + 1]) ** 2))
+    # no motion of this stroke has a smaller mean square than the one at constant speed
+    form = max(squared_speed / (2.0 * omega * amplitude / math.pi) ** 2, 1.0)
+    squared_speed = form * (2.0 * omega * amplitude / math.pi) ** 2
+    loss = float(trapezoid(fg, xg)) / cycles
+    stiffness = float((response[1] / harmonics[1]).real)
+    return LoopResult(stiffness, loss * frequency_hz / squared_speed, loss, amplitude, omega, form)
+
+
+def _checked(t: Array, x: Array, f: Array, frequency_hz: float) -> float:
+    """Refuse what is no loop; return the samples a cycle."""
     if not t.size == x.size == f.size:
         raise InputDataError(f"time, displacement and force have {t.size}, {x.size}, {f.size} samples: they must be equal")
     if not all(np.all(np.isfinite(v)) for v in (t, x, f)):
         raise InputDataError("the loop contains values that are not finite")
     step = (t[-1] - t[0]) / (t.size - 1)
     per_cycle = 1.0 / (frequency_hz * step)
-    if per_cycle < 16 or t.size < per_cycle + 1:
+    # half a sample of rounding in the time column is no missing cycle
+    if per_cycle < 16 or t.size + 0.5 < per_cycle + 1:
         raise InputDataError(
             f"{t.size} samples with {per_cycle:.1f} samples a cycle; at least one whole cycle of 16 samples is needed"
         )
     if np.ptp(x) == 0.0:
         raise InputDataError("the displacement is constant: a loop has no stiffness")
-    cycles = math.floor((t.size - 1) / per_cycle)
-    start = t[-1] - cycles / frequency_hz
-    grid = start + np.arange(cycles * _GRID + 1) / (_GRID * frequency_hz)
-    xg, fg = np.interp(grid, t, x), np.interp(grid, t, f)
-    omega = 2.0 * math.pi * frequency_hz
-    carrier = np.exp(-1j * omega * (grid[:-1] - grid[0]))
-    x1, f1 = 2.0 * np.mean(xg[:-1] * carrier), 2.0 * np.mean(fg[:-1] * carrier)
-    amplitude = abs(x1)
-    loss = float(trapezoid(fg, xg)) / cycles
-    return LoopResult(float((f1 / x1).real), loss / (math.pi * omega * amplitude**2), loss, amplitude, omega)
+    return float(per_cycle)
 
 
-def constant_speed_loss(damping: float, speed: float, amplitude: float) -> float:
-    """Return the loop area of a viscous damper stroked at constant speed, ``4 c v X`` [J] (ramps instead of a sine)."""
-    return 4.0 * damping * speed * amplitude
+def _harmonics_of_the_motion(harmonics: NDArray[np.complex128], nyquist: int) -> int:
+    """Return the highest harmonic that stands out of the noise of the displacement."""
+    power = np.abs(harmonics[1 : nyquist + 1]) ** 2
+    floor = float(np.median(power[int(_FLOOR_HARMONICS * nyquist) :]))
+    above = np.flatnonzero(power > _STANDS_OUT * floor)
+    gaps = np.flatnonzero(np.diff(above) > _EMPTY_ORDERS)
+    return int(above[gaps[0] if gaps.size else -1]) + 1
 
 
 def viscous_check(loops: list[LoopResult]) -> str:

@@ -13,6 +13,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.atomic import replacing
 from ride_estimation.io.bag_source import type_store
 from ride_estimation.io.messages import accepted_types, sensors_by_topic
 from ride_estimation.sensors.sensor import Sensor
@@ -60,8 +61,16 @@ def write_bag(
     unknown = [name for name in recording.channels if name not in sensors]
     if unknown:
         raise InputDataError(f"channels without a sensor in the vehicle: {', '.join(unknown)}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as new:
+        _write_messages(new, recording, sensors, dict(message_types or {}), storage)
+
+
+def _write_messages(
+    path: Path, recording: Recording, sensors: Mapping[str, Sensor], chosen: Mapping[str, str], storage: str
+) -> None:
+    """Write the folder of a bag."""
     store = type_store(Stores.ROS2_JAZZY)
-    chosen = dict(message_types or {})
     jobs: list[tuple[Any, list[int], Iterator[Any]]] = []
     writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin[storage.upper()])
     if storage == "mcap":

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Displacement (JointState) and force (WrenchStamped) of one mount axis from a bag, on the stamps of the displacement."""
+"""Displacement (JointState) and force (WrenchStamped) of one mount axis from a bag, aligned by their stamps."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.record import from_channels
 from ride_estimation.io.bag_source import READER_ERRORS, open_bag
 
 Array = NDArray[np.float64]
 
 
-def read_bag_columns(path: Path, mount: str, axis: str) -> dict[str, Array]:
-    """Return time, displacement and tension of one mount axis.
+def read_bag_columns(path: Path, mount: str, axis: str) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return time, displacement and tension of one mount axis, and what was noticed.
 
-    The wrench is the force ON the body BY the mount, so the tension is its negative. Force samples are interpolated
-    linearly to the displacement stamps.
+    The wrench is the force ON the body BY the mount, so the tension is its negative. Both are aligned by their stamps as a
+    replay aligns its sensors.
 
     Parameters
     ----------
@@ -47,19 +48,17 @@ def read_bag_columns(path: Path, mount: str, axis: str) -> dict[str, Array]:
     joint = _choose(path, "JointState joint", joints, f"{mount}_{axis}" if mount and axis else mount)
     topic = _choose(path, "WrenchStamped topic", wrenches, f"/{mount}/" if mount else "")
     component = "xyz".index(axis or (joint[-1] if joint[-2:] in ("_x", "_y", "_z") else "z"))
-    # nanoseconds of the day do not fit a float: subtract the first stamp as an integer
-    origin = joints[joint][0][0]
-    moves = np.array(sorted((stamp - origin, value) for stamp, value in joints[joint]), dtype=float)
-    loads = np.array(sorted((stamp - origin, *values) for stamp, *values in wrenches[topic]), dtype=float)
-    keep = (moves[:, 0] >= loads[0, 0]) & (moves[:, 0] <= loads[-1, 0])
-    if keep.sum() < 2:
+    moves, loads = sorted(joints[joint]), sorted(wrenches[topic])
+    if moves[0][0] >= loads[-1][0] or loads[0][0] >= moves[-1][0]:
         raise InputDataError(f"{path}: displacement and force do not overlap in time")
-    stamps = moves[keep, 0]
-    return {
-        "time_s": (stamps - stamps[0]) * 1e-9,
-        "displacement_m": moves[keep, 1],
-        "force_n": -np.interp(stamps, loads[:, 0], loads[:, 1 + component]),
-    }
+    record = from_channels(
+        path.name,
+        {
+            "displacement": (np.array([m[0] for m in moves]), np.array([[m[1]] for m in moves])),
+            "force": (np.array([w[0] for w in loads]), np.array([[-w[1 + component]] for w in loads])),
+        },
+    )
+    return {"time_s": record.time_s, "displacement_m": record.displacement, "force_n": record.force}, record.warnings
 
 
 def _collect(

@@ -91,20 +91,24 @@ def read_bench_record(path: Path, options: ReadOptions | None = None) -> BenchRe
     """
     options = options or ReadOptions()
     path = Path(path)
-    columns = _columns(path, options.mount, options.axis)
-    record = _assemble(path.name or str(path), columns, options)
+    noticed: list[str] = []
+    columns = _columns(path, options.mount, options.axis, noticed)
+    record = _assemble(path.name or str(path), columns, options, noticed)
     return check_record(record, allow_stiffness_outside=options.accept_stiffness)
 
 
-def _columns(path: Path, mount: str = "", axis: str = "") -> dict[str, Array]:
-    """Read all numeric columns of a file."""
+def _columns(path: Path, mount: str = "", axis: str = "", noticed: list[str] | None = None) -> dict[str, Array]:
+    """Read all numeric columns of a file; add to ``noticed`` what had to be done for it."""
     if not path.exists():
         raise InputDataError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in (".mcap", ".db3", ".bag"):
         from ride_estimation.io.bags_bench import read_bag_columns
 
-        return read_bag_columns(path, mount, axis)
+        columns, warnings = read_bag_columns(path, mount, axis)
+        if noticed is not None:
+            noticed += warnings
+        return columns
     if suffix == ".npz":
         return _npz_columns(path)
     return _mat_columns(path) if suffix == ".mat" else _csv_columns(path)
@@ -258,7 +262,7 @@ def _column(path: Path, name: str, cells: list[str]) -> Array:
     return values
 
 
-def _assemble(where: str, columns: Mapping[str, Array], options: ReadOptions) -> BenchRecord:
+def _assemble(where: str, columns: Mapping[str, Array], options: ReadOptions, warnings: list[str]) -> BenchRecord:
     problems: list[str] = []
     displacement, x_factor = _quantity("displacement", columns, options.displacement, options.displacement_unit, problems)
     force, f_factor = _quantity("force", columns, options.force, options.force_unit, problems)
@@ -279,7 +283,6 @@ def _assemble(where: str, columns: Mapping[str, Array], options: ReadOptions) ->
     t = np.arange(x.size) / options.rate_hz if time is None else columns[time] * t_factor
     if options.sign == "opposed":
         f = -f
-    warnings: list[str] = []
     x = _zeroed(where, x, options.zero, warnings)
     return BenchRecord(where, np.asarray(t, dtype=float), x, np.asarray(f, dtype=float), tuple(warnings))
 

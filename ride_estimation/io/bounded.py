@@ -8,6 +8,7 @@ to tenfold, covariances that are always zero up to a hundredfold.
 from __future__ import annotations
 
 import bz2
+import errno
 import importlib
 import zipfile
 from pathlib import Path
@@ -102,17 +103,19 @@ def _unpacker(compression: str) -> Any:
     raise ValueError(f"compression {compression!r} is unknown")
 
 
-def read_text(path: Path) -> str:
-    """Return a text file of at most :data:`LARGEST_TEXT` bytes.
+def read_text(path: Path, limit: int = LARGEST_TEXT) -> str:
+    """Return a text file of at most ``limit`` bytes; no more is read, whatever size the file states.
 
     Raises
     ------
     OSError, UnicodeDecodeError
         As ``Path.read_text``; a file that is too large is an ``OSError``.
     """
-    if path.stat().st_size > LARGEST_TEXT:
-        raise OSError(f"the file has {path.stat().st_size} bytes; at most {LARGEST_TEXT} are read")
-    return path.read_text(encoding="utf-8")
+    with path.open("rb") as stream:
+        data = stream.read(limit + 1)
+    if len(data) > limit:
+        raise OSError(errno.EFBIG, f"it has more than the {limit} bytes that are read", str(path))
+    return data.decode("utf-8")
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -9,27 +9,33 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, TypeVar, Unpack
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.bounded import read_text
+from ride_estimation.io.yaml_text import Located, parse_yaml
+from ride_estimation.text import shortened
 from ride_estimation.units import si_unit, split_suffix, suffixes_of
 from ride_estimation.vehicles.vehicle import Prior
 
 Array = NDArray[np.float64]
 Read = TypeVar("Read")
 
-#: the safe loader, in C where the installed PyYAML has it (fifteen times faster)
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-#: most values a document may have; the largest vehicle file has a thousandth of it
-LARGEST_DOCUMENT = 200_000
+#: largest YAML file that is read [bytes]; the largest vehicle file has a hundredth of it
+LARGEST_YAML = 4 << 20
+#: longest value and longest mistake as messages show them [characters]
+_LONGEST_VALUE = 120
+_LONGEST_PROBLEM = 2000
+#: a mistake that names its line already
+_HAS_LINE = re.compile(r" \(line \d+\)$")
+#: most unknown keys of one mapping that are named
+_MOST_UNKNOWN = 20
 
 
 def read_yaml(path: Path) -> Mapping[str, Any]:
@@ -41,23 +47,20 @@ def read_yaml(path: Path) -> Mapping[str, Any]:
         Missing or unreadable file, broken YAML, duplicate keys, or a document that is no mapping.
     """
     try:
-        text = read_text(path)
+        text = read_text(path, LARGEST_YAML)
     except FileNotFoundError:
         raise ConfigurationError("the file does not exist", where=str(path)) from None
-    except (OSError, UnicodeDecodeError) as error:
-        words = error.strerror if isinstance(error, OSError) else f"it is not UTF-8 text ({error.reason} at byte {error.start})"
-        raise ConfigurationError(f"the file cannot be read: {words}", where=str(path)) from error
+    except UnicodeDecodeError as error:
+        why = f"it is not UTF-8 text ({error.reason} at byte {error.start})"
+        raise ConfigurationError(f"the file cannot be read: {why}", where=str(path)) from error
+    except OSError as error:
+        raise ConfigurationError(f"the file cannot be read: {error.strerror or error}", where=str(path)) from error
     try:
-        root = yaml.compose(text, Loader=_LOADER)
-        _expanded(root, {})
-        twice = list(_keys_given_twice(root))
-        document = yaml.load(text, Loader=_LOADER)
-    except RecursionError:
-        raise ConfigurationError("not valid YAML: nested too deeply", where=str(path)) from None
-    except (yaml.YAMLError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
-        raise ConfigurationError(f"not valid YAML: {' '.join(str(error).split())}", where=str(path)) from error
+        document, twice = parse_yaml(text)
+    except ValueError as error:
+        raise ConfigurationError(f"not valid YAML: {shortened(str(error))}", where=str(path)) from error
     if twice:
-        raise ConfigurationError(twice, where=str(path))
+        raise ConfigurationError(map(shortened, twice), where=str(path))
     if document is None:
         raise ConfigurationError("the file is empty", where=str(path))
     if not isinstance(document, dict):
@@ -65,41 +68,9 @@ def read_yaml(path: Path) -> Mapping[str, Any]:
     return document
 
 
-def _expanded(node: Any, known: dict[int, int]) -> int:
-    """Return the number of values of a document with every alias written out.
-
-    Raises
-    ------
-    ValueError
-        An alias stands inside what it refers to, or there are more values than :data:`LARGEST_DOCUMENT`: a few lines of aliases
-        of aliases can stand for more values than fit into the memory.
-    """
-    if not isinstance(node, yaml.CollectionNode):
-        return 1
-    if id(node) not in known:
-        known[id(node)] = 0
-        children = [child for pair in node.value for child in pair] if isinstance(node, yaml.MappingNode) else node.value
-        known[id(node)] = 1 + sum(_expanded(child, known) for child in children)
-    if known[id(node)] == 0:
-        raise ValueError("an alias refers to what it stands in")
-    if known[id(node)] > LARGEST_DOCUMENT:
-        raise ValueError(f"more than {LARGEST_DOCUMENT} values when aliases are written out")
-    return known[id(node)]
-
-
-def _keys_given_twice(node: Any) -> Iterator[str]:
-    """Yield a problem per key that a mapping holds twice; plain YAML keeps the last one silently."""
-    if isinstance(node, yaml.MappingNode):
-        seen: set[str] = set()
-        for key, value in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    yield f"key {key.value!r} is given twice, the second time in line {key.start_mark.line + 1}"
-                seen.add(key.value)
-            yield from _keys_given_twice(value)
-    elif isinstance(node, yaml.SequenceNode):
-        for value in node.value:
-            yield from _keys_given_twice(value)
+def shown(value: Any) -> str:
+    """Return a value of a document as messages show it: as Python writes it, the middle left out where it is long."""
+    return shortened(repr(value), _LONGEST_VALUE)
 
 
 def as_number(value: Any) -> float | None:
@@ -133,15 +104,19 @@ class Section:
         Where it is in the document, for messages (``mounts.front_left``).
     problems
         Shared list that collects one sentence per mistake.
+    line
+        Of the file in which it begins, where that is known.
     """
 
-    def __init__(self, mapping: Any, path: str, problems: list[str]) -> None:
+    def __init__(self, mapping: Any, path: str, problems: list[str], line: int | None = None) -> None:
         self.path = path
         self.problems = problems
         self._used: set[str] = set()
         self._known: set[str] = set()
+        own: Mapping[str, int] = mapping.lines if isinstance(mapping, Located) else {}
+        self._lines: Mapping[str, int] = own if line is None else {**own, "": line}
         if not isinstance(mapping, Mapping):
-            self.note("", f"a mapping of keys to values is needed; given {mapping!r}")
+            self.note("", f"a mapping of keys to values is needed; given {shown(mapping)}")
             mapping = {}
         self._mapping: Mapping[str, Any] = {str(key): value for key, value in mapping.items()}
 
@@ -155,12 +130,15 @@ class Section:
 
     def where(self, key: str) -> str:
         """Return the full path of a key."""
-        return ".".join(part for part in (self.path, key) if part)
+        return ".".join(part for part in (self.path, shortened(key, _LONGEST_VALUE)) if part)
 
     def note(self, key: str, problem: str) -> None:
-        """Add a mistake."""
+        """Add a mistake, with the line of the file where it is known."""
         where = self.where(key)
-        self.problems.append(f"{where}: {problem}" if where else problem)
+        self.problems.append(shortened(f"{where}: {problem}" if where else problem, _LONGEST_PROBLEM) + self._line(key))
+
+    def _line(self, key: str) -> str:
+        return f" (line {self._lines[key]})" if key in self._lines else ""
 
     def raw(self, key: str, *, required: bool = False, meaning: str = "") -> Any:
         """Return the value as YAML gave it, None where absent."""
@@ -174,14 +152,16 @@ class Section:
     def section(self, key: str, *, required: bool = False, meaning: str = "") -> Section | None:
         """Return a nested mapping."""
         value = self.raw(key, required=required, meaning=meaning)
-        return None if value is None else Section(value, self.where(key), self.problems)
+        return None if value is None else Section(value, self.where(key), self.problems, self._lines.get(key))
 
     def sections(self, key: str, *, required: bool = False, meaning: str = "") -> dict[str, Section]:
         """Return the mappings inside a mapping, by name."""
         parent = self.section(key, required=required, meaning=meaning)
         if parent is None:
             return {}
-        return {name: Section(parent.raw(name), parent.where(name), self.problems) for name in parent.keys}
+        return {
+            name: Section(parent.raw(name), parent.where(name), self.problems, parent._lines.get(name)) for name in parent.keys
+        }
 
     def text(
         self, key: str, default: str | None = "", *, allowed: Iterable[str] | None = None, meaning: str = ""
@@ -192,11 +172,11 @@ class Section:
             return default
         choices = None if allowed is None else tuple(allowed)
         if not isinstance(value, str):
-            self.note(key, f"{value!r} is not a text" + (f"; allowed: {', '.join(choices)}" if choices else ""))
+            self.note(key, f"{shown(value)} is not a text" + (f"; allowed: {', '.join(choices)}" if choices else ""))
             return default
         if choices is not None and value not in choices:
             known = ", ".join(choices) or "none is declared"
-            self.note(key, f"{value!r} is unknown; allowed: {known}{suggestion(value, choices)}")
+            self.note(key, f"{shown(value)} is unknown; allowed: {known}{suggestion(value, choices)}")
             return default
         return value
 
@@ -206,7 +186,7 @@ class Section:
         if value is None:
             return default
         if not isinstance(value, bool):
-            self.note(key, f"{value!r} is not true or false")
+            self.note(key, f"{shown(value)} is not true or false")
             return default
         return value
 
@@ -240,7 +220,7 @@ class Section:
         def read(key: str, factor: float) -> float | None:
             value = as_number(self._mapping[key])
             if value is None:
-                self.note(key, f"{self._mapping[key]!r} is not a finite number [{unit}]")
+                self.note(key, f"{shown(self._mapping[key])} is not a finite number [{unit}]")
                 return None
             return value * factor
 
@@ -250,7 +230,10 @@ class Section:
         """Return a number or ``{value, std | relative_std, range, source}`` in SI."""
 
         def read(key: str, factor: float) -> Prior | None:
-            return quantity_from(self._mapping[key], self.where(key), unit, factor, self.problems)
+            problems: list[str] = []
+            found = quantity_from(self._mapping[key], self.where(key), unit, factor, problems)
+            self.problems += [problem if _HAS_LINE.search(problem) else problem + self._line(key) for problem in problems]
+            return found
 
         return self._within(name, unit, read, lambda prior: prior.value, limits)
 
@@ -274,7 +257,7 @@ class Section:
             return None
         number = as_number(value)
         if number is None:
-            self.note(key, f"{value!r} is not a finite number")
+            self.note(key, f"{shown(value)} is not a finite number")
             return None
         if positive and number <= 0.0:
             self.note(key, f"{number:g} must be positive")
@@ -293,7 +276,7 @@ class Section:
         """Return ``value`` as three finite numbers in SI, shape (3,)."""
         numbers = [as_number(v) for v in value] if isinstance(value, Sequence) and not isinstance(value, str) else []
         if len(numbers) != 3 or any(v is None for v in numbers):
-            self.note(key, f"{value!r} is not a list of three finite numbers [{unit}]")
+            self.note(key, f"{shown(value)} is not a list of three finite numbers [{unit}]")
             return None
         vector = np.array(numbers, dtype=float) * factor
         if np.max(np.abs(vector)) > limit:
@@ -305,10 +288,12 @@ class Section:
 
     def finish(self) -> None:
         """Report the keys nobody asked for."""
-        for key in self._mapping:
-            if key not in self._used:
-                known = sorted(self._known)
-                self.note(key, f"unknown key; allowed: {', '.join(known)}{suggestion(key, known)}")
+        known = sorted(self._known)
+        unknown = [key for key in self._mapping if key not in self._used]
+        for key in unknown[:_MOST_UNKNOWN]:
+            self.note(key, f"unknown key; allowed: {', '.join(known)}{suggestion(key, known)}")
+        if len(unknown) > _MOST_UNKNOWN:
+            self.note("", f"{len(unknown) - _MOST_UNKNOWN} more unknown keys")
 
     def _bounded(self, key: str, value: float, unit: str, lower: float, upper: float) -> float | None:
         if lower <= value <= upper:
@@ -342,7 +327,8 @@ def quantity_from(value: Any, where: str, unit: str, factor: float, problems: li
     if number is not None:
         return Prior(number * factor)
     if not isinstance(value, Mapping):
-        problems.append(f"{where}: {value!r} is not a finite number or {{value, std | relative_std, range, source}} [{unit}]")
+        what = "a finite number or {value, std | relative_std, range, source}"
+        problems.append(f"{where}: {shown(value)} is not {what} [{unit}]")
         return None
     before = len(problems)
     section = Section(value, where, problems)
@@ -358,7 +344,7 @@ def quantity_from(value: Any, where: str, unit: str, factor: float, problems: li
     if bounds is not None:
         pair = [as_number(v) for v in bounds] if isinstance(bounds, list) else []
         if len(pair) != 2 or pair[0] is None or pair[1] is None or pair[0] > pair[1]:
-            section.note("range", f"{bounds!r} is not [lowest, highest]")
+            section.note("range", f"{shown(bounds)} is not [lowest, highest]")
         else:
             low, high = pair[0], pair[1]
             if centre is not None and not low <= centre <= high:

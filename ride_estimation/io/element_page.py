@@ -22,7 +22,8 @@ HEAD = """\
 What stands behind `kind:` at an axis of a mount in a vehicle file. Written from the declarations in `ride_estimation/elements` by
 `python -m ride_estimation.io.element_page --write`. A single number is given plain or as
 `{value, std | relative_std, range, source}`; another unit of the same dimension goes by its own ending (`stiffness_n_per_mm`).
-Deflection is positive in extension, force in tension.
+Deflection is positive in extension, force in tension. At the axes roll, pitch and yaw the deflection is an angle and the force a
+moment, so that keys end accordingly (`stiffness_n_m_per_rad`, `damping_n_m_s_per_rad`, `friction_n_m`).
 """
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 import ride_estimation
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.atomic import replacing
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.json_file import write_json
 from ride_estimation.simulation.field_run import FieldRun
@@ -69,6 +70,7 @@ def write_field_run(directory: str | Path, run: FieldRun, scenario: Scenario, ve
             for f in scenario.faults
         ],
     }
+    with replacing(directory / "truth.npz") as new:
+        np.savez_compressed(new, **run.truth.signals)  # type: ignore[arg-type]
     write_json(directory / "truth.json", truth)
-    np.savez_compressed(directory / "truth.npz", **run.truth.signals)  # type: ignore[arg-type]
     return bag

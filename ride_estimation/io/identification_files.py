@@ -9,7 +9,8 @@ from typing import Any
 
 import yaml
 
-from ride_estimation.io.json_file import write_json
+from ride_estimation.io.atomic import write_atomically
+from ride_estimation.io.json_file import written_last
 
 
 def write_identification(directory: Path, document: Mapping[str, Any], element: Mapping[str, Any] | None) -> None:
@@ -25,7 +26,7 @@ def write_identification(directory: Path, document: Mapping[str, Any], element: 
         YAML form of the element; it goes as is under an axis of a mount in a vehicle file.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    write_json(directory / "identification.json", document)
-    if element is not None:
-        head = "# Identified force element: put this mapping under an axis of a mount in the vehicle file.\n"
-        (directory / "element.yaml").write_text(head + yaml.safe_dump(dict(element), sort_keys=False), encoding="utf-8")
+    with written_last(directory / "identification.json", document):
+        if element is not None:
+            head = "# Identified force element: put this mapping under an axis of a mount in the vehicle file.\n"
+            write_atomically(directory / "element.yaml", head + yaml.safe_dump(dict(element), sort_keys=False))

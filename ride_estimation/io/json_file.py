@@ -5,23 +5,17 @@ from __future__ import annotations
 
 import contextlib
 import enum
-import glob
 import json
 import math
-import os
-import tempfile
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.bounded import read_text
-
-#: age from which an unfinished file is nobody's any more [s]
-_LEFTOVER_S = 3600.0
 
 
 def jsonable(value: Any) -> Any:
@@ -68,50 +62,17 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     write_atomically(path, text + "\n")
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a text file so that whoever reads it, also after a power failure, finds the old or the new one, never a part.
-
-    The new text goes to the disk under another name in the same folder; then the name changes, and the folder is written too.
+@contextlib.contextmanager
+def written_last(path: Path, document: Mapping[str, Any]) -> Iterator[None]:
+    """Remove a JSON file, let the block write the files that belong to it, then write it: a folder that has it is complete.
 
     Parameters
     ----------
     path
         File to write.
-    text
-        Written as UTF-8; what cannot be written so (lone surrogates of names from outside) is written as ``?``.
+    document
+        Its content; the block may still add to it.
     """
-    data = text.encode("utf-8", "replace")
-    _remove_leftovers(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".tmp", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(name)
-        raise
-    with contextlib.suppress(OSError):  # some file systems cannot open folders
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-
-
-def _remove_leftovers(path: Path) -> None:
-    """Remove what writers that were killed left beside the file more than an hour ago."""
-    for left in path.parent.glob(f".{glob.escape(path.name[:100])}.*.tmp"):
-        with contextlib.suppress(OSError):
-            if time.time() - left.stat().st_mtime > _LEFTOVER_S:
-                left.unlink()
-
-
-def _umask() -> int:
-    """Return the file mode mask; it can only be read by setting it."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
+    path.unlink(missing_ok=True)
+    yield
+    write_json(path, document)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bounded import read_arrays
 from ride_estimation.io.json_file import read_json
-from ride_estimation.io.results import RESULT_SCHEMA
+from ride_estimation.io.results import RESULT_SCHEMA, sha256_of
 
 Array = NDArray[np.float64]
 
@@ -48,9 +48,8 @@ def read_replay(folder: str | Path) -> FinishedReplay:
         Missing, unreadable or foreign files.
     """
     folder = Path(folder)
+    result, signals = read_result(folder), read_arrays(folder / "signals.npz")
     try:
-        result = read_json(folder / "result.json")
-        signals = read_arrays(folder / "signals.npz")
         arrays = {name: signals[name] for name in ("time_s", "valid", "cg_accel", "mount_force", "mount_names")}
         arrays["mount_force"] = signals.get("mount_force_hindsight", arrays["mount_force"])
     except KeyError as error:
@@ -64,6 +63,29 @@ def read_replay(folder: str | Path) -> FinishedReplay:
         folder.name, result, tuple(str(n) for n in arrays["mount_names"]), arrays["time_s"], arrays["valid"], arrays["cg_accel"],
         arrays["mount_force"],
     )  # fmt: skip
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """Return ``result.json`` of a finished replay after a check that ``signals.npz`` beside it was written with it.
+
+    Results of versions that did not write the digest of the signals are read as they are.
+
+    Raises
+    ------
+    InputDataError
+        The replay did not finish, or the files are of two replays.
+    """
+    if not (folder / "result.json").exists() and (folder / "signals.npz").exists():
+        raise InputDataError(f"{folder}: signals.npz without result.json: the replay did not finish; repeat it")
+    result = read_json(folder / "result.json")
+    wanted = result.get("signals_sha256")
+    try:
+        fits = wanted is None or sha256_of(folder / "signals.npz") == wanted
+    except OSError as error:
+        raise InputDataError(f"{folder / 'signals.npz'}: cannot be read ({error.strerror or error})") from error
+    if not fits:
+        raise InputDataError(f"{folder}: signals.npz is not the file that result.json was written with; repeat the replay")
+    return result
 
 
 def _result_problems(result: Mapping[str, Any]) -> list[str]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import os
 import platform
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
+from ride_estimation.io.atomic import replacing
 from ride_estimation.jit import COMPILED
 from ride_estimation.metrics import nrmse
 from ride_estimation.signals.quality import ChannelQuality
@@ -146,15 +148,14 @@ def result_document(
     }
 
 
-def write_signals(path: Path, run: OfflineRun) -> None:
-    """Write ``signals.npz``: the arrays of interface section 3 and some more; those with hindsight where they were computed."""
+def write_signals(path: Path, run: OfflineRun) -> str:
+    """Write ``signals.npz``, with hindsight where that was computed; return the SHA-256 of the file for ``result.json``."""
     s = run.signals
     later: dict[str, Any] = {}
     if not isinstance(run.hindsight, str):
         h = run.hindsight
         later = {"mount_force_hindsight": h.force, "mount_force_hindsight_std": h.std, "mount_deflection_hindsight": h.deflection}
-    np.savez(
-        path,
+    arrays = dict(
         time_s=run.time_s,
         stamp_ns=run.stamp_ns,
         valid=run.valid,
@@ -173,3 +174,12 @@ def write_signals(path: Path, run: OfflineRun) -> None:
         mount_deflection=s["mount_deflection"],
         **later,
     )
+    with replacing(path) as new:
+        np.savez(new, **arrays)
+        return sha256_of(new)
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal digits."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.atomic import replacing
+from ride_estimation.text import printable, table_cell
 
 Cell = str | float | None
 
@@ -31,21 +33,21 @@ def write_run_table(path: Path, columns: Sequence[str], rows: Sequence[Mapping[s
         Unknown ending, or the extra ``files`` is needed for Parquet.
     """
     if path.suffix == ".csv":
-        with path.open("w", newline="", encoding="utf-8") as stream:
+        with replacing(path) as new, new.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream)
-            writer.writerow(columns)
-            for row in rows:
-                writer.writerow(["" if row.get(c) is None else row[c] for c in columns])
+            writer.writerow([table_cell(column) for column in columns])
+            writer.writerows([table_cell(row.get(column)) for column in columns] for row in rows)
         return
     if path.suffix != ".parquet":
         raise InputDataError(f"{path}: a table of runs is written as .csv or .parquet")
     arrow, parquet = require_parquet()
     arrays = {}
     for column in columns:
-        cells = [row.get(column) for row in rows]
+        cells = [printable(cell) if isinstance(cell, str) else cell for cell in (row.get(column) for row in rows)]
         text = any(isinstance(cell, str) for cell in cells)
         arrays[column] = arrow.array(cells, arrow.string() if text else arrow.float64())
-    parquet.write_table(arrow.table(arrays), path)
+    with replacing(path) as new:
+        parquet.write_table(arrow.table(arrays), new)
 
 
 def require_parquet() -> tuple[Any, Any]:

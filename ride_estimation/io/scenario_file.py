@@ -17,7 +17,7 @@ from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.excitation.road import CLASS_ROUGHNESS, COHERENCE_LENGTH
 from ride_estimation.frames import AXES
-from ride_estimation.io.document import Section, as_number, read_yaml
+from ride_estimation.io.document import Section, as_number, read_yaml, shown
 from ride_estimation.sensors.measurement import FAULT_KINDS, Fault, SensorErrors
 from ride_estimation.simulation.rotation import Payload
 from ride_estimation.simulation.scenario import (
@@ -118,7 +118,7 @@ def _integer(section: Section, key: str, *, required: bool = False) -> int | Non
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        section.note(key, f"{value!r} is not a whole number of 0 or more")
+        section.note(key, f"{shown(value)} is not a whole number of 0 or more")
         return None
     return value
 
@@ -128,7 +128,7 @@ def _list(section: Section, key: str) -> Iterator[Section]:
     if value is None:
         return
     if not isinstance(value, list):
-        section.note(key, f"{value!r} is not a list")
+        section.note(key, f"{shown(value)} is not a list")
         return
     for number, item in enumerate(value):
         yield Section(item, section.where(f"{key}[{number}]"), section.problems)
@@ -160,7 +160,7 @@ def _points(section: Section, name: str, unit: str, required: bool = False) -> t
     points = [tuple(as_number(v) for v in row) for row in rows if isinstance(row, list) and len(row) == 2]
     flat = [v for row in points for v in row]
     if not rows or len(points) != len(rows) or any(v is None for v in flat):
-        section.note(key, f"{value!r} is neither a number nor a list of [time_s, value]")
+        section.note(key, f"{shown(value)} is neither a number nor a list of [time_s, value]")
         return None
     numbers = [(float(t or 0.0), float(v or 0.0)) for t, v in points]
     if any(b[0] <= a[0] for a, b in itertools.pairwise(numbers)) or any(v < 0.0 for _, v in numbers):
@@ -244,11 +244,11 @@ def _engine(s: Section | None) -> Engine | None:
     for order, amplitude in (given.items() if isinstance(given, dict) else ()):
         k, value = as_number(order), as_number(amplitude)
         if k is None or value is None or k <= 0.0 or value < 0.0:
-            s.note("orders_m_per_s2", f"{order!r}: {amplitude!r}; allowed: order > 0, amplitude of 0 or more [m/s^2]")
+            s.note("orders_m_per_s2", f"{shown(order)}: {shown(amplitude)}; allowed: order > 0, amplitude of 0 or more [m/s^2]")
         else:
             orders[k] = value
     if given is not None and not isinstance(given, dict):
-        s.note("orders_m_per_s2", f"{given!r} is not a mapping of order to amplitude")
+        s.note("orders_m_per_s2", f"{shown(given)} is not a mapping of order to amplitude")
     speed = _points(s, "speed", "Hz", required=True)
     lateral, fore_aft = s.plain("lateral_share", lower=0.0, upper=10.0), s.plain("fore_aft_share", lower=0.0, upper=10.0)
     s.finish()
@@ -340,7 +340,7 @@ def _truck(section: Section | None) -> TruckData | None:
         numbers = [as_number(v) for v in (raw if isinstance(raw, list) else [raw])]
         pair = isinstance(field.default, tuple)
         if any(n is None for n in numbers) or len(numbers) != (2 if pair else 1):
-            section.note(key, f"{raw!r}; allowed: " + ("[front, rear]" if pair else "one number"))
+            section.note(key, f"{shown(raw)}; allowed: " + ("[front, rear]" if pair else "one number"))
             continue
         scaled = tuple(float(n or 0.0) * factor for n in numbers)
         values[field.name] = scaled if pair else scaled[0]

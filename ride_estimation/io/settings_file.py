@@ -9,7 +9,7 @@ from typing import Any
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.settings import PipelineSettings
-from ride_estimation.io.document import Section, as_number, read_yaml
+from ride_estimation.io.document import Section, as_number, read_yaml, shown
 
 
 def load_settings(path: str | Path) -> PipelineSettings:
@@ -52,7 +52,7 @@ def _value(section: Section, name: str, default: Any) -> Any:
         return section.flag(name, default)
     number = as_number(section.raw(name))
     if number is None:
-        section.note(name, f"{section.raw(name)!r} is not a finite number")
+        section.note(name, f"{shown(section.raw(name))} is not a finite number")
         return default
     if default is None:
         return number or None

@@ -22,7 +22,8 @@ import ride_estimation
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.io.json_file import read_json, write_atomically
+from ride_estimation.io.atomic import write_atomically
+from ride_estimation.io.json_file import read_json
 from ride_estimation.io.packed_arrays import pack, unpack
 from ride_estimation.io.vehicle_file import vehicle_to_mapping
 from ride_estimation.vehicles.identified import with_identified

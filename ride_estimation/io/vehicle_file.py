@@ -15,12 +15,15 @@ import numpy as np
 import yaml
 
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.frames import COORDINATES
+from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.document import Section, read_yaml
 from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, stiffness_unit_problems
 from ride_estimation.io.vehicle_sensors import Names, read_force_references, read_sensors, topic_problems
 from ride_estimation.resources import shared_path
 from ride_estimation.sensors.layout import LayoutCheck, check_layout
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.units import key_about_an_axis
 from ride_estimation.vehicles.vehicle import STANDARD_GRAVITY, Body, ForceReference, Mount, Prior, Vehicle
 
 SCHEMA = "ride_estimation/vehicle/1"
@@ -139,7 +142,7 @@ def save_vehicle(vehicle: Vehicle, path: str | Path) -> None:
         File to write.
     """
     text = yaml.safe_dump(vehicle_to_mapping(vehicle), sort_keys=False, allow_unicode=True, width=120)
-    Path(path).write_text(text, encoding="utf-8")
+    write_atomically(Path(path), text)
 
 
 def vehicle_to_mapping(vehicle: Vehicle) -> dict[str, Any]:
@@ -192,8 +195,17 @@ def _mount_mapping(mount: Mount) -> dict[str, Any]:
         for address, (p, value) in element.addressed().items():
             if address in priors:
                 _put(mapping, address, p.key, _quantity(dataclasses.replace(priors[address], value=value)))
-        axes[axis] = mapping
+        axes[axis] = _turned(mapping) if axis in COORDINATES[3:] else mapping
     return {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+
+
+def _turned(mapping: Any) -> Any:
+    """Return the YAML form of an element with the keys of a roll, pitch or yaw axis."""
+    if isinstance(mapping, list):
+        return [_turned(entry) for entry in mapping]
+    if isinstance(mapping, dict):
+        return {key_about_an_axis(key): _turned(value) for key, value in mapping.items()}
+    return mapping
 
 
 def _put(mapping: dict[str, Any], address: str, key: str, quantity: Any) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -14,8 +15,8 @@ from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.registry import element_from_mapping, kinds
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES, COORDINATES
-from ride_estimation.io.document import Section, as_number, quantity_from, suggestion
-from ride_estimation.units import si_unit, split_suffix
+from ride_estimation.io.document import Section, as_number, quantity_from, shown, suggestion
+from ride_estimation.units import ABOUT_AN_AXIS, key_about_an_axis, si_unit, split_suffix
 from ride_estimation.vehicles.inertia import GYRATION_RANGE
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior
 
@@ -64,7 +65,7 @@ def _read_cg(section: Section) -> tuple[Array | None, Array | None]:
         return cg, None
     spread = inner.three("std", [std] * 3 if as_number(std) is not None else std, "m", factor, FARTHEST)
     if spread is not None and np.any(spread < 0.0):
-        inner.note("std", f"{std!r} is negative")
+        inner.note("std", f"{shown(std)} is negative")
         spread = None
     return cg, spread
 
@@ -74,7 +75,7 @@ def _read_coordinates(section: Section) -> tuple[str, ...]:
     if value is None:
         return COORDINATES
     if not isinstance(value, list) or not value or any(v not in COORDINATES for v in value) or len(set(value)) != len(value):
-        section.note("degrees_of_freedom", f"{value!r} is not a list of some of {', '.join(COORDINATES)}, each once")
+        section.note("degrees_of_freedom", f"{shown(value)} is not a list of some of {', '.join(COORDINATES)}, each once")
         return COORDINATES
     return tuple(c for c in COORDINATES if c in value)
 
@@ -146,7 +147,7 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
         body = section.text("body", None, allowed=bodies or None, meaning="the body it carries")
         base = section.text("base", None, meaning="another body, or a name such as chassis or road")
         if body and body == base:
-            section.note("base", f"{base!r} is the body itself; a mount joins two different bodies")
+            section.note("base", f"{shown(base)} is the body itself; a mount joins two different bodies")
             base = None
         elements, priors = _read_axes(section)
         section.finish()
@@ -163,7 +164,7 @@ def _read_axes(section: Section) -> tuple[dict[str, ForceElement], dict[tuple[st
         entries = {axis: section.raw("element") for axis in AXES}
     axes = section.raw("axes", required=not entries, meaning="one force element per axis")
     if axes is not None and not isinstance(axes, Mapping):
-        section.note("axes", f"{axes!r} is not a mapping of axis to force element")
+        section.note("axes", f"{shown(axes)} is not a mapping of axis to force element")
         axes = None
     if axes is not None:
         for axis in axes:
@@ -176,14 +177,14 @@ def _read_axes(section: Section) -> tuple[dict[str, ForceElement], dict[tuple[st
     priors: dict[tuple[str, str], Prior] = {}
     for axis, entry in entries.items():
         found: dict[str, Prior] = {}
-        element = read_element(entry, section.where(f"axes.{axis}"), section.problems, found)
+        element = read_element(entry, section.where(f"axes.{axis}"), section.problems, found, axis)
         if element is not None:
             elements[axis] = element
             priors.update({(axis, name): prior for name, prior in found.items()})
     return elements, priors
 
 
-def read_element(entry: Any, where: str, problems: list[str], priors: dict[str, Prior]) -> ForceElement | None:
+def read_element(entry: Any, where: str, problems: list[str], priors: dict[str, Prior], axis: str = "z") -> ForceElement | None:
     """Return one force element whose numbers may be quantities in any unit.
 
     Parameters
@@ -196,37 +197,48 @@ def read_element(entry: Any, where: str, problems: list[str], priors: dict[str, 
         List the mistakes are added to.
     priors
         Filled with parameter name -> what is known of it.
+    axis
+        Axis of the element: about roll, pitch and yaw its keys carry units of moments and angles.
     """
+    turned = axis in COORDINATES[3:]
     before = len(problems)
     if isinstance(entry, Mapping) and "kind" not in entry and isinstance(entry.get("element"), Mapping):
         entry = entry["element"]
-    plain = _plain_numbers(entry, where, problems, priors)
+    plain = _plain_numbers(entry, where, problems, priors, turned)
     if plain is None:
         return None
     try:
         element = element_from_mapping(plain)
     except ConfigurationError as error:
-        problems.extend(f"{where}.{problem}" for problem in error.problems)
+        problems.extend(f"{where}.{_as_turned(problem) if turned else problem}" for problem in error.problems)
         return None
     return element if len(problems) == before else None
 
 
+def _as_turned(problem: str) -> str:
+    """Return the words of a mistake with the keys and units a roll, pitch or yaw axis has."""
+    words = re.sub(r"\w+", lambda found: key_about_an_axis(found.group()), problem)
+    return re.sub(r"\[([^\]]+)\]", lambda found: f"[{ABOUT_AN_AXIS.get(found.group(1), found.group(1))}]", words)
+
+
 def _plain_numbers(
-    entry: Any, where: str, problems: list[str], priors: dict[str, Prior], prefix: str = ""
+    entry: Any, where: str, problems: list[str], priors: dict[str, Prior], turned: bool, prefix: str = ""
 ) -> dict[str, Any] | None:
     """Return the element mapping with every quantity replaced by its number in SI under the declared key."""
     if not isinstance(entry, Mapping):
-        problems.append(f"{where}: {entry!r} is not a force element; a mapping with kind and its parameters is needed")
+        problems.append(f"{where}: {shown(entry)} is not a force element; a mapping with kind and its parameters is needed")
         return None
     kind = entry.get("kind")
     if not isinstance(kind, str) or kind not in kinds():
         problems.append(
-            f"{where}.kind: {kind!r} is not a force element; allowed: {', '.join(kinds())}{suggestion(str(kind), kinds())}"
+            f"{where}.kind: {shown(kind)} is not a force element; allowed: {', '.join(kinds())}{suggestion(str(kind), kinds())}"
         )
         return None
     declared = {p.key: p for p in kinds()[kind].parameters()}
     series = {p.key: p for p in kinds()[kind].series_parameters()}
     by_base = {(split_suffix(key)[0], si_unit(split_suffix(key)[1])): key for key in (*declared, *series)}
+    if turned:
+        by_base |= {(base, ABOUT_AN_AXIS[unit]): key for (base, unit), key in by_base.items() if unit in ABOUT_AN_AXIS}
     result: dict[str, Any] = {}
     for key, value in entry.items():
         base, printed, factor = split_suffix(str(key))
@@ -234,7 +246,8 @@ def _plain_numbers(
         path = f"{where}.{key}"
         if target in declared:
             p = declared[target]
-            prior = quantity_from(value, path, p.unit, 1.0 if target == key else factor, problems)
+            unit = ABOUT_AN_AXIS.get(p.unit, p.unit) if turned else p.unit
+            prior = quantity_from(value, path, unit, 1.0 if target == key else factor, problems)
             if target in result:
                 problems.append(f"{path}: given more than once")
             # a stand-in within bounds lets the element report its other mistakes in the same pass
@@ -248,10 +261,10 @@ def _plain_numbers(
             result[target] = [p.lower if prior is None else prior.value for prior in entries]
             priors.update({f"{prefix}{p.name}[{i}]": prior for i, prior in enumerate(entries) if prior is not None})
         elif isinstance(value, Mapping) and "kind" in value:
-            result[key] = _plain_numbers(value, path, problems, priors, f"{prefix}{key}.")
+            result[key] = _plain_numbers(value, path, problems, priors, turned, f"{prefix}{key}.")
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) and "kind" in v for v in value):
             result[key] = [
-                _plain_numbers(v, f"{path}[{i}]", problems, priors, f"{prefix}{key}[{i}].") for i, v in enumerate(value)
+                _plain_numbers(v, f"{path}[{i}]", problems, priors, turned, f"{prefix}{key}[{i}].") for i, v in enumerate(value)
             ]
         else:
             result[key] = value

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.frames import AXES, rotation_from_rpy
-from ride_estimation.io.document import Section, as_number
+from ride_estimation.io.document import Section, as_number, shown
 from ride_estimation.io.vehicle_mechanics import FARTHEST
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
 from ride_estimation.signals.correction import Correction
@@ -139,7 +139,7 @@ def _per_axis(section: Section, key: str, value: Any, unit: str, factor: float, 
     numbers = [as_number(v) for v in value] if isinstance(value, list) else [as_number(value)] * axes
     if len(numbers) != axes or any(v is None for v in numbers):
         allowed = "a finite number" + (f" or a list of {axes}" if axes > 1 else "")
-        section.note(key, f"{value!r} is not {allowed}{f' [{unit}]' if unit else ''}")
+        section.note(key, f"{shown(value)} is not {allowed}{f' [{unit}]' if unit else ''}")
         return ()
     return tuple(v * factor for v in numbers if v is not None)
 
@@ -167,7 +167,7 @@ def _read_rotation(section: Section) -> Array:
     rows = matrix if isinstance(matrix, list) else []
     numbers = [[as_number(v) for v in row] if isinstance(row, list) else [] for row in rows]
     if [len(row) for row in numbers] != [3, 3, 3] or any(v is None for row in numbers for v in row):
-        section.note("rotation_matrix", f"{matrix!r} is not three rows of three finite numbers")
+        section.note("rotation_matrix", f"{shown(matrix)} is not three rows of three finite numbers")
         return np.eye(3)
     rotation = np.array(numbers, dtype=float)
     if np.max(np.abs(rotation @ rotation.T - np.eye(3))) > 1e-3:
@@ -200,7 +200,7 @@ def read_force_references(top: Section, names: Names, sensors: Mapping[str, Sens
     if entries is None:
         return ()
     if not isinstance(entries, list):
-        top.note("force_references", f"{entries!r} is not a list")
+        top.note("force_references", f"{shown(entries)} is not a list")
         return ()
     references = []
     for index, entry in enumerate(entries):
@@ -229,7 +229,7 @@ def _read_reference(section: Section, names: Names, sensors: Mapping[str, Sensor
         axis = section.text("axis", "z" if kind == "air_spring_pressure" else None, allowed=AXES, meaning="x, y or z") or ""
         elements = names.readable_mounts[mount].elements if mount in names.readable_mounts else None
         if elements is not None and axis and axis not in elements:
-            section.note("axis", f"mount {mount!r} has no force element on axis {axis!r}")
+            section.note("axis", f"mount {shown(mount)} has no force element on axis {axis!r}")
     if kind == "load_cell":
         cells = [s.name for s in sensors.values() if s.kind == "force"]
         sensor = section.text("sensor", None, allowed=cells, meaning="a sensor of kind force") or ""

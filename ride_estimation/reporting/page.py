@@ -12,7 +12,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ride_estimation.io.atomic import replacing, write_atomically
 from ride_estimation.reporting.numbers import plain
+from ride_estimation.text import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,24 +121,24 @@ class Page:
     def write(self, path: Path) -> None:
         """Write the page to ``path`` as one HTML file."""
         headings = [b.text for b in self.blocks if isinstance(b, Text) and b.kind == "h2"]
-        anchors = "".join(f'<a href="#s{i}">{html.escape(text)}</a>' for i, text in enumerate(headings))
+        anchors = "".join(f'<a href="#s{i}">{_escaped(text)}</a>' for i, text in enumerate(headings))
         navigation = f"<nav>{anchors}</nav>" if len(headings) > 3 else ""
-        parts, section, placed = [f"<h1>{html.escape(self.title)}</h1>"], 0, False
+        parts, section, placed = [f"<h1>{_escaped(self.title)}</h1>"], 0, False
         for block in self.blocks:
             if isinstance(block, Text) and block.kind == "h2":
                 if not placed:
                     parts.append(navigation)
                     placed = True
-                parts.append(f'<h2 id="s{section}">{html.escape(block.text)}</h2>')
+                parts.append(f'<h2 id="s{section}">{_escaped(block.text)}</h2>')
                 section += 1
             else:
                 parts.append(_html(block))
         text = (
             '<!doctype html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
-            f"<title>{html.escape(self.title)}</title><style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+            f"<title>{_escaped(self.title)}</title><style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
         )
-        path.write_text(text, encoding="utf-8")
+        write_atomically(path, text)
 
     def write_png(self, folder: Path) -> list[Path]:
         """Write every picture as a PNG file, numbered and named after its caption; return the files."""
@@ -145,7 +147,8 @@ class Page:
         for number, picture in enumerate(self.pictures, start=1):
             name = re.sub(r"[^a-z0-9]+", "_", picture.caption.lower()).strip("_")[:60]
             files.append(folder / f"{number:02d}_{name}.png")
-            files[-1].write_bytes(png(picture, PRINT_DPI))
+            with replacing(files[-1]) as new:
+                new.write_bytes(png(picture, PRINT_DPI))
         return files
 
 
@@ -154,6 +157,8 @@ def png(picture: Picture, dpi: int) -> bytes:
     from matplotlib.text import Text as Label
 
     for label in picture.figure.findobj(Label):
+        if label.get_text() != printable(label.get_text()):
+            label.set_text(printable(label.get_text()))
         if "$" in label.get_text() and not label.get_text().startswith("$\\mathdefault"):
             # a name from outside is no formula; matplotlib writes the powers of ten of its ticks as one
             label.set_parse_math(False)
@@ -165,7 +170,7 @@ def png(picture: Picture, dpi: int) -> bytes:
 
 def cell_text(value: object) -> str:
     """Return the text of a cell of a table: numbers with four significant digits."""
-    return plain(value) if isinstance(value, float) else str(value)
+    return plain(value) if isinstance(value, float) else printable(str(value))
 
 
 def is_number(value: object) -> bool:
@@ -173,20 +178,24 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float, Digits)) and not isinstance(value, bool)
 
 
+def _escaped(text: str) -> str:
+    return html.escape(printable(text))
+
+
 def _html(block: Block) -> str:
     if isinstance(block, Picture):
         data = base64.b64encode(png(block, SCREEN_DPI)).decode("ascii")
-        caption = html.escape(block.caption)
+        caption = _escaped(block.caption)
         return f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
     if isinstance(block, Table):
-        heads = "".join(f"<th>{html.escape(h)}</th>" for h in block.headers)
+        heads = "".join(f"<th>{_escaped(h)}</th>" for h in block.headers)
         head = f"<thead><tr>{heads}</tr></thead>" if any(block.headers) else ""
         body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in block.rows)
         return f'<div class="wide"><table>{head}<tbody>{body}</tbody></table></div>'
-    text = html.escape(block.text)
+    text = _escaped(block.text)
     return f"<p>{text}</p>" if block.kind == "p" else f'<p class="{block.kind}">{text}</p>'
 
 
 def _cell(value: object) -> str:
-    text = html.escape(cell_text(value))
+    text = _escaped(cell_text(value))
     return f'<td class="number">{text}</td>' if is_number(value) else f"<td>{text}</td>"

@@ -13,7 +13,9 @@ import numpy as np
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
+from ride_estimation.io.atomic import replacing
 from ride_estimation.reporting.page import PRINT_DPI, Page, Picture, Table, Text, cell_text, is_number, png
+from ride_estimation.text import printable
 
 _WIDTH, _HEIGHT, _MARGIN = 8.27, 11.69, 0.6  # A4 [inch]
 _POINTS = 72.0
@@ -40,7 +42,7 @@ def write_pdf(page: Page, path: Path) -> None:
     path
         File to write.
     """
-    with PdfPages(path, metadata={"Title": page.title, "CreationDate": None}) as document:
+    with replacing(path) as new, PdfPages(new, metadata={"Title": printable(page.title), "CreationDate": None}) as document:
         sheets = _Sheets(document)
         sheets.text(page.title, "h1")
         for block in page.blocks:
@@ -78,7 +80,7 @@ class _Sheets:
     def text(self, text: str, kind: str) -> None:
         """Set a text, line by line."""
         size, columns, weight, colour = _STYLES[kind]
-        lines = textwrap.wrap(" ".join(text.split()), columns) or [""]
+        lines = textwrap.wrap(printable(" ".join(text.split())), columns) or [""]
         before = 0.12 if kind in ("h1", "h2") else 0.03
         # a heading stays with what follows
         self._room(before + len(lines[:40]) * size * _LINE / _POINTS + (0.8 if kind == "h2" else 0.0))

@@ -22,6 +22,7 @@ def folder(tmp_path: Path) -> Path:
         valid=np.ones(n, bool), cg_accel=rng.normal(size=(n, 6)), inertial_load=rng.normal(size=(n, 6)),
         mount_names=np.array(["left", "right"]), mount_force=rng.normal(size=(n, 2, 3)),
     )  # fmt: skip
+    (tmp_path / "result.json").write_text("{}")
     return tmp_path
 
 
@@ -54,3 +55,15 @@ def test_bad_input(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     np.savez(folder / "signals.npz", time_s=np.zeros(3))
     assert main(["export-file", str(folder), "--out", str(tmp_path / "run.csv")]) == 2
     assert "stamp_ns" in capsys.readouterr().err
+    n = 5
+    whole = {
+        "time_s": np.arange(n) / 200.0, "stamp_ns": np.arange(n), "valid": np.ones(n, bool), "cg_accel": np.zeros((n, 6)),
+        "mount_names": np.array(["a"]), "mount_force": np.zeros((n, 1, 3)),
+    }  # fmt: skip
+    for name, array in (
+        ("cg_accel", np.zeros((n, 3))), ("mount_force", np.zeros((n, 2, 3))), ("time_s", np.zeros(())),
+        ("stamp_ns", np.zeros(n)), ("cg_accel", np.full((n, 6), "x")), ("mount_names", np.zeros(1)),
+    ):  # fmt: skip
+        np.savez(folder / "signals.npz", **(whole | {name: array}))
+        assert main(["export-file", str(folder), "--out", str(tmp_path / "run.csv")]) == 2
+        assert "not the results of a replay" in capsys.readouterr().err

@@ -11,6 +11,7 @@ import random
 import re
 import resource
 import struct
+import time
 import zipfile
 from pathlib import Path
 
@@ -151,12 +152,66 @@ def test_aliases_of_aliases_are_counted_before_they_are_walked(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("text", "says"), [("a: &a [*a]", "stands in"), ("[" * 5000, "not valid YAML"), ("a: " + "{b: " * 3000, "not valid YAML")]
+    ("text", "says"),
+    [
+        ("a: &a [*a]", "stands in"),
+        ("[" * 5000, "levels deep in line 1"),
+        ("[" * 50_000 + "]" * 50_000, "levels deep"),  # the C parser overflows its stack from here on
+        ("a:\n - " + "{b: " * 3000, "levels deep in line 2"),
+        ("- " * 100_000, "levels deep"),
+        ("a: !!int '1" + ":59" * 100_000 + "'", "not an integer"),
+        ("a: !!float '1" + ":59" * 100_000 + ".'", "not a decimal number"),
+        ("a: " + "x" * (5 << 20), "more than the"),
+    ],
 )
-def test_endless_and_deep_yaml_is_refused(text: str, says: str, tmp_path: Path) -> None:
+def test_endless_and_deep_yaml_is_refused_at_once(text: str, says: str, tmp_path: Path) -> None:
     (tmp_path / "v.yaml").write_text(text)
-    with pytest.raises(ConfigurationError, match=says):
+    began = time.process_time()
+    with pytest.raises(ConfigurationError, match=says) as caught:
         read_yaml(tmp_path / "v.yaml")
+    assert time.process_time() - began < 1.0
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("value", ["0x" + "F" * 6000, "1" + ":59" * 300_000, "9" * 1_000_000, "'" + "x" * 1_000_000 + "'"])
+@pytest.mark.parametrize("key", ["gravity_m_per_s2", "schema", "bodies", "sensors", "other"])
+def test_a_long_value_is_a_short_message(key: str, value: str, tmp_path: Path) -> None:
+    (tmp_path / "v.yaml").write_text(f"name: n\n{key}: {value}\n")
+    began = time.process_time()
+    with pytest.raises(ConfigurationError) as caught:
+        load_vehicle(tmp_path / "v.yaml")
+    assert time.process_time() - began < 1.0
+    assert len(str(caught.value)) < 5000 and "(line 2)" in str(caught.value)
+
+
+def test_many_unknown_keys_are_counted_and_not_listed(tmp_path: Path) -> None:
+    (tmp_path / "v.yaml").write_text("\n".join(f"key{i}{'y' * 200}: 1" for i in range(10_000)))
+    began = time.process_time()
+    with pytest.raises(ConfigurationError, match="9980 more unknown keys") as caught:
+        load_vehicle(tmp_path / "v.yaml")
+    assert time.process_time() - began < 2.0 and len(str(caught.value)) < 10_000
+
+
+def test_numbers_are_read_as_they_are_written(tmp_path: Path) -> None:
+    numbers = "{a: 010, b: 1e3, c: -.5, d: 0x10, e: '12:30', f: 2026-11-22, g: .inf, h: +7, i: 1.0, j: 12:30:15,"
+    numbers += " k: 1700000000123456789}"
+    (tmp_path / "v.yaml").write_text(numbers)
+    found = read_yaml(tmp_path / "v.yaml")
+    assert found == {
+        "a": 10, "b": 1000.0, "c": -0.5, "d": "0x10", "e": "12:30", "f": "2026-11-22", "g": float("inf"), "h": 7, "i": 1.0,
+        "j": "12:30:15", "k": 1_700_000_000_123_456_789,
+    }  # fmt: skip
+    assert type(found["a"]) is int and type(found["i"]) is float
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no file without end")
+def test_a_file_without_end_is_not_read_to_its_end() -> None:
+    before = peak()
+    with pytest.raises(ConfigurationError, match="more than the"):
+        read_yaml(Path("/dev/zero"))
+    with pytest.raises(InputDataError, match="more than the"):
+        read_json(Path("/dev/zero"))
+    assert peak() - before < 300 << 20
 
 
 def test_deep_json_is_refused(tmp_path: Path) -> None:

@@ -6,13 +6,14 @@ import dataclasses
 import numpy as np
 import pytest
 from fire_truck_tables import TABLE_2, TABLE_2_SUM
+from scipy import signal
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from worlds.quarter_car import FireTruck
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.quarter_car import checks, models, plausibility
-from ride_estimation.identification.quarter_car.fit import fit_models, line_coherence
+from ride_estimation.identification.quarter_car.fit import fit_models
 from ride_estimation.identification.quarter_car.models import MODELS, REFERENCE_STROKE
 
 TRUCK = FireTruck(duration=3.0, start=0.8)
@@ -172,13 +173,36 @@ def test_a_missing_rear_axle_is_offered_as_half_car_and_a_clean_residual_is_not(
     assert checks.pitch_evidence(noise, axle, RATE, SPEED).offer == ""
 
 
-def test_line_coherence_tells_a_sinusoid_from_a_burst():
+RANGE = (0.2, 40.0)
+
+
+def test_a_sinusoid_is_told_from_what_one_sinusoid_happens_to_fit():
     t = np.arange(0, 30, 1 / 100)
     rng = np.random.default_rng(1)
-    sine = np.sin(2 * np.pi * 3.0 * t) + 0.3 * rng.standard_normal(t.size)
-    assert line_coherence(sine, 100.0, 3.0) > 0.95
     noise = rng.standard_normal(t.size)
-    assert line_coherence(noise, 100.0, 3.0) < 0.8
+    for level in (3.0, 1.0, 0.3):  # the weakest has 4 % of the energy
+        found = checks.line_test(level * np.sin(2 * np.pi * 3.0 * t + 1.0) + noise, 100.0, 3.01, RANGE)
+        assert found.chance < 0.01, level
+        assert found.frequency_hz == pytest.approx(3.0, abs=0.02)
+    # ringing of a resonance at random, one burst, a step: at the frequency of their own largest peak
+    ringing = signal.lfilter([1.0], [1.0, -2 * 0.98 * np.cos(0.19), 0.98**2], noise)
+    burst = np.exp(-(((t - 11) / 0.8) ** 2)) * np.sin(2 * np.pi * 3.0 * t)
+    step = np.where(t > 14, 1.0, 0.0) * np.exp(-0.5 * (t - 14)) + 0.01 * noise
+    for other in (noise, ringing, burst + 0.01 * noise, step):
+        spectrum = np.abs(np.fft.rfft(other - other.mean()))
+        peak = np.fft.rfftfreq(t.size, 0.01)[np.argmax(spectrum)]
+        assert checks.line_test(other, 100.0, max(peak, 0.3), RANGE).chance > 0.05
+
+
+def test_the_chance_of_a_line_in_noise_is_what_it_says():
+    rng = np.random.default_rng(3)
+    t = np.arange(1000)
+    hits = 0
+    for _ in range(60):
+        noise = rng.standard_normal(t.size)
+        peak = np.fft.rfftfreq(t.size, 0.01)[np.argmax(np.abs(np.fft.rfft(noise))[2:400]) + 2]
+        hits += checks.line_test(noise, 100.0, peak, RANGE).chance < 0.1
+    assert hits <= 12  # 6 at most are expected; 12 has a probability below 0.02
 
 
 def test_bad_input_is_refused(measured):

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.identification.bench.analysis import identify_records, ladder_for
-from ride_estimation.identification.bench.models import LADDER, model_by_name
+from ride_estimation.identification.bench.analysis import identify_records
+from ride_estimation.identification.bench.models import LADDER, ladder_for, model_by_name
 from ride_estimation.identification.bench.oscillator import OscillatorRecord, identify_oscillator
 from ride_estimation.identification.bench.record import BenchRecord, check_record
 from ride_estimation.identification.bench.time_domain import fit_time_domain, held_out_stretches, prepare
@@ -83,6 +83,43 @@ def test_uncertainty_covers_with_correlated_residuals():
         assert std[0] > 2 * spread.white_std[0]
     # 50 intervals of 2 sigma; fewer than 40 inside has a probability below 1e-4 at 95 % coverage
     assert np.sum(inside) >= 40
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("kind", ["friction rounded by speed", "cubic spring"])
+def test_intervals_hold_where_a_part_of_the_law_is_missing(kind, seed):
+    # two sines, so that the misfit comes again and again: intervals of noise alone are 10 to 40 times too narrow here
+    rng = np.random.default_rng(seed)
+    t = np.arange(6000) * H
+    x = 3e-3 * np.sin(2 * np.pi * rng.uniform(0.8, 1.5) * t) + 1e-3 * np.sin(2 * np.pi * rng.uniform(4, 6) * t)
+    v = np.gradient(x, t)
+    extra = 60 * np.tanh(v / 2e-3) if kind.startswith("friction") else 3e9 * x**3
+    model, truth = ("dahl", [2e5, 900.0, 60.0]) if kind.startswith("friction") else ("kelvin_voigt", [2e5, 900.0])
+    item = prepare(check_record(BenchRecord("r", t, x, 2e5 * x + 900 * v + extra + 3 * rng.standard_normal(t.size))))
+    fit = fit_time_domain(model_by_name(model), [item])
+    spread = uncertainty(fit, [item])
+    off = np.array([p.value for p in spread.parameters[: len(truth)]]) - truth
+    assert np.all(np.abs(off) < 3 * np.array([p.std for p in spread.parameters[: len(truth)]]))
+    assert np.max(np.abs(off) / spread.white_std[: len(truth)]) > 10
+    assert spread.missing_rms > 0.4 * fit.residual_std
+
+
+def test_noise_is_no_missing_part_of_the_law():
+    t, x = random_motion(4, n=6000)
+    rng = np.random.default_rng(4)
+    slow = np.convolve(rng.standard_normal(x.size + 300), np.hanning(150), mode="same")[150:-150]
+    for noise in (20 * rng.standard_normal(x.size), 20 * slow / np.std(slow)):
+        item = prepare(check_record(BenchRecord("r", t, x, kelvin_voigt(t, x) + noise)))
+        fit = fit_time_domain(model_by_name("kelvin_voigt"), [item])
+        assert uncertainty(fit, [item]).missing_rms < 0.25 * fit.residual_std
+
+
+def test_a_value_near_zero_is_not_compared_in_per_cent():
+    t, x = random_motion(6)
+    item = prepare(check_record(BenchRecord("r", t, x, 1e5 * x + 0.01 * np.random.default_rng(6).standard_normal(x.size))))
+    spread = uncertainty(fit_time_domain(model_by_name("three_cell_berg"), [item]), [item])
+    said = " ".join([spread.null_direction, *(p.reason for p in spread.parameters)])
+    assert max(len(word) for word in said.split()) < 20, said
 
 
 def test_effective_samples_of_white_and_correlated_noise():

@@ -32,7 +32,7 @@ def changed(values, at, value):
         (make(T, X, changed(F, slice(3, 5), np.inf)), "force has 2 values"),
         (make(changed(T, 10, T[9]), X, F), "time does not increase"),
         (make(T[::-1], X, F), "time does not increase"),
-        (make(np.concatenate([T[:1000], T[1000:] + 0.5]), X, F), "irregular time"),
+        (make(T + 0.05 * (np.arange(N) // 150), X, F), "samples without a gap"),
         (make(T, np.full(N, 1e-3), F), "displacement is constant"),
         (make(T, X, np.full(N, 5.0)), "force is constant"),
         (make(T, 1e3 * X, F), "millimetres given as metres"),
@@ -72,6 +72,33 @@ def test_small_time_jitter_is_removed():
     rng = np.random.default_rng(0)
     checked = check_record(make(T + 1e-6 * rng.standard_normal(N)))
     assert np.ptp(np.diff(checked.time_s)) < 1e-12
+
+
+def test_stamps_that_jitter_are_resampled_and_a_lost_sample_is_filled():
+    rng = np.random.default_rng(3)
+    t = T + 2e-4 * rng.uniform(-1, 1, N)  # a fifth of a step: far beyond what counts as uniform
+    keep = np.delete(np.arange(N), [400, 1200])
+    x = 5e-3 * np.sin(2 * np.pi * 3 * t)
+    checked = check_record(make(t[keep] + 7.0, x[keep], 1e5 * x[keep]))
+    assert np.ptp(np.diff(checked.time_s)) < 1e-12
+    truth = 5e-3 * np.sin(2 * np.pi * 3 * (checked.time_s - 7.0))
+    assert np.abs(checked.displacement - truth)[5:-5].max() < 1e-6
+    assert any("resampled" in w for w in checked.warnings)
+
+
+def test_stamps_that_were_only_rounded_are_taken_as_even():
+    t = np.arange(N) / 1024.0
+    x = 5e-3 * np.sin(2 * np.pi * 3 * t)
+    checked = check_record(make(np.round(t, 4), x, 1e5 * x))
+    assert np.array_equal(checked.displacement, x)
+    assert checked.warnings == ()
+
+
+def test_beside_a_gap_the_longest_part_is_used_and_it_is_said():
+    t = np.concatenate([T[:700], T[700:] + 0.5])
+    checked = check_record(make(t, X, F))
+    assert abs(checked.samples - 1300) <= 2
+    assert any("longest part is used, 0.69" in w or "longest part is used, 0.7" in w for w in checked.warnings)
 
 
 def test_clipped_force_is_noticed_and_rest_is_not():

@@ -19,7 +19,7 @@ import pytest
 import ride_estimation
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.io.json_file import write_atomically
+from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.packed_arrays import pack, unpack
 from ride_estimation.io.state_file import Snapshot, fingerprint, load_state, restore_state, save_results, save_state
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -129,8 +129,9 @@ def test_a_save_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path, 
 
 def test_what_killed_writers_left_is_removed_after_an_hour(tmp_path: Path) -> None:
     old, young = tmp_path / ".s.json.abc.tmp", tmp_path / ".s.json.def.tmp"
-    for file in (old, young):
-        file.write_text("part")
+    for folder in (old, young):
+        folder.mkdir()
+        (folder / "s.json").write_text("part")
     os.utime(old, (time.time() - 7200,) * 2)
     write_atomically(tmp_path / "s.json", "whole")
     assert sorted(p.name for p in tmp_path.iterdir()) == [".s.json.def.tmp", "s.json"]

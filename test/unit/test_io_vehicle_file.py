@@ -90,6 +90,37 @@ def test_units_of_keys_are_converted() -> None:
     assert vehicle.sensors["cab_front_left"].rotation @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
 
 
+def test_an_axis_of_rotation_takes_and_gives_the_units_of_moments_and_angles(tmp_path: Path) -> None:
+    document = truck()
+    document["mounts"]["front_left"]["axes"]["roll"] = {
+        "kind": "sum",
+        "elements": [
+            {"kind": "kelvin_voigt", "stiffness_n_m_per_rad": {"value": 4600, "relative_std": 0.1}, "damping_n_m_s_per_rad": 3},
+            {"kind": "dahl", "friction_n_m": 5.0, "slope_n_m_per_rad": 900.0},
+        ],
+    }
+    vehicle = vehicle_from_mapping(document)
+    addressed = vehicle.mounts["front_left"].elements["roll"].addressed()
+    assert addressed["elements[0].stiffness"][1] == 4600.0
+    assert vehicle.mounts["front_left"].priors["roll", "elements[0].stiffness"].std == pytest.approx(460.0)
+    save_vehicle(vehicle, tmp_path / "v.yaml")
+    text = (tmp_path / "v.yaml").read_text()
+    assert text.count("stiffness_n_m_per_rad") == text.count("slope_n_m_per_rad") == 1
+    assert load_vehicle(tmp_path / "v.yaml").mounts["front_left"].elements == vehicle.mounts["front_left"].elements
+
+
+def test_units_of_a_rotation_are_refused_along_an_axis_and_named_about_one() -> None:
+    document = truck()
+    axes = document["mounts"]["front_left"]["axes"]
+    axes["z"] = {"kind": "kelvin_voigt", "stiffness_n_m_per_rad": 1.0, "damping_n_s_per_m": 1.0}
+    axes["roll"] = {"kind": "kelvin_voigt", "damping_n_m_s_per_rad": 1.0}
+    with pytest.raises(ConfigurationError) as error:
+        vehicle_from_mapping(document)
+    said = "\n".join(error.value.problems)
+    assert "axes.z.unknown key 'stiffness_n_m_per_rad'" in said
+    assert "axes.roll.stiffness_n_m_per_rad: missing" in said and "[N m/rad]" in said
+
+
 def test_numbers_written_without_a_dot_are_numbers() -> None:
     document = yaml.safe_load(TRUCK.read_text().replace("5.2e4", "5e4"))
     assert document["mounts"]["front_left"]["axes"]["z"]["stiffness_n_per_m"]["value"] == "5e4"  # what YAML 1.1 makes of it

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.element_mapping import element_mapping
 from ride_estimation.identification.bench.ladder import Rung, climb
-from ride_estimation.identification.bench.models import LADDER, BenchModel, model_by_name
+from ride_estimation.identification.bench.models import ladder_for
 from ride_estimation.identification.bench.record import BenchRecord, clipped_samples
 from ride_estimation.identification.bench.reversals import noise_level
 from ride_estimation.identification.bench.time_domain import PreparedRecord, TimeDomainFit, fit_time_domain, initial_rest, prepare
@@ -70,19 +70,6 @@ class BenchIdentification:
     def best(self) -> Rung:
         """Return the chosen rung."""
         return self.rungs[self.chosen]
-
-
-def ladder_for(name: str) -> tuple[BenchModel, ...]:
-    """Return the rungs to fit: all for ``auto``, else those up to the named one that are simpler, and it last."""
-    if name == "auto":
-        return LADDER
-    model = model_by_name(name)
-    simpler = tuple(m for m in LADDER if m.parameter_count < model.parameter_count and m.name in _BASELINES)
-    return (*simpler, model)
-
-
-#: rungs always shown below a model that was asked for by name
-_BASELINES = ("linear_spring", "kelvin_voigt", "berg")
 
 
 def identify_records(

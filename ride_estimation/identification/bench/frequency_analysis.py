@@ -23,7 +23,7 @@ from ride_estimation.identification.bench.frequency_domain import (
 )
 from ride_estimation.identification.bench.harmonic_stiffness import complex_stiffness
 from ride_estimation.identification.bench.ladder import RESOLUTION, HeldOut, residual_offset
-from ride_estimation.identification.bench.models import LADDER, BenchModel
+from ride_estimation.identification.bench.models import BenchModel, ladder_for, model_by_name
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints
 from ride_estimation.identification.bench.time_domain import PreparedRecord
 
@@ -76,8 +76,8 @@ class FrequencyIdentification:
 def identify_operating_points(
     points: OperatingPoints,
     validation: Sequence[PreparedRecord],
-    models: Sequence[BenchModel] = LADDER,
     *,
+    model: str = "auto",
     norm: str = "complex_modulus",
     progress: Callable[[float], None] | None = None,
 ) -> FrequencyIdentification:
@@ -89,23 +89,25 @@ def identify_operating_points(
         Measured operating points.
     validation
         Records in the time domain that are not used for the fit.
-    models
-        Rungs; those with more parameters than the points carry are left out with a warning.
+    model
+        ``auto``: all rungs, those with more parameters than the points carry are left out with a warning; else the rung that is
+        wanted, beside the simpler ones.
     norm
         See :mod:`~ride_estimation.identification.bench.frequency_domain`.
     progress
         Called with 1 after each model.
     """
     rungs, warnings = [], []
-    for model in models:
-        if 2 * points.omega.size * (FOLDS - 1) // FOLDS <= model.parameter_count:
-            warnings.append(f"{model.name} left out: {points.omega.size} operating points are too few for its parameters")
+    for candidate in ladder_for(model):
+        if 2 * points.omega.size * (FOLDS - 1) // FOLDS <= candidate.parameter_count:
+            warnings.append(f"{candidate.name} left out: {points.omega.size} operating points are too few for its parameters")
         else:
-            rungs.append(_rung(model, points, validation, norm))
+            rungs.append(_rung(candidate, points, validation, norm))
         if progress is not None:
             progress(1.0)
-    if not rungs:
-        raise InputDataError(f"{points.omega.size} operating points are too few for any of the asked models")
+    if not rungs or model not in ("auto", rungs[-1].fit.model.name):
+        wanted = "any model" if model == "auto" else f"the {model_by_name(model).parameter_count} parameters of {model}"
+        raise InputDataError(f"{points.omega.size} operating points are too few for {wanted}")
     if np.any(points.stiffness.imag < 0.0):
         worst = int(np.argmin(points.stiffness.imag / np.abs(points.stiffness)))
         warnings.append(
@@ -113,7 +115,7 @@ def identify_operating_points(
             f"{points.omega[worst] / (2 * np.pi):.3g} Hz and {1e3 * points.amplitude[worst]:.3g} mm: "
             "force and displacement are skewed in time"
         )
-    chosen = int(np.argmin([r.criterion for r in rungs])) if len(models) > 1 else 0
+    chosen = int(np.argmin([r.criterion for r in rungs])) if model == "auto" else len(rungs) - 1
     best = rungs[chosen]
     return FrequencyIdentification(points, tuple(rungs), chosen, element_mapping(best.fit), tuple(warnings))
 

@@ -176,3 +176,16 @@ def model_by_name(name: str) -> BenchModel:
         if model.name == name:
             return model
     raise InputDataError(f"model {name!r} is unknown; allowed: {', '.join(m.name for m in LADDER)}")
+
+
+#: rungs always shown below a model that was asked for by name
+_BASELINES = ("linear_spring", "kelvin_voigt", "berg")
+
+
+def ladder_for(name: str) -> tuple[BenchModel, ...]:
+    """Return the rungs to fit: all for ``auto``, else those up to the named one that are simpler, and it last."""
+    if name == "auto":
+        return LADDER
+    model = model_by_name(name)
+    simpler = tuple(m for m in LADDER if m.parameter_count < model.parameter_count and m.name in _BASELINES)
+    return (*simpler, model)

@@ -4,11 +4,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.signals.alignment import align
+from ride_estimation.signals.recording import Channel, Recording
+from ride_estimation.signals.streams import NANOSECONDS
 
 Array = NDArray[np.float64]
 
@@ -16,6 +20,8 @@ Array = NDArray[np.float64]
 MIN_SAMPLES = 200
 #: largest departure of one time step from the mean step that still counts as uniform
 MAX_STEP_JITTER = 0.02
+#: distance from a whole number of units within which a stamp was written with that unit
+_WHOLE = 1.0e-3
 #: plausible secant stiffness of mounts, bushings, jounce bumpers and dampers on a bench [N/m]
 PLAUSIBLE_STIFFNESS = (5.0e2, 5.0e8)
 #: plausible stroke of a bench record [m]
@@ -68,7 +74,7 @@ class BenchRecord:
 
 
 def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) -> BenchRecord:
-    """Check a record; return it with warnings added and small time jitter removed.
+    """Check a record; return it with warnings added and on a uniform time base.
 
     Parameters
     ----------
@@ -80,7 +86,7 @@ def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) 
     Raises
     ------
     InputDataError
-        Lengths that differ, too few samples, values that are not finite, time that runs backwards or is irregular,
+        Lengths that differ, too few samples, values that are not finite, time that runs backwards,
         displacement or force that does not move, a secant stiffness that betrays a wrong unit, a force of the wrong sign.
     """
     t, x, f = record.time_s, record.displacement, record.force
@@ -90,7 +96,10 @@ def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) 
     if t.size < MIN_SAMPLES:
         raise InputDataError(f"{where}: too short: {t.size} samples, at least {MIN_SAMPLES} are needed")
     _require_finite(where, time=t, displacement=x, force=f)
-    _require_uniform(where, t)
+    record = _uniform(record)
+    x, f = record.displacement, record.force
+    if x.size < MIN_SAMPLES:
+        raise InputDataError(f"{where}: too short: {x.size} samples without a gap, at least {MIN_SAMPLES} are needed")
     warnings = list(record.warnings)
     if np.ptp(x) == 0.0:
         raise InputDataError(f"{where}: displacement is constant ({x[0]:g} m): nothing can be identified from it")
@@ -100,8 +109,7 @@ def check_record(record: BenchRecord, *, allow_stiffness_outside: bool = False) 
     warnings += _clipping(where, "displacement", x)
     warnings += _stiffness_range(where, x, f, allow_stiffness_outside)
     warnings += _direction(where, x, f, allow_stiffness_outside)
-    uniform = t[0] + np.arange(t.size) * ((t[-1] - t[0]) / (t.size - 1))
-    return dataclasses.replace(record, time_s=uniform, warnings=tuple(warnings))
+    return dataclasses.replace(record, warnings=tuple(warnings))
 
 
 def _require_finite(where: str, **signals: Array) -> None:
@@ -114,7 +122,9 @@ def _require_finite(where: str, **signals: Array) -> None:
             )
 
 
-def _require_uniform(where: str, t: Array) -> None:
+def _uniform(record: BenchRecord) -> BenchRecord:
+    """Return the record on a uniform time base: as it is, resampled where its stamps jitter, its longest part beside a gap."""
+    t, where = record.time_s, record.name
     steps = np.diff(t)
     back = np.flatnonzero(steps <= 0.0)
     if back.size:
@@ -122,13 +132,68 @@ def _require_uniform(where: str, t: Array) -> None:
             f"{where}: time does not increase at {back.size} places, the first between sample {back[0]} "
             f"({t[back[0]]:g} s) and {back[0] + 1} ({t[back[0] + 1]:g} s); sort the record and remove duplicates"
         )
+    even = np.linspace(t[0], t[-1], t.size)
     mean = float(np.mean(steps))
     worst = int(np.argmax(np.abs(steps - mean)))
-    if abs(steps[worst] - mean) > MAX_STEP_JITTER * mean + 2.0 * np.spacing(np.abs(t).max()):
-        raise InputDataError(
-            f"{where}: irregular time: step {steps[worst]:g} s at sample {worst}, mean {mean:g} s "
-            f"(allowed {100 * MAX_STEP_JITTER:g} %); resample the record to a uniform rate first"
-        )
+    rounding = 2.0 * float(np.spacing(np.abs(t).max()))
+    if abs(steps[worst] - mean) <= MAX_STEP_JITTER * mean + rounding or _only_rounded(t, even):
+        return dataclasses.replace(record, time_s=even)
+    stamps = np.round((t - t[0]) * NANOSECONDS).astype(np.int64)
+    values = np.column_stack([record.displacement, record.force])
+    even_record = from_channels(
+        where, {"displacement": (stamps, values[:, :1]), "force": (stamps, values[:, 1:])}, record.warnings
+    )
+    return dataclasses.replace(even_record, time_s=even_record.time_s + t[0])
+
+
+def from_channels(
+    name: str, channels: Mapping[str, tuple[NDArray[np.int64], Array]], warnings: tuple[str, ...] = ()
+) -> BenchRecord:
+    """Return a record from displacement and force with stamps of their own, aligned as a replay aligns its sensors.
+
+    Time counts from the first stamp of both.
+
+    Parameters
+    ----------
+    name
+        Where the record comes from.
+    channels
+        ``displacement`` [m] and ``force`` [N]: stamps [ns], shape (N,), and values, shape (N, 1).
+    warnings
+        What was noticed before.
+
+    Raises
+    ------
+    InputDataError
+        No part of both without a gap.
+    """
+    recording = Recording(
+        name, {key: Channel(key, stamps, values, arrival_ns=stamps) for key, (stamps, values) in channels.items()}
+    )
+    run = align(recording)
+    valid = run.valid["displacement"] & run.valid["force"]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
+    if edges.size == 0:
+        raise InputDataError(f"{name}: displacement and force are never there at the same time")
+    parts = edges.reshape(-1, 2)
+    first, last = parts[int(np.argmax(parts[:, 1] - parts[:, 0]))]
+    said = [f"{name}: the stamps are irregular: resampled to {run.rate_hz:g} Hz"]
+    lost = int(np.sum(valid)) - int(last - first)
+    if lost:
+        said.append(f"{name}: gaps split the record; its longest part is used, {lost / run.rate_hz:.3g} s are left out")
+    part = slice(int(first), int(last))
+    x, f = (np.ascontiguousarray(run.data[key][part, 0]) for key in ("displacement", "force"))
+    begin = (run.start_ns - min(int(stamps[0]) for stamps, _ in channels.values())) / NANOSECONDS
+    return BenchRecord(name, begin + (first + np.arange(x.size)) / run.rate_hz, x, f, (*warnings, *said))
+
+
+def _only_rounded(t: Array, even: Array) -> bool:
+    """Return whether equal steps explain the stamps but for the decimals they were written with."""
+    for decimals in range(1, 7):
+        unit = 10.0**-decimals
+        if np.all(np.abs(t / unit - np.round(t / unit)) < _WHOLE):
+            return bool(np.max(np.abs(t - even)) <= unit)
+    return False
 
 
 def _clipping(where: str, name: str, values: Array) -> list[str]:

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from ride_estimation.identification.bench.reversals import Motion
 from ride_estimation.identification.bench.time_domain import PreparedRecord, TimeDomainFit, full_jacobian
 
 Array = NDArray[np.float64]
@@ -17,6 +19,14 @@ Array = NDArray[np.float64]
 NOT_IDENTIFIABLE = 0.5
 #: blocks of the record from which the long-run covariance of the score is estimated
 _BLOCKS = 60
+#: samples of a record among which states of equal motion are looked for
+_STATES = 6000
+#: least distance in time of two samples whose residuals are compared, as a share of the record
+_APART_SHARE = 0.02
+#: neighbours looked through for one far enough in time
+_NEIGHBOURS = 64
+#: relative standard deviation beyond which its size says nothing more
+_MANY_TIMES = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +68,8 @@ class Uncertainty:
         Number of independent residuals.
     white_std
         Standard deviations a white residual would give (the Cramer-Rao bound for white noise), shape (P,).
+    missing_rms
+        Root mean square of the residual that repeats with the motion [N]: force the model lacks.
     condition
         Condition number of the information matrix in relative parameters.
     null_direction
@@ -68,6 +80,7 @@ class Uncertainty:
     correlation: Array
     effective_samples: float
     white_std: Array
+    missing_rms: float
     condition: float
     null_direction: str
 
@@ -109,43 +122,80 @@ def std_from_jacobian(jacobian: Array, variance: float) -> Array:
     return std
 
 
-def _score_covariance(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> tuple[Array, Array, float]:
-    """Return information J'J, long-run covariance of J'r (sums over blocks) and effective samples."""
+def repeatable_energy(residual: Array, motion: Motion) -> float:
+    """Return the energy of the part of a residual that comes again when the motion does [N^2], summed over samples.
+
+    Noise is another one each time, a part of the force law that the model lacks is not. Every sample is paired with the one,
+    elsewhere in the record, of the most alike state (displacement, rate, travel since the reversal); the mean product of their
+    residuals is the mean square of what repeats.
+
+    Parameters
+    ----------
+    residual
+        Measured minus modelled force [N], shape (N,).
+    motion
+        Displacement with its branches, N samples.
+    """
+    n = motion.x.size
+    since = motion.x - np.repeat(motion.anchors, np.diff(motion.starts))
+    picked = np.unique(np.linspace(0, n - 1, min(n, _STATES)).astype(int))
+    state = np.column_stack([motion.x, np.gradient(motion.x), since])[picked]
+    state /= np.maximum(state.std(axis=0), np.finfo(float).tiny)
+    r = residual[picked] - np.mean(residual)
+    apart = max(int(_APART_SHARE * picked.size), 1)
+    _, index = cKDTree(state).query(state, k=min(_NEIGHBOURS, picked.size))
+    far = np.abs(index - np.arange(picked.size)[:, None]) >= apart
+    found = far.any(axis=1)
+    partner = index[np.arange(picked.size), np.argmax(far, axis=1)]
+    if not found.any():
+        return 0.0
+    return max(float(np.mean(r[found] * r[partner[found]])), 0.0) * n
+
+
+def _score_covariance(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> tuple[Array, Array, float, float]:
+    """Return information J'J, long-run covariance of J'r (sums over blocks), effective samples and repeatable energy."""
     p = fit.model.parameter_count
-    information, meat, independent = np.zeros((p, p)), np.zeros((p, p)), 0.0
+    information, meat, independent, repeatable = np.zeros((p, p)), np.zeros((p, p)), 0.0, 0.0
     for item in prepared:
         keep = item.fitted
         jacobian = full_jacobian(fit, item.motion)[:, keep]
         jacobian -= jacobian.mean(axis=1, keepdims=True)
-        residual = (item.force - fit.force(item.motion))[keep]
-        residual -= residual.mean()
+        whole = item.force - fit.force(item.motion)
+        residual = whole[keep] - whole[keep].mean()
         information += jacobian @ jacobian.T
         independent += effective_samples(residual)
+        # what is not fitted (clipped, at rest) is no evidence of a missing part of the law
+        repeatable += repeatable_energy(np.where(keep, whole - whole[keep].mean(), 0.0), item.motion)
         edges = np.linspace(0, residual.size, min(_BLOCKS, residual.size // 10) + 1).astype(int)[:-1]
         sums = np.add.reduceat(jacobian * residual, edges, axis=1)
         meat += sums @ sums.T
-    return information, meat, independent
+    return information, meat, independent, repeatable
 
 
 def uncertainty(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> Uncertainty:
-    """Return standard deviations (the larger of white and correlated residual), correlation and null direction.
+    """Return standard deviations, correlation and null direction.
 
     Notes
     -----
-    Correlated residuals (a model that is not quite right) make the white formula far too small, so the covariance is
-    ``(J'J)^-1 S (J'J)^-1`` with S from sums of the score over blocks of the record.
+    Two things make an estimate uncertain. Noise: the larger of ``s^2 (J'J)^-1`` for a white residual and
+    ``(J'J)^-1 S (J'J)^-1`` with S from sums of the score over blocks, for a correlated one. And the part of the force law that
+    the model lacks: its share outside the columns of the model is the residual that repeats with the motion, of energy E; a
+    share of the same energy along a column is taken up by its parameter and seen by nobody, so ``E (J'J)^-1`` is added. It does
+    not shrink with the length of the record, as a bias does not.
     """
-    information, meat, independent = _score_covariance(fit, prepared)
+    information, meat, independent, repeatable = _score_covariance(fit, prepared)
     searched_scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     scaled = information / np.outer(searched_scale, searched_scale)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) / np.outer(searched_scale, searched_scale)
     to_physical = fit.model.physical_jacobian(fit.theta, fit.coefficients)
-    white = to_physical @ inverse @ to_physical.T * fit.residual_std**2
+    unit = to_physical @ inverse @ to_physical.T
+    white = unit * fit.residual_std**2
     robust = to_physical @ inverse @ meat @ inverse @ to_physical.T
     white_std = np.sqrt(np.maximum(np.diag(white), 0.0))
     robust_std = np.sqrt(np.maximum(np.diag(robust), 0.0))
-    std = np.maximum(white_std, robust_std)
-    chosen = robust if np.sum(robust_std) > np.sum(white_std) else white
+    missing = unit * repeatable
+    std = np.sqrt(np.maximum(white_std, robust_std) ** 2 + np.diag(missing))
+    chosen = (robust if np.sum(robust_std) > np.sum(white_std) else white) + missing
     diagonal = np.sqrt(np.maximum(np.diag(chosen), np.finfo(float).tiny))
     correlation = chosen / np.outer(diagonal, diagonal)
     magnitude = np.where(fit.values == 0.0, 1.0, np.abs(fit.values))
@@ -153,14 +203,15 @@ def uncertainty(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) -> Uncer
     eigenvalues, vectors = np.linalg.eigh(relative)
     smallest = max(float(eigenvalues[0]), 1e-300)
     condition = float(np.sqrt(max(float(eigenvalues[-1]), smallest) / smallest))
-    worst = float(np.max(std / magnitude))
+    statuses = _statuses(fit, std)
     return Uncertainty(
-        _statuses(fit, std),
+        statuses,
         correlation,
         independent,
         white_std,
+        float(np.sqrt(repeatable / max(fit.samples, 1))),
         condition,
-        _in_words(fit, vectors[:, -1], worst),
+        _in_words(statuses, vectors[:, -1]),
     )
 
 
@@ -176,10 +227,7 @@ def _statuses(fit: TimeDomainFit, std: Array) -> tuple[ParameterStatus, ...]:
         elif part >= 0 and part in fit.result.at_bound:
             status, reason = "at_bound", "its rate or length sits at the limit of what the record can show"
         elif deviation > NOT_IDENTIFIABLE * abs(value):
-            status, reason = (
-                "not_identifiable",
-                f"standard deviation is {100 * deviation / max(abs(value), 1e-300):.0f} % of the value",
-            )
+            status, reason = "not_identifiable", f"standard deviation is {_share(deviation, value)}"
         found.append(ParameterStatus(quantity.name, quantity.unit, quantity.meaning, value, deviation, status, reason))
     return tuple(found)
 
@@ -190,16 +238,27 @@ def _part_of(fit: TimeDomainFit, index: int) -> int:
     return -1 if index < lay.static else (index - lay.static) // 2
 
 
-def _in_words(fit: TimeDomainFit, direction: Array, worst: float) -> str:
-    names = [q.name for q in fit.model.quantities]
-    if worst <= 0.1:
+def _share(deviation: float, value: float) -> str:
+    """Return how a standard deviation compares to its value, in words."""
+    if deviation > _MANY_TIMES * abs(value):
+        return f"more than {_MANY_TIMES:g} times the value"
+    return f"{100 * deviation / abs(value):.0f} % of the value"
+
+
+def _in_words(statuses: Sequence[ParameterStatus], direction: Array) -> str:
+    told = [s for s in statuses if s.status == "valid"]
+    relative = {s.name: s.std / abs(s.value) if s.value else np.inf for s in statuses}
+    untold = [s.name.replace("_", " ") for s in statuses if s.status != "valid"]
+    worst = max((relative[s.name] for s in told), default=np.inf)
+    if not untold and worst <= 0.1:
         return f"every parameter is told by the record; the worst has a relative standard deviation of {100 * worst:.2g} %"
+    said = f"not told by the record: {', '.join(untold)}; " if untold else ""
     top = int(np.argmax(np.abs(direction)))
     sign = np.sign(direction[top])
     parts = [
-        f"{names[i].replace('_', ' ')} {'up' if sign * direction[i] > 0 else 'down'} "
+        f"{statuses[i].name.replace('_', ' ')} {'up' if sign * direction[i] > 0 else 'down'} "
         f"{100 * abs(direction[i] / direction[top]):.0f} %"
         for i in np.argsort(-np.abs(direction))
         if abs(direction[i]) > 0.15 * abs(direction[top])
     ]
-    return f"the record hardly tells this change: {', '.join(parts)} together (relative standard deviation {100 * worst:.2g} %)"
+    return f"{said}the record hardly tells this change: {', '.join(parts)} together"

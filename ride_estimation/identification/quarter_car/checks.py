@@ -8,6 +8,8 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+from scipy.signal.windows import dpss
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.excitation.obstacles import rolled_envelope
@@ -22,6 +24,10 @@ _PITCH_SHARE = 0.3
 _TAPS_S = (-0.05, 1.0, 0.025)
 #: zero padding of the search for a line: eight points a bin
 _PADDING = 8
+#: time-bandwidth product and number of the tapers of the test for a line (Thomson 1982)
+_BANDWIDTH, _TAPERS = 4.0, 7
+#: chance at which a line of this size counts as one
+_CHANCE = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,3 +182,67 @@ def _delayed(values: Array, lag: int) -> Array:
     else:
         shifted[lag:] = values[:-lag]
     return shifted
+
+
+@dataclasses.dataclass(frozen=True)
+class LineTest:
+    """Whether a residual holds a sinusoid.
+
+    Attributes
+    ----------
+    frequency_hz
+        Where the test stands out most, near the frequency asked for [Hz].
+    chance
+        Probability that a residual without any line shows one like this somewhere in the range searched.
+    """
+
+    frequency_hz: float
+    chance: float
+
+    @property
+    def statement(self) -> str:
+        """Return the result in words."""
+        if self.chance < _CHANCE:
+            return f"the residual holds a sinusoid at {self.frequency_hz:.3f} Hz (by chance: {self.chance:.1g})"
+        return (
+            f"the residual holds no sinusoid near {self.frequency_hz:.3f} Hz: one like the fitted comes up by chance with "
+            f"probability {self.chance:.2g}; it stands for something else that is missing"
+        )
+
+
+def line_test(residual: ArrayLike, rate_hz: float, frequency_hz: float, searched_hz: tuple[float, float]) -> LineTest:
+    """Tell a sinusoid from noise, a burst or a step by Thomson's harmonic F-test.
+
+    A line has the same amplitude and phase through every taper; whatever else peaks at a frequency has not. The search over
+    frequencies counts: of ``n`` independent ones the best is compared, ``1 - (1 - p)^n``.
+
+    Parameters
+    ----------
+    residual
+        What the model without a sinusoid leaves, shape (N,), N at least 64.
+    rate_hz, frequency_hz
+        Sample rate and frequency of the fitted sinusoid [Hz].
+    searched_hz
+        Range in which it was searched for [Hz].
+
+    Notes
+    -----
+    D. J. Thomson, Spectrum estimation and harmonic analysis, Proc. IEEE 70 (1982) 1055, eq. (13.10).
+    """
+    e = np.asarray(residual, dtype=float).ravel()
+    e = e - e.mean()
+    count = e.size
+    if count < 64:
+        raise InputDataError(f"{count} samples are too few to tell a line; at least 64 are needed")
+    tapers = np.asarray(dpss(count, _BANDWIDTH, _TAPERS))
+    spectra = np.fft.rfft(tapers * e, _PADDING * count, axis=1)
+    at_zero = tapers.sum(axis=1)
+    line = (at_zero @ spectra) / float(at_zero @ at_zero)
+    rest = np.sum(np.abs(spectra - at_zero[:, None] * line) ** 2, axis=0)
+    strength = (_TAPERS - 1) * np.abs(line) ** 2 * float(at_zero @ at_zero) / np.maximum(rest, np.finfo(float).tiny)
+    frequency = np.fft.rfftfreq(_PADDING * count, 1.0 / rate_hz)
+    near = np.flatnonzero(np.abs(frequency - frequency_hz) <= rate_hz / count)
+    best = int(near[np.argmax(strength[near])])
+    alone = float(stats.f.sf(strength[best], 2, 2 * _TAPERS - 2))
+    independent = max((min(searched_hz[1], 0.5 * rate_hz) - searched_hz[0]) * count / rate_hz, 1.0)
+    return LineTest(float(frequency[best]), float(-np.expm1(independent * np.log1p(-min(alone, 1.0 - 1e-16)))))

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import optimize, signal
+from scipy import optimize
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.quarter_car import plausibility
@@ -277,17 +277,3 @@ def _at_bound(name: str, value: float) -> bool:
 def _sinusoid(model: QuarterCarModel, values: dict[str, float]) -> Sinusoid:
     a, b = values["sine_in_phase"], values["sine_quadrature"]
     return Sinusoid(math.hypot(a, b), values["sine_frequency"], math.atan2(b, a), "m" if model.sine == "road" else "N")
-
-
-def line_coherence(residual: ArrayLike, rate_hz: float, frequency_hz: float, blocks: int = 6) -> float:
-    """Return how phase-coherent a line is over the record, 0 to 1: 1 for a sinusoid, about 1/sqrt(blocks) for noise.
-
-    A residual may be called a sinusoid only if its phase stays across the record; an unmodelled pitch and rear axle that
-    one sinusoid happens to fit does not keep it.
-    """
-    e = signal.detrend(np.asarray(residual, dtype=float).ravel())
-    t = np.arange(e.size) / rate_hz
-    rotated = e * np.exp(-2j * np.pi * frequency_hz * t)
-    parts = np.array([np.mean(part) for part in np.array_split(rotated, blocks)])
-    total = float(np.sum(np.abs(parts)))
-    return float(abs(np.sum(parts)) / total) if total > 0.0 else 0.0

@@ -22,7 +22,7 @@ from typing import Any
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES
-from ride_estimation.io.document import Section, read_yaml
+from ride_estimation.io.document import Section, read_yaml, shown
 from ride_estimation.io.files.channels import unit_factor
 from ride_estimation.sensors.sensor import Sensor
 
@@ -134,7 +134,7 @@ def _source(name: str, entry: Any, unit: str, problems: list[str]) -> Source | N
     if given:
         found = unit_factor(given)
         if found is None or found[0] != unit:
-            problems.append(f"channels.{name}.unit: {given!r} is no unit for {unit}")
+            problems.append(f"channels.{name}.unit: {shown(given)} is no unit for {unit}")
     if len(problems) > before or channel is None:
         return None
     return Source(channel, given, 1.0 if factor is None else factor, 0.0 if offset is None else offset)

@@ -164,11 +164,23 @@ def replay_groups(signals: Mapping[str, NDArray[np.generic]]) -> tuple[list[list
     Raises
     ------
     InputDataError
-        Arrays that a replay writes are missing.
+        Arrays that a replay writes are missing or of another shape or type.
     """
     missing = [name for name in ("time_s", "stamp_ns", "mount_names", "valid", "cg_accel") if name not in signals]
     if missing:
         raise InputDataError(f"signals.npz: no {', '.join(missing)}: not the results of a replay")
+    ticks, mounts = signals["time_s"].size, signals["mount_names"].size
+    shapes: dict[str, tuple[int, ...]] = {"time_s": (ticks,), "stamp_ns": (ticks,), "valid": (ticks,), "mount_names": (mounts,)}
+    shapes |= {name: (ticks, len(units)) for name, units in _TIMED.items()}
+    shapes |= {name: (ticks, mounts, 3) for name in _PER_MOUNT}
+    kinds = {"mount_names": "U", "stamp_ns": "iu"}
+    wrong = [
+        f"{name} has shape {signals[name].shape} and type {signals[name].dtype}"
+        for name, shape in shapes.items()
+        if name in signals and (signals[name].shape != shape or signals[name].dtype.kind not in kinds.get(name, "fiub"))
+    ]
+    if wrong or not ticks:
+        raise InputDataError(f"signals.npz: {'; '.join(wrong[:5]) or 'no ticks'}: not the results of a replay")
     time = np.asarray(signals["time_s"], dtype=float)
     found = [FileChannel("valid", "-", time, np.asarray(signals["valid"], dtype=float))]
     for name, units in _TIMED.items():

@@ -19,6 +19,7 @@ from ride_estimation.io.files.channels import (
     unit_factor,
 )
 from ride_estimation.io.text_table import TextTable, read_text_table
+from ride_estimation.text import table_cell
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ def read_csv(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measureme
 
 def write_csv(path: Path, channels: tuple[FileChannel, ...]) -> None:
     """Write channels that share one time base; numbers come back bit by bit."""
-    headings = ["time [s]", *(f"{c.name} [{c.unit}]" if c.unit else c.name for c in channels)]
+    headings = ["time [s]", *(table_cell(f"{c.name} [{c.unit}]" if c.unit else c.name) for c in channels)]
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(headings)

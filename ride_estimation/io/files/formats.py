@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ride_estimation.errors import InputDataError, RideEstimationError
+from ride_estimation.io.atomic import replacing
 from ride_estimation.io.bag_source import READER_ERRORS
 from ride_estimation.io.files.channels import FileChannel, MeasurementFile
 from ride_estimation.io.files.csv_file import read_csv, write_csv
@@ -89,14 +90,15 @@ def write_measurement_file(path: Path, groups: Sequence[Sequence[FileChannel]], 
     chosen = tuple(tuple(group) for group in groups if group)
     if not chosen:
         raise InputDataError(f"{path}: nothing to write")
+    if suffix != ".mf4" and len(chosen) > 1:
+        raise InputDataError(f"{path}: a table has one time base; {len(chosen)} were given")
     try:
-        if suffix == ".mf4":
-            write_mdf(path, chosen, start_ns)
-        elif len(chosen) > 1:
-            raise InputDataError(f"{path}: a table has one time base; {len(chosen)} were given")
-        elif suffix == ".csv":
-            write_csv(path, chosen[0])
-        else:
-            write_parquet(path, chosen[0])
+        with replacing(path) as new:
+            if suffix == ".mf4":
+                write_mdf(new, chosen, start_ns)
+            elif suffix == ".csv":
+                write_csv(new, chosen[0])
+            else:
+                write_parquet(new, chosen[0])
     except OSError as error:
         raise InputDataError(f"{path}: cannot be written: {error.strerror or error}") from error
