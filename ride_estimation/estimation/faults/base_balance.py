@@ -45,6 +45,8 @@ _DELAYS = (-0.03, -0.02, -0.01, 0.01, 0.02, 0.03)
 _BETTER, _RIVAL = 2.0, 1.5
 #: factor from which on nothing is learned until the next looks tell more, and factor below which a sensor is well again
 _HINT, _WELL = 1.4, 1.2
+#: time without a sign of an error before one that comes is known to have come while driving [s]
+_PROVEN = 10.0
 #: looks in a row that must agree, and looks in a row after which a sensor is used again
 _AGREE, _RECOVER = 2, 4
 #: least singular value of the places of bases, in units of their spread, that make a plane
@@ -118,8 +120,8 @@ class BaseBalance:
         self._ticks, self._step, self._age, self._time = 0, 0.0, 0.0, 0.0
         self._moments = np.zeros((0, 0))
         self._found, self._agreed, self._well = -1, 0, 0
-        #: time since the readings showed no sign of an error [s]
-        self.suspicious = math.inf
+        #: time since the readings showed no sign of an error, infinite where they always did, and time without [s]
+        self.suspicious, self._proven = math.inf, 0.0
         self.unusual = False
 
     def _all_hypotheses(self) -> list[BaseError]:
@@ -260,10 +262,14 @@ class BaseBalance:
         self._agreed = self._agreed + 1 if tells and best == self._found else int(tells)
         self._found = best
         self.unusual = better > _HINT and not self.refused
-        self.suspicious = self.suspicious + duration if better > _WELL else 0.0
+        if better < _WELL:
+            self._proven += duration
+            self.suspicious = 0.0 if self._proven > _PROVEN else math.inf
+        else:
+            self.suspicious += duration
         self._well = self._well + 1 if better < _WELL else 0
         if self._agreed >= _AGREE and len(chosen.sensors) == 2:
-            self.exchanged = (chosen.sensors[0], chosen.sensors[1])
+            self.exchanged, self.refused = (chosen.sensors[0], chosen.sensors[1]), {}
         elif self._agreed >= _AGREE:
             self.refused = {chosen.sensors[0]: chosen.words}
         elif self._well >= _RECOVER:

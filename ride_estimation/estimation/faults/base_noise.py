@@ -63,6 +63,11 @@ class BaseNoise:
         self._age, self._usual = 0.0, np.full((count, 3), _USUAL)
         self._noisy, self._quiet, self._lined = (np.zeros(count, dtype=np.int64) for _ in range(3))
 
+    @property
+    def in_doubt(self) -> bool:
+        """Return whether a sensor may have become noisy."""
+        return bool((self._noisy > 0).any()) and not self.refused
+
     def judged(self, verdict: GateVerdict, streams: NDArray[np.int64]) -> GateVerdict:
         """Return the verdict on a block with what is known of the noise added to it.
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -69,7 +70,8 @@ class InputChecks:
         )  # fmt: skip
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)
-        self.base_faults = BaseFaults(base, base_streams, base_starts, a.vehicle.gravity)
+        self._new_base_faults = functools.partial(BaseFaults, base, base_streams, base_starts, a.vehicle.gravity)
+        self.base_faults = self._new_base_faults()
         self._left_out: frozenset[int] = frozenset()
         self._balance = BaseBalance(a, stiffness, damping)
         self._noise = BaseNoise(base)
@@ -104,6 +106,8 @@ class InputChecks:
         if self._balance.exchanged is not None:
             found = found or self._swaps.toggle(*(self._swaps.bodies + n for n in self._balance.exchanged))
             self._balance.exchanged = None
+            # what was said of them was said of each other's readings
+            self.base_faults = self._new_base_faults()
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
             self.watch.look_again()
@@ -136,13 +140,14 @@ class InputChecks:
         verdict = self.base_faults.judged(block, verdict, force, dt)
         if self._noise.possible:
             streams = self._layout.base_arrays[0]
-            self._keep_readings(block, verdict)
+            self._keep_readings(block, gate)
             verdict = self._balance.judged(self._noise.judged(verdict, streams), streams)
         if verdict.valid is not gate.valid:
             self._count(gate, verdict)
         return verdict, bool(self._left_out - before)
 
     def _keep_readings(self, block: Block, verdict: GateVerdict) -> None:
+        # sensors that only disagree with others are weighed on: that may be the fault of one of those
         layout = self._layout
         columns = (layout.base_arrays[1][:, None] + np.arange(3)).ravel()
         displaced = [column for _, _, _, column in layout.transducers]
@@ -179,7 +184,7 @@ class InputChecks:
     @property
     def bases_in_doubt(self) -> bool:
         """Return whether one of the base sensors is wrong though nothing tells which."""
-        return self._bases.in_doubt or (self._balance.possible and self._balance.unusual)
+        return self._bases.in_doubt or self._noise.in_doubt or (self._balance.possible and self._balance.unusual)
 
     @property
     def weighs(self) -> bool:

@@ -28,6 +28,8 @@ REASONS = (FLAT, *FLAT_AXES, DEAD)
 
 #: shortest exact repetition that counts as stuck [s] and [ticks]
 _TIME, _TICKS = 0.03, 4
+#: shortest exact repetition of one axis: at the turn of a slow motion resolution makes shorter ones [s]
+_AXIS_TIME = 0.25
 #: shortest exact repetition of a sensor that never said anything else [s]
 _DEAD_TIME = 1.0
 #: motion of the others, in units of the noise, that makes the exact repetition of a sample impossible
@@ -109,8 +111,9 @@ class StuckSensors:
                 if reason or a in refused:
                     found[a] = reason or FLAT
         self._stuck &= self.axis_run >= least
+        lasting = max(least, math.ceil(_AXIS_TIME / dt - 1e-9))
         if scan.longest_axis >= least:
-            for a, c in np.argwhere(self.axis_run >= least).tolist():
+            for a, c in np.argwhere(self._stuck | (self.axis_run >= lasting)).tolist():
                 self._stuck[a, c] = self._stuck[a, c] or (a not in found and self._others_range(a, c, dt))
                 if self._stuck[a, c]:
                     found.setdefault(a, FLAT_AXES[c])
