@@ -37,6 +37,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from fuzz.command_line import command_targets  # noqa: E402
 from fuzz.live import live_targets  # noqa: E402
 from fuzz.mutate import mutated  # noqa: E402
 from fuzz.targets import Target, targets  # noqa: E402
@@ -61,7 +62,7 @@ class Tally:
 
 
 def all_targets() -> dict[str, Target]:
-    return {**targets(), **live_targets()}
+    return {**targets(), **command_targets(), **live_targets()}
 
 
 def the_input(seed: int, name: str, number: int, seeds: list[bytes], words: tuple[bytes, ...]) -> bytes:

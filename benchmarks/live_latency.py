@@ -71,8 +71,9 @@ class Logger(Node):
 
     def take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name.startswith("topic "):
-                self.received_counts[status.name[6:]] = int(next(p.value for p in status.values if p.key == "received"))
+            _, _, topic = status.name.partition(": topic ")
+            if topic:
+                self.received_counts[topic] = int(next(p.value for p in status.values if p.key == "received"))
 
 
 def simulated(rate_hz: float, seconds: float) -> dict[str, list[bytes]]:

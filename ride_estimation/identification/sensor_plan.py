@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ride_estimation.errors import ConfigurationError
 from ride_estimation.identification.fisher import Identifiability, judge
 from ride_estimation.identification.sensitivities import AddedMass, Excitation, Sensitivities, parameter_names, sensitivities
 from ride_estimation.sensors.layout import check_layout
@@ -29,6 +30,7 @@ _REFERENCE_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressu
 #: a vehicle whose lowest mode is above this is not suspended [Hz]; earth-moving machines on tyres have 1 to 4 Hz
 _STIFFEST_RIDE = 25.0
 _PURE = 0.7  # share of the energy of a mode in one coordinate from which on it is called after that one alone
+_MOST_SENSITIVITIES = 10_000  # channels times parameters; each takes about 0.1 MB
 _RUN_SENSORS = ("accelerometer", "imu", "displacement")
 
 
@@ -130,6 +132,11 @@ def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | 
     known
         Parameters known beforehand, exact or with their relative standard deviation; where None those the vehicle file
         declares, with its load cells and added masses.
+
+    Raises
+    ------
+    ConfigurationError
+        So many sensors and mounts that the answer would take minutes and gigabytes.
     """
     declared = known_parameters(vehicle) if known is None else _as_mapping(known)
     references = vehicle.force_references if known is None else ()
@@ -138,6 +145,7 @@ def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | 
     sensors = [s for s in vehicle.sensors.values() if s.kind in _RUN_SENSORS or s.name in cells]
     candidates = _candidates(vehicle, sensors, declared)
     everything = [*sensors, *(s for c in candidates for s in c.sensors)]
+    _check_size(vehicle, everything)
     runs = _declared_runs(vehicle, everything, excitation, references)
     gains = {f"{s.name}.gain": cells.get(s.name, cell_std) for s in everything if s.kind == "force"}
     names = [s.name for s in sensors]
@@ -159,6 +167,17 @@ def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | 
         tuple((_mode_words(m), m.frequency_hz) for m in undamped_modes(linearise(assemble(vehicle)))),
         tuple(sorted(options, key=lambda o: (-o.identifiable, -o.rank, o.median_relative_std))),
     )  # fmt: skip
+
+
+def _check_size(vehicle: Vehicle, everything: Sequence[Sensor]) -> None:
+    """Refuse what would need more memory than a laptop has: every channel is differentiated by every parameter."""
+    channels, parameters = sum(s.channels for s in everything), len(parameter_names(vehicle))
+    if channels * parameters > _MOST_SENSITIVITIES:
+        raise ConfigurationError(
+            f"{len(vehicle.sensors)} sensors and what could be added have {channels} channels, {len(vehicle.mounts)} mounts with "
+            f"their bodies {parameters} parameters: {channels * parameters} sensitivities; at most {_MOST_SENSITIVITIES} are "
+            "computed. Leave out sensors that stand side by side, or plan with the mounts of one group as one"
+        )
 
 
 def _mode_words(mode: Mode) -> str:

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.errors import InputDataError
-from ride_estimation.io.bag_source import READER_ERRORS, BagSource, bag_files, checksum_of, open_bag, salvaged
-from ride_estimation.io.bags_bulk import Layout, MessageList, TopicMessages, read_whole_mcap
+from ride_estimation.errors import InputDataError, RideEstimationError
+from ride_estimation.io.bag_source import READER_ERRORS, BagSource, checksum_of, open_bag
+from ride_estimation.io.bags_bulk import Layout, TopicMessages
 from ride_estimation.io.cdr import DecodedTopic, has_fixed_layout
 from ride_estimation.io.messages import (
     GYRO_NOT_PROVIDED,
@@ -65,7 +65,7 @@ def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False)
     if not any(source.counts.values()):
         raise InputDataError(f"{path}: the recording holds no messages")
     by_topic = sensors_by_topic(vehicle.sensors.values())
-    collected, damage = _collect(source, by_topic, salvage)
+    collected, damage = source.read({t: _layout(source, t, sensors) for t, sensors in by_topic.items() if t in source.types})
     ignored: Counter[str] = Counter()
     for topic, count in sorted(source.counts.items()):
         if topic not in by_topic and count:
@@ -110,10 +110,12 @@ def iterate_messages(
     """
     source = open_bag(Path(path), salvage=salvage)
     known = {topic: kind for topic, kind in source.types.items() if accepted(kind)}
-    wanted = [topic for topic in (topics or known) if topic in known]
+    wanted = [topic for topic in (topics or known) if topic in known and (topics or topic not in source.unreadable)]
     try:
         for topic, arrival, raw in source.messages(wanted):
             yield topic, known[topic], arrival, source.deserialize(raw, known[topic])
+    except RideEstimationError:
+        raise
     except READER_ERRORS as error:
         raise InputDataError(f"{path}: damaged: {error or type(error).__name__}") from error
 
@@ -133,36 +135,6 @@ def _layout(source: BagSource, topic: str, sensors: Sequence[Sensor]) -> Layout 
     return Layout(kind, _ANGULAR if sensors[0].kind == "imu" else _LINEAR)
 
 
-def _collect(
-    source: BagSource, by_topic: Mapping[str, Sequence[Sensor]], salvage: bool
-) -> tuple[dict[str, TopicMessages], tuple[str, ...]]:
-    """Return the messages by topic, and what went wrong on the way if that is to be borne."""
-    layouts = {topic: _layout(source, topic, sensors) for topic, sensors in by_topic.items() if topic in source.types}
-    if source.whole_mcap is not None:
-        whole = read_whole_mcap(source.whole_mcap, layouts)
-        if whole is not None:
-            return whole, ()
-    collected = {topic: MessageList() for topic in layouts}
-    number = 0
-    warnings: tuple[str, ...] = ()
-    try:
-        for topic, arrival, raw in source.messages(tuple(collected)):
-            collected[topic].add(number, arrival, raw)
-            number += 1
-    except READER_ERRORS as error:
-        reason = f"{error or type(error).__name__} after {number} messages"
-        files = bag_files(source.path)
-        if len(files) == 1 and files[0].suffix == ".mcap":
-            rest = salvaged(source.path, files[0], salvage, reason)
-            again, _ = _collect(rest, by_topic, salvage)
-            return again, rest.warnings
-        what = f"the file is damaged ({reason})"
-        if not salvage:
-            raise InputDataError(f"{source.path}: {what}; the messages before the damage can be used with --salvage") from error
-        warnings = (f"{what}; used are the messages before",)
-    return {topic: entry.finished(layouts[topic]) for topic, entry in collected.items()}, warnings
-
-
 def _channels(
     source: BagSource, topic: str, sensors: Sequence[Sensor], entry: TopicMessages, ignored: Counter[str]
 ) -> dict[str, Channel]:
@@ -176,7 +148,7 @@ def _channels(
     if entry.decoded is None:
         return _channels_one_by_one(source, message_type, sensors, entry, ignored)
     channel = _bulk_channel(message_type, sensors[0], entry, entry.decoded, ignored)
-    if not entry.raw:
+    if not len(entry.raw):
         return {sensors[0].name: channel}
     extra = _channels_one_by_one(source, message_type, sensors, entry, ignored)
     return {sensors[0].name: _merged(channel, extra[sensors[0].name])}
@@ -256,7 +228,7 @@ def _channels_one_by_one(
     convert = make_converter(message_type, sensors)
     rows: dict[str, list[tuple[int, int, int, tuple[float, ...], tuple[float, ...] | None]]] = {s.name: [] for s in sensors}
     frame = ""
-    for number, raw in entry.raw.items():
+    for number, raw in entry.raw:
         order, arrival = int(entry.order[number]), int(entry.arrival[number])
         try:
             message = source.deserialize(raw, message_type)

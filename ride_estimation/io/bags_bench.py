@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.errors import InputDataError
+from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.identification.bench.record import from_channels
 from ride_estimation.io.bag_source import READER_ERRORS, open_bag
 
@@ -43,6 +43,8 @@ def read_bag_columns(path: Path, mount: str, axis: str) -> tuple[dict[str, Array
     try:
         for topic, _, raw in source.messages(wanted):
             _collect(topic, source.types[topic], source.deserialize(raw, source.types[topic]), joints, wrenches)
+    except RideEstimationError:
+        raise
     except READER_ERRORS as error:
         raise InputDataError(f"{path}: not a readable bag ({error or type(error).__name__})") from error
     joint = _choose(path, "JointState joint", joints, f"{mount}_{axis}" if mount and axis else mount)

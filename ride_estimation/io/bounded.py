@@ -11,6 +11,7 @@ import bz2
 import errno
 import importlib
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,17 @@ SPARE_BYTES = 64 << 20
 LARGEST_RATIO = 200
 #: largest text file (vehicle, settings, scenario, state, result) that is read [bytes]; a real one has less than a hundredth
 LARGEST_TEXT = 64 << 20
+
+
+class TooLargeError(ValueError):
+    """A file unpacks to more than :func:`allowance` says."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(f"unpacks to more than {limit} bytes, which is refused")
+
+
+class DamagedError(ValueError):
+    """Compressed bytes that cannot be unpacked."""
 
 
 def allowance(packed_bytes: int) -> int:
@@ -48,14 +60,16 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
     packed
         One or more frames.
     compression
-        ``zstd``, ``lz4`` or ``bz2``.
+        ``zstd``, ``lz4``, ``bz2`` or ``deflate``.
     limit
         Largest result [bytes].
 
     Raises
     ------
-    ValueError
-        More than that, a frame that is damaged or cut off, or an unknown compression.
+    TooLargeError
+        More than that.
+    DamagedError
+        A frame that is damaged or cut off, or an unknown compression.
     """
     parts: list[bytes] = []
     size = 0
@@ -65,13 +79,13 @@ def unpack(packed: bytes, compression: str, limit: int) -> bytes:
         try:
             piece = frame.decompress(rest, limit - size + 1)
         except Exception as error:  # each library has its own: ZstdError, RuntimeError, OSError
-            raise ValueError(f"a compressed frame is damaged: {error}") from error
+            raise DamagedError(f"a compressed frame is damaged: {error}") from error
         size += len(piece)
         parts.append(piece)
         if size > limit:
-            raise ValueError(f"unpacks to more than {limit} bytes, which is refused")
+            raise TooLargeError(limit)
         if not frame.eof:
-            raise ValueError("a compressed frame is cut off")
+            raise DamagedError("a compressed frame is cut off")
         rest = frame.unused_data or b""
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
@@ -100,7 +114,9 @@ def _unpacker(compression: str) -> Any:
         return importlib.import_module("lz4.frame").LZ4FrameDecompressor()
     if compression == "bz2":
         return bz2.BZ2Decompressor()
-    raise ValueError(f"compression {compression!r} is unknown")
+    if compression == "deflate":
+        return zlib.decompressobj()
+    raise DamagedError(f"compression {compression!r} is unknown")
 
 
 def read_text(path: Path, limit: int = LARGEST_TEXT) -> str:

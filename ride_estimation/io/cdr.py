@@ -9,7 +9,7 @@ are left to the caller.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -60,24 +60,6 @@ def has_fixed_layout(message_type: str) -> bool:
     return message_type in _DOUBLES
 
 
-def decode_topic(message_type: str, raw: Sequence[bytes], first: int = 0) -> DecodedTopic | None:
-    """Decode messages of fixed layout, None where the type has none.
-
-    Parameters
-    ----------
-    message_type
-        As in ``sensor_msgs/msg/Imu``.
-    raw
-        Serialised messages.
-    first
-        First of the doubles after the header that is wanted.
-    """
-    if not has_fixed_layout(message_type) or not raw:
-        return None
-    lengths = np.fromiter((len(r) for r in raw), dtype=np.int64, count=len(raw))
-    return decode_at(message_type, b"".join(raw), np.cumsum(lengths) - lengths, lengths, first)
-
-
 def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, first: int = 0) -> DecodedTopic:
     """Decode messages of fixed layout where they lie.
 
@@ -90,7 +72,7 @@ def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, f
     at, lengths
         Where each begins and how long it is, within ``data``, shape (N,), at least one [bytes].
     first
-        As for :func:`decode_topic`.
+        First of the doubles after the header that is wanted.
     """
     count, doubles = len(at), _DOUBLES[message_type]
     decoded, stamps = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)

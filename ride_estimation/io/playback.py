@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from rosbags.typesys import Stores, get_typestore
 
-from ride_estimation.errors import InputDataError
+from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.io.bag_source import READER_ERRORS, BagSource, open_bag
 from ride_estimation.io.bags import accepted
 
@@ -41,7 +41,8 @@ def playable_topics(path: str | Path) -> dict[str, str]:
     InputDataError
         The run cannot be read.
     """
-    return {topic: kind for topic, kind in open_bag(Path(path)).types.items() if accepted(kind)}
+    source = open_bag(Path(path))
+    return {topic: kind for topic, kind in source.types.items() if accepted(kind) and topic not in source.unreadable}
 
 
 def recorded_messages(path: str | Path, topics: Collection[str]) -> Iterator[RecordedMessage]:
@@ -65,6 +66,8 @@ def recorded_messages(path: str | Path, topics: Collection[str]) -> Iterator[Rec
         for topic, arrival, raw in source.messages(wanted):
             kind = source.types[topic]
             yield RecordedMessage(topic, kind, arrival, raw if source.little_endian_cdr else _as_ros2(source, raw, kind))
+    except RideEstimationError:
+        raise
     except READER_ERRORS as error:
         raise InputDataError(f"{path}: damaged: {error or type(error).__name__}") from error
 

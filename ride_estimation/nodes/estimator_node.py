@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
@@ -35,7 +35,8 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
 from ride_estimation.nodes.backpressure import THIN, Load
 from ride_estimation.nodes.cdr import stamp_of_payload
-from ride_estimation.nodes.estimator_parameters import PIPELINE_PARAMETERS, TABLE, pipeline_settings
+from ride_estimation.nodes.diagnostics import Diagnostics
+from ride_estimation.nodes.estimator_parameters import NAMES, PIPELINE_PARAMETERS, TABLE, pipeline_settings
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
 from ride_estimation.nodes.node_health import NODE, TopicState, load_status
@@ -77,11 +78,10 @@ class EstimatorNode(LifecycleNode):
         self._save_problem_said = ""
         self._load = Load()
         declare(self, TABLE)
+        pipeline_settings(values(self, TABLE))
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, "/diagnostics", qos.output(), qos_overriding_options=QoSOverridingOptions.with_default_policies()
-        )
+        self._diagnostics = Diagnostics(self)
         self.create_service(Trigger, "~/reset", self._serve_reset)
         self.create_service(Trigger, "~/save_parameters", self._serve_save)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -117,16 +117,22 @@ class EstimatorNode(LifecycleNode):
                 self.get_logger().warning(f"state_file {state_file} does not exist yet; starting from the vehicle file")
             session.warm_up()
         except RideEstimationError as error:
-            self._fault = str(error)
-            self.get_logger().error(self._fault)
-            return TransitionCallbackReturn.FAILURE
-        self._fault = ""
-        self._session = session
+            return self._cannot_configure(str(error))
         frames = Frames(str(given["cg_frame"]), str(given["vehicle_frame"]), str(given["mount_frame_prefix"]))
         profile = qos.output(int(given["output_depth"]))
-        self._outputs = EstimatePublishers(self._new_publisher, session.mount_names, frames, profile)
+        try:
+            self._outputs = EstimatePublishers(self._new_publisher, session.mount_names, frames, profile)
+        except qos.REFUSED as error:
+            return self._cannot_configure(str(error))
+        self._fault = ""
+        self._session = session
         self.get_logger().info(f"vehicle {vehicle.name!r}: {len(vehicle.sensors)} sensors on {len(session.topics)} topics")
         return super().on_configure(state)
+
+    def _cannot_configure(self, why: str) -> TransitionCallbackReturn:
+        self._fault = why
+        self.get_logger().error(why)
+        return TransitionCallbackReturn.FAILURE
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe to the inputs."""
@@ -185,7 +191,7 @@ class EstimatorNode(LifecycleNode):
     def _judge_parameters(self, proposed: list[Parameter]) -> SetParametersResult:
         answer = verdict(TABLE, proposed)
         if answer.successful:
-            given = values(self, TABLE) if self.has_parameter(TABLE[-1].name) else {p.name: p.default for p in TABLE}
+            given = values(self, TABLE)
             given |= {p.name: p.value for p in proposed if p.name in given}
             try:
                 pipeline_settings(given)
@@ -194,7 +200,10 @@ class EstimatorNode(LifecycleNode):
         return answer
 
     def _apply_parameters(self, changed: list[Parameter]) -> None:
-        if self._session is not None and {p.name for p in changed} & {p.name for p in PIPELINE_PARAMETERS}:
+        own = [parameter for parameter in changed if parameter.name in NAMES]
+        if own:
+            self.get_logger().info("changed: " + ", ".join(f"{parameter.name} is {parameter.value}" for parameter in own))
+        if self._session is not None and {p.name for p in own} & {p.name for p in PIPELINE_PARAMETERS}:
             self._session.change_settings(pipeline_settings(values(self, TABLE)))
 
     # ---- inputs ----
@@ -221,7 +230,10 @@ class EstimatorNode(LifecycleNode):
 
     def _subscribe(self, topic: str, state: TopicState) -> None:
         def mismatch(info: QoSRequestedIncompatibleQoSInfo) -> None:
-            state.incompatible_qos = str(qos_policy_name_from_kind(info.last_policy_kind))
+            policy = str(qos_policy_name_from_kind(info.last_policy_kind))
+            if policy != state.incompatible_qos:
+                self.get_logger().error(f"topic {topic}: a publisher does not match: incompatible {policy}")
+            state.incompatible_qos = policy
 
         try:
             subscription = self.create_subscription(
@@ -230,10 +242,10 @@ class EstimatorNode(LifecycleNode):
                 functools.partial(self._arrived, topic, state.type_name),
                 qos.sensor_input(int(self.get_parameter("input_depth").value)),
                 event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                qos_overriding_options=qos.overridable(),
                 raw=True,
             )
-        except RuntimeError as error:  # of the middleware: this process uses the topic with another type, for example
+        except qos.REFUSED as error:  # this process uses the topic with another type, for example
             state.not_subscribed = str(error)
         else:
             state.not_subscribed = ""
@@ -288,14 +300,14 @@ class EstimatorNode(LifecycleNode):
         if self._diagnostics_due:
             self._diagnostics_due = False
             self._reported_since_watch = True
-            self._publish_diagnostics(now_ns)
+            self._publish_diagnostics()
         elif self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
             self._reported_ns = now_ns
             self._diagnostics_due = True
             outputs.publish_parameters(now_ns, session.body, session.pipeline.inertia, session.pipeline.parameters())
 
-    def _publish_diagnostics(self, stamp_ns: int) -> None:
-        self._diagnostics.publish(conversions.diagnostics(stamp_ns, self._statuses()))
+    def _publish_diagnostics(self) -> None:
+        self._diagnostics.publish(self._statuses())
 
     def _statuses(self) -> Iterable[DiagnosticStatus]:
         if self._session is None:
@@ -313,7 +325,7 @@ class EstimatorNode(LifecycleNode):
         """Look at topics and types, and tell the health when no data do: nothing must fail in silence."""
         self._follow_topics()
         if not self._reported_since_watch:
-            self._publish_diagnostics(self.get_clock().now().nanoseconds)
+            self._publish_diagnostics()
         self._reported_since_watch = False
         self._save_if_due()
 
@@ -326,7 +338,7 @@ class EstimatorNode(LifecycleNode):
         passed, self._looked_s = now - self._looked_s, now
         limit = float(self.get_parameter("input_timeout").value)
         if self._session is not None and self._active and self._session.look(passed, limit):
-            self._publish_diagnostics(self.get_clock().now().nanoseconds)
+            self._publish_diagnostics()
 
     def destroy_node(self) -> None:
         """Save what was learned and leave."""
@@ -374,6 +386,7 @@ class EstimatorNode(LifecycleNode):
             return response
         self._session.pipeline.reset("requested by the service reset")
         response.success, response.message = True, "estimates start again from the vehicle file"
+        self._publish_diagnostics()
         return response
 
     def _serve_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -385,8 +398,10 @@ class EstimatorNode(LifecycleNode):
             files = save_results(folder, self._session.pipeline)
         except SAVE_ERRORS as error:
             response.message = f"not saved: {error}"
+            self.get_logger().warning(response.message)
             return response
         response.success, response.message = True, "saved " + " and ".join(str(file) for file in files)
+        self.get_logger().info(response.message)
         return response
 
 

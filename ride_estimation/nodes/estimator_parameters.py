@@ -11,7 +11,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.nodes.executors import EXECUTORS
 from ride_estimation.nodes.parameters import NodeParameter, Value, markdown, parameter_file
@@ -25,7 +24,7 @@ NODE_PARAMETERS: tuple[NodeParameter, ...] = (
         "state_file", "", "", "state to continue from and to save to; empty starts from the vehicle file", read_only=True
     ),
     NodeParameter("save_interval", 60.0, "s", "time between two savings to state_file; 0 saves never", 0.0, 86400.0),
-    NodeParameter("save_directory", "~/.ros/ride_estimation", "", "folder that ~/save_parameters writes to"),
+    NodeParameter("save_directory", "~/.ros/ride_estimation", "", "folder that ~/save_parameters writes to", read_only=True),
     NodeParameter("autostart", True, "", "configure and activate without a lifecycle manager", read_only=True),
     NodeParameter("executor", EXECUTORS[0], "", "how callbacks are run", allowed=EXECUTORS, read_only=True),
     NodeParameter("input_depth", 500, "messages", "queue per input topic: rate times longest stall", 200, 10000, read_only=True),
@@ -42,7 +41,9 @@ NODE_PARAMETERS: tuple[NodeParameter, ...] = (
 
 #: settings of the estimators, by the same name as in PipelineSettings; changing one keeps what was learned
 PIPELINE_PARAMETERS: tuple[NodeParameter, ...] = (
-    NodeParameter("rate_hz", 0.0, "Hz", "ticks of the common time base; 0 takes the fastest sensor", 0.0, 2e4, read_only=True),
+    NodeParameter(
+        "rate_hz", 0.0, "Hz", "ticks of the common time base; 0 takes the fastest sensor", 20.0, 2e4, or_zero=True, read_only=True
+    ),
     NodeParameter(
         "block_ticks", _DEFAULTS.block_ticks, "ticks", "ticks processed together, latency against load", 1, 1000, read_only=True
     ),
@@ -80,6 +81,7 @@ PIPELINE_PARAMETERS: tuple[NodeParameter, ...] = (
 )
 
 TABLE: tuple[NodeParameter, ...] = NODE_PARAMETERS + PIPELINE_PARAMETERS
+NAMES = frozenset(parameter.name for parameter in TABLE)
 
 
 def pipeline_settings(given: Mapping[str, Value]) -> PipelineSettings:
@@ -92,8 +94,6 @@ def pipeline_settings(given: Mapping[str, Value]) -> PipelineSettings:
     """
     chosen = {p.name: given[p.name] for p in PIPELINE_PARAMETERS}
     rate = chosen.pop("rate_hz")
-    if not isinstance(rate, (int, float)) or 0.0 < rate < 20.0:
-        raise ConfigurationError(f"rate_hz: {rate!r}; allowed: 0 (automatic) or 20 to 20000 Hz", where="node parameters")
     return PipelineSettings(rate_hz=float(rate) if rate else None, **chosen)  # type: ignore[arg-type]
 
 

@@ -11,8 +11,11 @@ from types import FrameType
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+from ride_estimation.errors import ConfigurationError, RideEstimationError
 
 #: names a user may choose
 EXECUTORS: tuple[str, ...] = ("events", "single")
@@ -43,13 +46,23 @@ def make_executor(name: str, context: Context | None = None) -> Executor:
     return SingleThreadedExecutor(context=context)
 
 
+def _made(factory: Callable[[], Node], args: Sequence[str] | None) -> Node:
+    """Return the node, made after the start of ROS."""
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, ValueError) as error:  # arguments or a parameter file that cannot be read
+        raise ConfigurationError(str(error), where="command line") from error
+    return factory()
+
+
 def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until a signal, a shutdown or its attribute ``finished``, and leave; return ``exit_code``.
 
     A signal only ends the loop, between two callbacks: the context stays valid until the node is destroyed, so that nothing a
     callback publishes and nothing saved at the end fails because of it. (The handlers of rclpy take the context away in the
     middle of a callback.) While the node is being made a signal breaks off. SIGINT arrives twice under ``ros2 launch``, so
-    signals are ignored while the node is destroyed.
+    signals are ignored while the node is destroyed. What is wrong on the command line or in a parameter file is one line and
+    exit code 2.
 
     Parameters
     ----------
@@ -73,8 +86,7 @@ def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], 
     for number in _SIGNALS:
         signal.signal(number, leave)
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = factory()
+        node = _made(factory, args)
         # what was loaded until now stays: looking through all of it for garbage would hold up estimates for several blocks
         gc.collect()
         gc.freeze()
@@ -84,6 +96,13 @@ def run_node(factory: Callable[[], Node], executor_name: Callable[[Node], str], 
             executor.spin_once(timeout_sec=WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RideEstimationError as error:
+        get_logger("ride_estimation").error(str(error))
+        code = 2
+    except Exception:
+        if not asked_to_leave or node is not None:
+            raise
+        # a compiler that was interrupted fails in its own ways
     finally:
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)

@@ -9,8 +9,11 @@ from typing import TypedDict
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.context import Context
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+
+from ride_estimation.errors import ConfigurationError
 
 Value = bool | int | float | str
 
@@ -58,6 +61,8 @@ class NodeParameter:
         One sentence.
     lower, upper
         Closed range of a number, None where unbounded.
+    or_zero
+        Whether 0, which stands for something else than a number, is allowed beside the range.
     allowed
         Words a string may take, empty where free.
     read_only
@@ -70,6 +75,7 @@ class NodeParameter:
     meaning: str
     lower: float | None = None
     upper: float | None = None
+    or_zero: bool = False
     allowed: tuple[str, ...] = ()
     read_only: bool = False
 
@@ -80,7 +86,7 @@ class NodeParameter:
             return " or ".join(f"`{word}`" for word in self.allowed)
         if self.lower is None or self.upper is None:
             return "any"
-        return f"{self.lower:g} to {self.upper:g}"
+        return f"{'0 or ' if self.or_zero else ''}{self.lower:g} to {self.upper:g}"
 
     @property
     def description(self) -> str:
@@ -99,8 +105,8 @@ class NodeParameter:
             return f"{self.name}: {value!r} is not allowed; allowed: {', '.join(self.allowed)}"
         if self.lower is not None and self.upper is not None:
             inside = isinstance(value, (int, float)) and self.lower <= value <= self.upper  # False for NaN
-            if not inside:
-                return f"{self.name}: {value} is outside {self.range_text} {self.unit}".rstrip()
+            if not (inside or (self.or_zero and value == 0)):
+                return f"{self.name}: {value} is not allowed; allowed: {self.range_text} {self.unit.strip('-')}".rstrip()
         return ""
 
     def descriptor(self) -> ParameterDescriptor:
@@ -113,7 +119,9 @@ class NodeParameter:
         )
         if self.allowed:
             descriptor.additional_constraints = "one of: " + ", ".join(self.allowed)
-        if self.lower is not None and self.upper is not None:
+        elif self.or_zero:  # a range of ROS is one interval
+            descriptor.additional_constraints = self.range_text
+        elif self.lower is not None and self.upper is not None:
             if isinstance(self.default, float):
                 descriptor.floating_point_range = [
                     FloatingPointRange(from_value=float(self.lower), to_value=float(self.upper), step=0.0)
@@ -126,9 +134,26 @@ class NodeParameter:
 
 
 def declare(node: Node, table: Iterable[NodeParameter]) -> None:
-    """Declare every parameter of the table on a node."""
+    """Declare every parameter of the table on a node.
+
+    Raises
+    ------
+    ConfigurationError
+        Every value of the command line or a parameter file that is refused, in one message.
+    """
+    problems = []
     for parameter in table:
-        node.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
+        try:
+            node.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
+            refused = ""
+        except (InvalidParameterTypeException, InvalidParameterValueException):
+            # what was given can be read by declaring without type and range
+            node.declare_parameter(parameter.name, parameter.default, ParameterDescriptor(dynamic_typing=True))
+            refused = f"{parameter.name}: a whole number to ROS; write it with a point"
+        if problem := parameter.problem(node.get_parameter(parameter.name).value) or refused:
+            problems.append(problem)
+    if problems:
+        raise ConfigurationError("; ".join(problems), where=f"parameters of {node.get_fully_qualified_name()}")
 
 
 def values(node: Node, table: Iterable[NodeParameter]) -> dict[str, Value]:

@@ -17,7 +17,7 @@ from sensor_msgs.msg import Imu, JointState
 
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.nodes import conversions
+from ride_estimation.nodes import conversions, qos
 from ride_estimation.nodes.serialized import MessageForm
 from ride_estimation.vehicles.vehicle import Body
 
@@ -57,13 +57,13 @@ class EstimatePublishers:
         In the order of the (.., M, 3) arrays.
     frames
         Frame names.
-    qos
-        Profile of every topic.
+    profile
+        QoS of the topics that speak at every tick; inertia and parameters are kept for whoever joins later.
     """
 
-    def __init__(self, create: CreatePublisher, mount_names: Sequence[str], frames: Frames, qos: QoSProfile) -> None:
-        def topic(message: type, name: str) -> LifecyclePublisher:
-            return create(message, name, qos, QoSOverridingOptions.with_default_policies())
+    def __init__(self, create: CreatePublisher, mount_names: Sequence[str], frames: Frames, profile: QoSProfile) -> None:
+        def topic(message: type, name: str, profile: QoSProfile = profile) -> LifecyclePublisher:
+            return create(message, name, profile, qos.overridable())
 
         self._vehicle_frame = frames.vehicle
         self._at_ticks = (
@@ -75,8 +75,8 @@ class EstimatePublishers:
             topic(JointState, "~/mounts/stddev"),
         )
         self._forms = _forms(frames, mount_names)
-        self._inertia = topic(InertiaStamped, "~/inertia")
-        self._parameters = topic(DiagnosticArray, "~/parameters")
+        self._inertia = topic(InertiaStamped, "~/inertia", qos.latched())
+        self._parameters = topic(DiagnosticArray, "~/parameters", qos.latched())
         self.all: tuple[LifecyclePublisher, ...] = (*self._at_ticks, self._inertia, self._parameters)
 
     def publish_ticks(self, block: OutputBlock, ticks: Sequence[int]) -> None:

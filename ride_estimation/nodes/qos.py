@@ -3,7 +3,18 @@
 
 from __future__ import annotations
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.exceptions import ParameterException
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+
+#: what a publisher or subscription raises that the middleware or an override does not allow (RCLError is a RuntimeError)
+REFUSED = (RuntimeError, ParameterException, InvalidQosOverridesError)
+
+
+def overridable() -> QoSOverridingOptions:
+    """Return which policies of a topic may be set by parameters ``qos_overrides.<topic>.<publisher|subscription>.<policy>``."""
+    kinds = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+    return QoSOverridingOptions(policy_kinds=kinds)
 
 
 def sensor_input(depth: int) -> QoSProfile:
@@ -29,4 +40,14 @@ def output(depth: int = 50) -> QoSProfile:
         durability=DurabilityPolicy.VOLATILE,
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
+    )
+
+
+def latched() -> QoSProfile:
+    """Return the profile of what changes slowly: whoever subscribes later gets the last message too."""
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
     )

@@ -7,6 +7,7 @@ import base64
 import dataclasses
 import html
 import io
+import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -156,6 +157,11 @@ def png(picture: Picture, dpi: int) -> bytes:
     """Return a picture as PNG, the same bytes for the same figure."""
     from matplotlib.text import Text as Label
 
+    for axes in picture.figure.axes:  # a signal that is zero throughout has no logarithm
+        if axes.get_xscale() == "log" and not math.isfinite(axes.dataLim.minposx):
+            axes.set_xscale("linear")
+        if axes.get_yscale() == "log" and not math.isfinite(axes.dataLim.minposy):
+            axes.set_yscale("linear")
     for label in picture.figure.findobj(Label):
         if label.get_text() != printable(label.get_text()):
             label.set_text(printable(label.get_text()))

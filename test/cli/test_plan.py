@@ -99,3 +99,16 @@ def test_numbers_that_are_not_finite_are_named(value, capsys):
 def test_bad_numbers_end_with_code_2(capsys):
     assert main(["plan", "--vehicle", VEHICLE, "--speed", "-3"]) == 2
     assert "allowed: 0.5 to 60 m/s" in capsys.readouterr().err
+
+
+def test_a_vehicle_of_hundreds_of_sensors_is_refused_before_the_memory_is_full(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = "".join(
+        f"  more{i}: {{kind: accelerometer, topic: /more{i}, body: cab, position_m: [0.1, 0, {i / 500}], noise_m_per_s2: 0.02}}\n"
+        for i in range(400)
+    )
+    path = written(tmp_path, TEXT.replace("\nsensors:\n", f"\nsensors:\n{more}"))
+    assert main(["plan", "--vehicle", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "sensitivities; at most 10000" in said and "Leave out sensors" in said

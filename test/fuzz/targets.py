@@ -107,7 +107,7 @@ def _metadata_run(file: Path, folder: Path) -> None:
 
 # -- text files -----------------------------------------------------------------------------------------------------------
 
-_YAML_WORDS = (
+YAML_WORDS = (
     b"&a ",
     b"*a",
     b"[",
@@ -153,7 +153,7 @@ _YAML_WORDS = (
     b"std",
     b"range",
 )
-_CSV_WORDS = (
+CSV_WORDS = (
     b",",
     b";",
     b"\t",
@@ -171,7 +171,7 @@ _CSV_WORDS = (
     b"\xff",
     b'"' * 40,
 )
-_JSON_WORDS = (
+JSON_WORDS = (
     b"null",
     b"NaN",
     b"Infinity",
@@ -197,7 +197,7 @@ _JSON_WORDS = (
 )
 
 
-def _files(*names: tuple[str, ...]) -> Callable[[Path], list[bytes]]:
+def files(*names: tuple[str, ...]) -> Callable[[Path], list[bytes]]:
     return lambda folder: [shared_path(*name).read_bytes() for name in names]
 
 
@@ -241,7 +241,7 @@ def _array(file: Path, folder: Path) -> None:
     """Read a damaged array in a sound archive, which no checksum of the archive protects."""
     with zipfile.ZipFile(folder / "run.npz", "w") as archive:
         archive.writestr("force_kn.npy", file.read_bytes())
-    _ignore(read_arrays(folder / "run.npz"))
+    forget(read_arrays(folder / "run.npz"))
 
 
 def _mat_seed(folder: Path) -> list[bytes]:
@@ -259,7 +259,7 @@ def _mat_seed(folder: Path) -> list[bytes]:
 
 # -- results and states ---------------------------------------------------------------------------------------------------
 
-_RESULT = {
+RESULT = {
     "schema": "ride_estimation/result/1",
     "warnings": ["w"],
     "digest": "d",
@@ -292,7 +292,7 @@ def _result_json(file: Path, folder: Path) -> None:
 
 
 def _result_npz(file: Path, folder: Path) -> None:
-    (folder / "result.json").write_text(json.dumps(_RESULT), encoding="utf-8")
+    (folder / "result.json").write_text(json.dumps(RESULT), encoding="utf-8")
     shutil.copyfile(file, folder / "signals.npz")
     read_replay(folder)
 
@@ -359,23 +359,23 @@ def targets() -> dict[str, Target]:
             ".bag", ros1_files, _ros1_run, (b"#ROSBAG V2.0\n", b"op=\x05", b"compression=bz2", b"compression=lz4", b"size=")
         ),
         "metadata": Target(
-            ".yaml", _metadata, _metadata_run, (*_YAML_WORDS, b"../../../etc/passwd", b"message", b"file", b"zstd")
+            ".yaml", _metadata, _metadata_run, (*YAML_WORDS, b"../../../etc/passwd", b"message", b"file", b"zstd")
         ),
         "bench_bag": Target(".mcap", bench_files, _bench_bag, (b"/JointState", b"fl_z")),
         "vehicle": Target(
             ".yaml",
-            _files(("config", "vehicles", "single_imu.yaml"), ("config", "vehicles", "quarter_car.yaml")),
+            files(("config", "vehicles", "single_imu.yaml"), ("config", "vehicles", "quarter_car.yaml")),
             _vehicle,
-            _YAML_WORDS,
+            YAML_WORDS,
         ),
         "settings": Target(
-            ".yaml", _files(("config", "nodes", "estimator.yaml")), lambda f, d: _ignore(load_settings(f)), _YAML_WORDS
+            ".yaml", files(("config", "nodes", "estimator.yaml")), lambda f, d: forget(load_settings(f)), YAML_WORDS
         ),
         "scenario": Target(
-            ".yaml", _files(("bags", "standing", "recipe.yaml")), lambda f, d: _ignore(load_scenario(f)), _YAML_WORDS
+            ".yaml", files(("bags", "standing", "recipe.yaml")), lambda f, d: forget(load_scenario(f)), YAML_WORDS
         ),
-        "table": Target(".csv", lambda folder: [TABLE], lambda f, d: _ignore(read_table(f)), _CSV_WORDS),
-        "bench_csv": Target(".csv", lambda folder: [RECORD, HARMONIC], _bench, _CSV_WORDS),
+        "table": Target(".csv", lambda folder: [TABLE], lambda f, d: forget(read_table(f)), CSV_WORDS),
+        "bench_csv": Target(".csv", lambda folder: [RECORD, HARMONIC], _bench, CSV_WORDS),
         "npz": Target(
             ".npz", _npz_seed, _bench, (b"PK\x03\x04", b"PK\x01\x02", b"'|O'", b"\x93NUMPY", b"(99999999999,)", b"'<f8'")
         ),
@@ -383,11 +383,11 @@ def targets() -> dict[str, Target]:
             ".npy", _array_seed, _array, (b"'|O'", b"(99999999999,)", b"'<U99999999'", b"True", b"\x93NUMPY\x03\x00")
         ),
         "mat": Target(".mat", _mat_seed, _bench, (b"\x0f\x00\x00\x00", b"\x0e\x00\x00\x00", b"MI", b"IM")),
-        "result": Target(".json", lambda folder: [json.dumps(_RESULT).encode()], _result_json, _JSON_WORDS),
+        "result": Target(".json", lambda folder: [json.dumps(RESULT).encode()], _result_json, JSON_WORDS),
         "signals": Target(
             ".npz", lambda folder: [_signals()], _result_npz, (b"PK\x03\x04", b"'|O'", b"(99999999999,)", b"'<U9999999'")
         ),
-        "state": Target(".json", _state_seed, _state_reader(), (*_JSON_WORDS, *state)),
+        "state": Target(".json", _state_seed, _state_reader(), (*JSON_WORDS, *state)),
         "page": Target(
             ".txt",
             lambda folder: [b"front_left", b"<b>&amp;</b>"],
@@ -397,5 +397,5 @@ def targets() -> dict[str, Target]:
     }
 
 
-def _ignore(_: object) -> None:
+def forget(_: object) -> None:
     """Forget a result."""

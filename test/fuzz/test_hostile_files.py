@@ -21,6 +21,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+from fuzz.command_line import command_targets
 from fuzz.mutate import mutated
 from fuzz.recordings import START, VEHICLE, bench_files, mcap_files, packed, rechunked, ros1_files
 from fuzz.targets import page_tags, read_run, targets
@@ -37,6 +38,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
 
 TARGETS = targets()
+COMMANDS = command_targets()
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +69,19 @@ def test_damaged_files_are_read_or_refused(name: str, seeds: dict[str, list[byte
             TARGETS[name].consume(file, tmp_path)
 
     check()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_end_with_success_or_one_message(name: str, tmp_path: Path) -> None:
+    target, rng = COMMANDS[name], random.Random(name)
+    (tmp_path / "seeds").mkdir()
+    (tmp_path / "work").mkdir()
+    good = target.seeds(tmp_path / "seeds")
+    file = tmp_path / f"input{target.suffix}"
+    for data in [*good[:3], *(mutated(rng.choice(good), good, target.words, rng) for _ in range(5))]:
+        file.write_bytes(data)
+        with contextlib.suppress(RideEstimationError):
+            target.consume(file, tmp_path / "work")
 
 
 @settings(max_examples=20, deadline=None, derandomize=True, database=None)

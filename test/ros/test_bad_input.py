@@ -239,6 +239,6 @@ def test_nothing_at_all_is_an_error_on_diagnostics(ros: Ros) -> None:
     ros.until(lambda: node.count_subscribers("/diagnostics") > 0)
     node.watch()
     ros.until(lambda: bool(got))
-    statuses = {s.name: s for s in got[-1].status}
+    statuses = {s.name.removeprefix("/ride/estimator: "): s for s in got[-1].status}
     assert statuses[f"topic {VICTIM}"].message == "configured, but nothing has been received (no publisher)"
     assert {s.level for name, s in statuses.items() if name.startswith(("topic", "sensor"))} == {DiagnosticStatus.ERROR}

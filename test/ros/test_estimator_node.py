@@ -61,7 +61,8 @@ def feed(node: EstimatorNode, seconds: float) -> int:
 
 
 def statuses(message: DiagnosticArray) -> dict[str, DiagnosticStatus]:
-    return {status.name: status for status in message.status}
+    """Return the statuses by what they are about, without the name of the node."""
+    return {status.name.partition(": ")[2]: status for status in message.status}
 
 
 # ---- lifecycle ----
@@ -411,7 +412,10 @@ def test_every_parameter_is_described_with_its_unit(ros_single: Ros) -> None:
     for parameter, descriptor in zip(TABLE, answer.descriptors, strict=True):
         assert descriptor.description == parameter.description
         assert descriptor.read_only == parameter.read_only
-        assert bool(descriptor.floating_point_range or descriptor.integer_range) == (parameter.lower is not None)
+        ranged = bool(descriptor.floating_point_range or descriptor.integer_range)
+        assert ranged == (parameter.lower is not None and not parameter.or_zero)
+        if parameter.or_zero:
+            assert descriptor.additional_constraints == parameter.range_text
 
 
 @pytest.mark.parametrize(

@@ -63,8 +63,9 @@ def test_ranges_are_those_of_the_estimators(parameter: NodeParameter) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("diagnostics_period", 0.01, "outside 0.1 to 60 s"),
-        ("diagnostics_period", math.nan, "outside"),
+        ("diagnostics_period", 0.01, "allowed: 0.1 to 60 s"),
+        ("diagnostics_period", math.nan, "allowed: 0.1 to 60 s"),
+        ("rate_hz", 5.0, "allowed: 0 or 20 to 20000 Hz"),
         ("executor", "multi", "allowed: events, single"),
         ("autostart", "yes", "is not true or false"),
         ("publish_every", 1.5, "is not a whole number"),

@@ -29,7 +29,7 @@ class Drive:
         self._messages = drive(self.node.session.vehicle, 60.0)
         self._clock = clock
         self.reports: list[float] = []
-        self.node._publish_diagnostics = lambda stamp_ns: self.reports.append(clock[0])  # type: ignore[method-assign]
+        self.node._publish_diagnostics = lambda: self.reports.append(clock[0])  # type: ignore[method-assign]
 
     def go(self, seconds: float, dead: Container[str] = ()) -> None:
         for _ in range(round(seconds / LOOK_PERIOD_S)):

@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Decoding in bulk gives what message objects give: ordinary messages, damaged ones, any order, any container structure.
 
-The oracle is the general reader of rosbags, message by message; in hand-made MCAP files it is ``struct``.
+The oracle is the deserialiser of rosbags, message by message; in hand-made MCAP files it is ``struct``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from ride_estimation.io import bags
 from ride_estimation.io.bag_source import BagSource
-from ride_estimation.io.bags_bulk import Layout, MessageList, read_whole_mcap
-from ride_estimation.io.cdr import decode_topic
-from ride_estimation.io.mcap_records import MAGIC, read_mcap, record_runs
+from ride_estimation.io.bags_bulk import Collector, Layout, TopicMessages, in_order
+from ride_estimation.io.cdr import DecodedTopic, decode_at
+from ride_estimation.io.mcap_records import DAMAGE, MAGIC, read_ending, record_runs
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -96,7 +96,7 @@ def general(path: Path, monkeypatch: pytest.MonkeyPatch) -> Recording:
     opened = bags.open_bag
 
     def plain(place: Path, *, salvage: bool = False) -> BagSource:
-        return dataclasses.replace(opened(place, salvage=salvage), whole_mcap=None, little_endian_cdr=False)
+        return dataclasses.replace(opened(place, salvage=salvage), little_endian_cdr=False)
 
     with monkeypatch.context() as patched:
         patched.setattr(bags, "open_bag", plain)
@@ -135,7 +135,8 @@ def test_several_chunks_and_messages_that_overtake_each_other(tmp_path: Path, mo
             for connection in connections.values():
                 raw = payload(connection.msgtype, START + int(k) * 2_000_000, b"f", rng)
                 writer.write(connection, START + 1_000_000 * int(k), raw)
-    assert len(list(record_runs(path / "run.mcap"))) > 1
+    with (path / "run.mcap").open("rb") as stream:
+        assert len(list(record_runs(path / "run.mcap", read_ending(stream)))) > 1
     found = bags.read_recording(path, VEHICLE)
     same(found, general(path, monkeypatch))
     assert np.all(np.diff(found.channels["vector"].stamp_ns) > 0)
@@ -147,36 +148,48 @@ def record(code: int, body: bytes) -> bytes:
 
 def channel(number: int, topic: str) -> bytes:
     text = topic.encode()
-    return record(4, struct.pack("<HH", number, 1) + struct.pack("<I", len(text)) + text + struct.pack("<II", 0, 0))
+    encoding = struct.pack("<I", 3) + b"cdr"
+    return record(4, struct.pack("<HHI", number, 1, len(text)) + text + encoding + b"\0" * 4)
 
 
 def message(number: int, arrival: int, raw: bytes) -> bytes:
     return record(5, struct.pack("<HIQQ", number, 0, arrival, arrival) + raw)
 
 
-END = record(0x0F, b"\0" * 4)
+END = record(0x0F, b"\0" * 4) + record(2, b"\0" * 20) + MAGIC
 VECTOR = Layout("geometry_msgs/msg/Vector3Stamped", 0)
+
+
+def collected(file: Path, topics: dict[str, Layout | None]) -> dict[str, TopicMessages]:
+    found = Collector(topics)
+    with file.open("rb") as stream:
+        found.take_mcap(file, read_ending(stream))
+    return found.finished()
 
 
 def test_records_outside_chunks_and_numbers_that_change_their_topic(tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
     kind = VECTOR.message_type
-    parts = [MAGIC, message(1, START, payload(kind, START, b"lost", rng)), channel(1, "/a"), channel(2, "/other")]
+    parts, written = [MAGIC, channel(1, "/a"), channel(2, "/other")], []
     for k in range(60):
         if k == 30:
             parts.append(channel(1, "/b"))
-        parts += [message(1, START - k, payload(kind, START + k, b"f", rng)), message(2, START, b"anything")]
+        raw = payload(kind, START + k, b"f", rng)
+        written.append(("/a" if k < 30 else "/b", START - k, raw))
+        parts += [message(1, START - k, raw), message(2, START, b"anything")]
     file = tmp_path / "hand.mcap"
     file.write_bytes(b"".join([*parts, END]))
-    found = read_whole_mcap(file, {"/a": VECTOR, "/b": VECTOR, "/c": None})
-    assert found is not None and len(found["/c"].order) == 0
-    listed = read_mcap(file, ["/a", "/b", "/c"])
+    written.sort(key=lambda entry: entry[1])
+    listed = list(in_order(collected(file, dict.fromkeys(("/a", "/b", "/c")))))
+    assert listed == written
+    found = collected(file, {"/a": VECTOR, "/b": VECTOR, "/c": None})
+    assert len(found["/c"].order) == 0
     for topic in ("/a", "/b"):
         numbers = [i for i, entry in enumerate(listed) if entry[0] == topic]
         assert found[topic].order.tolist() == numbers and len(numbers) == 30
         assert found[topic].arrival.tolist() == [listed[i][1] for i in numbers]
         decoded = found[topic].decoded
-        assert decoded is not None and decoded.decoded.all() and not found[topic].raw
+        assert decoded is not None and decoded.decoded.all() and not len(found[topic].raw)
         rows = [struct.unpack("<3d", listed[i][2][-24:]) for i in numbers]
         assert np.array_equal(decoded.fields, np.array(rows))
         stamps = [struct.unpack_from("<iI", listed[i][2], 4) for i in numbers]
@@ -184,8 +197,8 @@ def test_records_outside_chunks_and_numbers_that_change_their_topic(tmp_path: Pa
         assert decoded.frame_id == "f"
 
 
-@pytest.mark.parametrize("what", ["short_head", "leaves_the_file", "no_clock", "channel", "frame", "length"])
-def test_what_is_not_understood_is_left_to_the_general_reader(what: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("what", ["short_head", "leaves_the_file", "no_clock", "channel", "frame", "length", "no_channel"])
+def test_what_is_not_understood_is_damage_and_what_stands_before_it_is_kept(what: str, tmp_path: Path) -> None:
     good = message(1, START, payload(VECTOR.message_type, START, b"f", np.random.default_rng(7)))
     odd = {
         "short_head": record(5, b"\1\0" + b"\0" * 10),
@@ -194,25 +207,29 @@ def test_what_is_not_understood_is_left_to_the_general_reader(what: str, tmp_pat
         "channel": record(4, b"\1\0\1\0\xff\xff\xff\xff/x\xff"),
         "frame": record(6, struct.pack("<QQQII", 0, 0, 80, 0, 4) + b"zstd" + struct.pack("<Q", 20) + b"\x28\xb5\x2f\xfd" * 5),
         "length": struct.pack("<BQ", 5, 2**62),
+        "no_channel": message(7, START, b""),
     }[what]
     file = tmp_path / "hand.mcap"
-    file.write_bytes(MAGIC + channel(1, "/a") + good + odd + (b"" if what == "leaves_the_file" else good + END))
-    assert read_whole_mcap(file, {"/a": VECTOR}) is None
+    file.write_bytes(MAGIC + channel(1, "/a") + good + odd + good + END)
+    with pytest.raises(DAMAGE):
+        collected(file, {"/a": VECTOR})
     file.write_bytes(MAGIC + channel(1, "/a") + good + good + END)
-    found = read_whole_mcap(file, {"/a": VECTOR})
-    assert found is not None and found["/a"].order.tolist() == [0, 1]
+    assert collected(file, {"/a": VECTOR})["/a"].order.tolist() == [0, 1]
+
+
+def decoded(raw: list[bytes], first: int = 0) -> DecodedTopic:
+    lengths = np.array([len(r) for r in raw])
+    return decode_at("sensor_msgs/msg/Imu", b"".join(raw), np.cumsum(lengths) - lengths, lengths, first)
 
 
 def test_only_the_wanted_doubles_are_taken() -> None:
     rng = np.random.default_rng(8)
     raw = [payload("sensor_msgs/msg/Imu", START + k, b"abc", rng) for k in range(5)]
-    whole, part = decode_topic("sensor_msgs/msg/Imu", raw), decode_topic("sensor_msgs/msg/Imu", raw, 25)
-    assert whole is not None and part is not None
+    whole, part = decoded(raw), decoded(raw, 25)
     assert whole.fields.shape == (5, 37) and part.fields.tobytes() == np.ascontiguousarray(whole.fields[:, 25:]).tobytes()
-    assert decode_topic("sensor_msgs/msg/JointState", raw) is None
 
 
 @pytest.mark.parametrize("arrival", [None, b"\x17\x97", "1", 1 << 63])
 def test_a_time_of_arrival_that_is_none_is_damage(arrival: object) -> None:
     with pytest.raises((TypeError, ValueError)):
-        MessageList().add(0, arrival, b"")  # type: ignore[arg-type]
+        Collector({"/a": None}).add("/a", arrival, b"")  # type: ignore[arg-type]

@@ -225,3 +225,14 @@ def test_numbers_have_the_digits_that_are_meant():
     for value, std in ((61291.0, 615.0), (-12.3456, 0.00098), (99.96, 0.0996), (5.0, 1e3), (1e9, 3e5)):
         shown, spread = map(float, numbers.with_std(value, std))
         assert abs(shown - value) <= 0.06 * std and spread == pytest.approx(std, rel=0.06)
+
+
+def test_a_signal_of_zeros_and_a_name_of_escapes_can_be_drawn(tmp_path: Path) -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    axes.loglog([1.0, 2.0], [0.0, 0.0], label="\x1b\udcfc")
+    axes.legend()
+    page = Page("p")
+    page.figure(figure, "zeros")
+    page.write(tmp_path / "r.html")
+    assert page.write_png(tmp_path / "pictures")[0].stat().st_size > 1000

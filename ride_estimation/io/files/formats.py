@@ -9,6 +9,7 @@ from pathlib import Path
 from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.io.atomic import replacing
 from ride_estimation.io.bag_source import READER_ERRORS
+from ride_estimation.io.bounded import TooLargeError
 from ride_estimation.io.files.channels import FileChannel, MeasurementFile
 from ride_estimation.io.files.csv_file import read_csv, write_csv
 from ride_estimation.io.files.mdf_file import read_mdf, write_mdf
@@ -59,6 +60,8 @@ def read_measurement_file(path: Path, time_name: str = "", rate_hz: float = 0.0)
             found = read_mdf(path)
     except RideEstimationError:
         raise
+    except TooLargeError as error:
+        raise InputDataError(f"{path}: {error} for a file of this size") from error
     except READER_ERRORS as error:
         words = " ".join(str(error).split()) or type(error).__name__
         raise InputDataError(f"{path}: cannot be read as {suffix[1:].upper()} ({words}): damaged or of another kind") from error

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.bounded import TooLargeError, allowance
 from ride_estimation.io.files.channels import (
     UNKNOWN_START_NS,
     FileChannel,
@@ -22,13 +24,15 @@ def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measu
     """Read the numeric columns of a Parquet file; parameters as :func:`~ride_estimation.io.files.csv_file.read_csv`."""
     require("pyarrow", "Parquet")
     parquet = require("pyarrow.parquet", "Parquet")
-    table = parquet.read_table(path)
+    file = parquet.ParquetFile(path)
+    fields = [field for field in file.schema_arrow if _is_number(field.type)]
+    limit = allowance(path.stat().st_size)
+    # as doubles, and once more where the numbers of the time are compared
+    if 8 * file.metadata.num_rows * (len(fields) + 1) > limit:
+        raise TooLargeError(limit)
     headings, columns = [], []
-    for field in table.schema:
-        try:
-            values = np.asarray(table.column(field.name).to_numpy(), dtype=float)
-        except (TypeError, ValueError):
-            continue  # texts are no channels
+    for field in fields:
+        values = file.read([field.name]).column(field.name).to_numpy().astype(float)
         name, unit = split_heading(field.name)
         metadata = field.metadata or {}
         headings.append((name, unit or metadata.get(b"unit", b"").decode("utf-8", "replace")))
@@ -36,6 +40,12 @@ def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measu
     if not columns:
         raise InputDataError(f"{path}: no numeric column")
     return MeasurementFile(str(path), UNKNOWN_START_NS, table_channels(path, headings, columns, time_name, rate_hz))
+
+
+def _is_number(kind: Any) -> bool:
+    """Return whether a column can be a channel; texts, lists and times are none."""
+    types = require("pyarrow.types", "Parquet")
+    return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_decimal(kind))
 
 
 def write_parquet(path: Path, channels: tuple[FileChannel, ...]) -> None:
