@@ -43,10 +43,14 @@ _GAINS = (-1.0, 0.4, 0.6, 0.77, 1.3, 1.7, 2.5)
 _DELAYS = (-0.03, -0.02, -0.01, 0.01, 0.02, 0.03)
 #: factor by which an error must lessen the squared residual, and do so better than any error of other sensors
 _BETTER, _RIVAL = 2.0, 1.5
-#: factor from which on nothing is learned until the next looks tell more, and factor below which a sensor is well again
-_HINT, _WELL = 1.4, 1.2
+#: factor from which on nothing is learned until the next looks tell more
+_HINT = 1.4
+#: factor by which an error would raise the residual where there is none: only then its absence is seen
+_SHOWS = 1.3
 #: time without a sign of an error before one that comes is known to have come while driving [s]
 _PROVEN = 10.0
+#: rise of the residual above that of the run that is a doubt, and time over which the run's may change [s]
+_RISE, _RUN = 4.0, 30.0
 #: looks in a row that must agree, and looks in a row after which a sensor is used again
 _AGREE, _RECOVER = 2, 4
 #: least singular value of the places of bases, in units of their spread, that make a plane
@@ -112,6 +116,8 @@ class BaseBalance:
         self._carried = np.eye(3 * count) if transport is None else transport
         self._rotation = np.array([s.rotation for s in sensors])
         self._hypotheses = self._all_hypotheses()
+        #: errors that also a slow ride shows: those of the motion itself
+        self._strong = [n for n, h in enumerate(self._hypotheses) if len(h.sensors) == 1 and not h.rate.any()]
         self.reset()
 
     def reset(self) -> None:
@@ -122,6 +128,8 @@ class BaseBalance:
         self._found, self._agreed, self._well = -1, 0, 0
         #: time since the readings showed no sign of an error, infinite where they always did, and time without [s]
         self.suspicious, self._proven = math.inf, 0.0
+        #: share of the load that the run usually leaves unexplained, and time over which that was followed [s]
+        self._usual, self._followed = 0.0, 0.0
         self.unusual = False
 
     def _all_hypotheses(self) -> list[BaseError]:
@@ -261,19 +269,26 @@ class BaseBalance:
         tells = better > _BETTER and min(others) > _RIVAL * left[best]
         self._agreed = self._agreed + 1 if tells and best == self._found else int(tells)
         self._found = best
-        self.unusual = better > _HINT and not self.refused
-        if better < _WELL:
-            self._proven += duration
-            self.suspicious = 0.0 if self._proven > _PROVEN else math.inf
-        else:
-            self.suspicious += duration
-        self._well = self._well + 1 if better < _WELL else 0
+        share = float(left[0]) / total
+        rises = self._followed > _LEAST and share > max(_RISE * self._usual, _MATTERS)
+        self.unusual = not self.refused and (better > _HINT or rises)
+        self._followed = min(self._followed + duration, _RUN)
+        self._usual += duration / self._followed * (min(share, _RISE * self._usual if rises else share) - self._usual)
+        sound = float(left[self._strong].min()) > _SHOWS * left[0]
+        self._proven += duration * sound
+        self.suspicious = self.suspicious + duration if not sound else 0.0 if self._proven > _PROVEN else math.inf
+        self._well = self._well + 1 if self.refused and left[self._accused()] > _SHOWS * left[0] else 0
         if self._agreed >= _AGREE and len(chosen.sensors) == 2:
             self.exchanged, self.refused = (chosen.sensors[0], chosen.sensors[1]), {}
         elif self._agreed >= _AGREE:
             self.refused = {chosen.sensors[0]: chosen.words}
         elif self._well >= _RECOVER:
             self.refused = {}
+
+    def _accused(self) -> int:
+        """Return the hypothesis for which a sensor is left out."""
+        ((sensor, words),) = self.refused.items()
+        return next(n for n, h in enumerate(self._hypotheses) if h.sensors == (sensor,) and h.words == words)
 
     def _residual(self, error: BaseError, total: float) -> float:
         """Return the least squared residual of balance and transducers, k and c fitted, where the readings have an error."""
