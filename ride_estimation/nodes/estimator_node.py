@@ -33,12 +33,13 @@ from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.io.state_file import restore_state, save_results
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
-from ride_estimation.nodes.backpressure import THIN, Load
+from ride_estimation.nodes.backpressure import THIN, Load, LoadLevel
 from ride_estimation.nodes.cdr import stamp_of_payload
 from ride_estimation.nodes.diagnostics import Diagnostics
 from ride_estimation.nodes.estimator_parameters import NAMES, PIPELINE_PARAMETERS, TABLE, pipeline_settings
 from ride_estimation.nodes.executors import run_node
 from ride_estimation.nodes.inputs import MESSAGE_CLASSES
+from ride_estimation.nodes.intake import Intake, Take
 from ride_estimation.nodes.node_health import NODE, TopicState, load_status
 from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
 from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
@@ -77,8 +78,10 @@ class EstimatorNode(LifecycleNode):
         self._saver = StateSaver()
         self._save_problem_said = ""
         self._load = Load()
+        self._load_said = LoadLevel.KEEPS_UP
         declare(self, TABLE)
         pipeline_settings(values(self, TABLE))
+        self._intake = Intake(self._load, stamp_of_payload, int(self.get_parameter("input_depth").value))
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self._diagnostics = Diagnostics(self)
@@ -170,6 +173,7 @@ class EstimatorNode(LifecycleNode):
 
     def _unsubscribe(self) -> None:
         self._active = False
+        self._intake.close_all()
         for _, subscription in self._subscriptions_by_topic.values():
             self.destroy_subscription(subscription)
         self._subscriptions_by_topic.clear()
@@ -217,12 +221,14 @@ class EstimatorNode(LifecycleNode):
             publishers = self.get_publishers_info_by_topic(name)  # the types of the topic would contain the own subscription's
             state.publishers = len(publishers)
             state.offered = tuple(sorted({publisher.topic_type for publisher in publishers}))
+            self._intake.take_note_of_publishers(name, len(publishers))
             if not publishers:
                 state.incompatible_qos = ""
             state.type_name = topic.choose(state.offered, state.type_name)
             type_name, subscription = self._subscriptions_by_topic.get(name, ("", None))
             if subscription is not None and type_name != state.type_name:
                 del self._subscriptions_by_topic[name]
+                self._intake.close(name)
                 self.destroy_subscription(subscription)
                 self._types_changed = True  # the middleware keeps the old type until the executor has let go of it
             elif subscription is None and state.type_name:
@@ -239,7 +245,7 @@ class EstimatorNode(LifecycleNode):
             subscription = self.create_subscription(
                 MESSAGE_CLASSES[state.type_name],
                 topic,
-                functools.partial(self._arrived, topic, state.type_name),
+                functools.partial(self._arrived, topic, state),
                 qos.sensor_input(int(self.get_parameter("input_depth").value)),
                 event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
                 qos_overriding_options=qos.overridable(),
@@ -250,16 +256,14 @@ class EstimatorNode(LifecycleNode):
         else:
             state.not_subscribed = ""
             self._subscriptions_by_topic[topic] = (state.type_name, subscription)
+            self._intake.open(
+                topic, _waiting_messages(subscription, state), functools.partial(self.receive, topic, state.type_name)
+            )
 
-    def _arrived(self, topic: str, type_name: str, payload: bytes) -> None:
-        """Take a live message, unless the node is too far behind."""
-        began = time.monotonic()
-        stamp = stamp_of_payload(payload)
-        if self._session is not None:
-            self._session.states[topic].arrived += 1
-        if stamp is None or self._load.admit(topic, stamp * 1e-9, began):
-            self.receive(topic, type_name, payload)
-        self._load.handled(began, time.monotonic())
+    def _arrived(self, topic: str, state: TopicState, payload: bytes) -> None:
+        """Take a live message from the executor."""
+        state.arrived += 1
+        self._intake.arrived(topic, payload)
 
     def receive(self, topic: str, type_name: str, payload: bytes) -> tuple[OutputBlock, ...]:
         """Handle one serialized message: observe it, publish what became ready, report when a period is over.
@@ -317,6 +321,8 @@ class EstimatorNode(LifecycleNode):
         if not self._active:
             yield conversions.status(DiagnosticStatus.WARN, "estimator node", "not active", NODE, {})
         yield load_status(self._load)
+        for name, topic in self._session.states.items():
+            topic.lost, topic.left_out = self._load.lost[name], self._load.left_out[name]
         if self._saver.problem:
             yield conversions.status(DiagnosticStatus.WARN, "saved state", self._saver.problem, NODE, {})
         yield from self._session.statuses()
@@ -324,20 +330,27 @@ class EstimatorNode(LifecycleNode):
     def watch(self) -> None:
         """Look at topics and types, and tell the health when no data do: nothing must fail in silence."""
         self._follow_topics()
+        self._load.measure(time.monotonic(), time.process_time())
         if not self._reported_since_watch:
             self._publish_diagnostics()
         self._reported_since_watch = False
         self._save_if_due()
 
     def look(self) -> None:
-        """Tell at once when inputs or estimates stop or come back; subscribe where the type of a topic has changed."""
+        """Tell at once when inputs or estimates stop or come back, or messages begin to wait or to be lost.
+
+        Goes on with messages that wait, and subscribes where the type of a topic has changed.
+        """
+        self._intake.work()
         if self._types_changed:
             self._types_changed = False
             self._follow_topics()
         now = time.monotonic()
         passed, self._looked_s = now - self._looked_s, now
         limit = float(self.get_parameter("input_timeout").value)
-        if self._session is not None and self._active and self._session.look(passed, limit):
+        turned = self._session is not None and self._active and self._session.look(passed, limit)
+        if turned or self._load.level != self._load_said:
+            self._load_said = self._load.level
             self._publish_diagnostics()
 
     def destroy_node(self) -> None:
@@ -403,6 +416,20 @@ class EstimatorNode(LifecycleNode):
         response.success, response.message = True, "saved " + " and ".join(str(file) for file in files)
         self.get_logger().info(response.message)
         return response
+
+
+def _waiting_messages(subscription: Subscription, state: TopicState) -> Take:
+    """Return what takes the next message that waits for a subscription, as the executors of rclpy do."""
+
+    def take() -> tuple[bytes, int] | None:
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is None:
+            return None
+        state.arrived += 1
+        return taken[0], taken[1]["publication_sequence_number"] or 0
+
+    return take
 
 
 def prepared(make: Callable[[], Node]) -> Node:

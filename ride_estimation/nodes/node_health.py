@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from ride_estimation.estimation.faults.health import Health, SensorHealth
-from ride_estimation.nodes.backpressure import Load
+from ride_estimation.nodes.backpressure import Load, LoadLevel
 from ride_estimation.nodes.conversions import status
 from ride_estimation.nodes.silence import Silence
 
@@ -38,6 +38,8 @@ class TopicState:
         Why the middleware refused the subscription.
     arrived
         Messages that came from the middleware, those left out because of load among them.
+    lost, left_out
+        Messages that were sent and lost before they came here, and those that came and were left out because of load.
     received
         Messages received.
     rejected
@@ -54,6 +56,8 @@ class TopicState:
     incompatible_qos: str = ""
     not_subscribed: str = ""
     arrived: int = 0
+    lost: int = 0
+    left_out: int = 0
     received: int = 0
     rejected: Counter[str] = dataclasses.field(default_factory=Counter)
     silence: Silence = dataclasses.field(default_factory=Silence)
@@ -73,9 +77,17 @@ class TopicState:
             return DiagnosticStatus.ERROR, f"has stopped: nothing received for {self.silence.seconds:.1f} s ({who})"
         if unread := [name for name in self.offered if name != self.type_name]:
             return DiagnosticStatus.WARN, f"read as {self.type_name}; a publisher of {', '.join(unread)} is not read"
+        if self.not_taken:
+            return DiagnosticStatus.WARN, f"receiving, but {self.not_taken}"
         if self.rejected:
             return DiagnosticStatus.WARN, "some messages were not used: " + ", ".join(sorted(self.rejected))
         return DiagnosticStatus.OK, "receiving"
+
+    @property
+    def not_taken(self) -> str:
+        """Return in words which messages were sent but not used by no fault of the sensor, empty where none."""
+        counts = {"lost before they came to this node": self.lost, "left out because it was behind": self.left_out}
+        return " and ".join(f"{count} messages were {what}" for what, count in counts.items() if count)
 
     def status(self) -> DiagnosticStatus:
         """Return the diagnostic status of the topic."""
@@ -85,6 +97,8 @@ class TopicState:
             "type": self.type_name,
             "publishers": self.publishers,
             "received": self.received,
+            "lost before they came here": self.lost,
+            "left out because of load": self.left_out,
         }
         values |= {f"rejected {reason}": count for reason, count in sorted(self.rejected.items())}
         return status(level, f"topic {self.name}", message, NODE, values)
@@ -104,7 +118,12 @@ def silence_words(states: Iterable[TopicState], estimates: Silence) -> list[str]
 
 
 def pipeline_statuses(
-    health: Health, body: str, faults: Mapping[str, int], unpublished: int, silent: Sequence[str], stopped: Container[str]
+    health: Health,
+    body: str,
+    faults: Mapping[str, int],
+    unpublished: int,
+    silent: Sequence[str],
+    topics: Mapping[str, TopicState],
 ) -> Iterator[DiagnosticStatus]:
     """Return one status for the estimates and one per sensor.
 
@@ -120,8 +139,8 @@ def pipeline_statuses(
         Ticks without a publishable estimate.
     silent
         Of :func:`silence_words`.
-    stopped
-        Sensors whose topic is silent.
+    topics
+        Sensor -> its topic.
     """
     missing = any(sensor.accepted == 0 for sensor in health.sensors.values())
     level = DiagnosticStatus.OK
@@ -145,33 +164,43 @@ def pipeline_statuses(
     values |= {f"note {number + 1}": text for number, text in enumerate(messages)}
     yield status(level, "estimates", messages[0] if messages else "running", body, values)
     for sensor in health.sensors.values():
-        yield sensor_status(sensor, sensor.silent or sensor.name in stopped)
+        yield sensor_status(sensor, topics[sensor.name])
+
+
+#: level of a status by how the node keeps up
+_LOAD_LEVELS = {
+    LoadLevel.KEEPS_UP: DiagnosticStatus.OK, LoadLevel.LATE: DiagnosticStatus.WARN, LoadLevel.LOSES: DiagnosticStatus.ERROR
+}  # fmt: skip
 
 
 def load_status(load: Load) -> DiagnosticStatus:
     """Return whether the node keeps up with its messages."""
-    words = load.words()
-    message = words or (f"keeps up; {load.left_out} messages were left out earlier" if load.left_out else "keeps up")
+    left_out, lost = load.left_out.total(), load.lost.total()
+    earlier = f"; earlier {left_out} messages were left out and {lost} lost before they came here" if left_out or lost else ""
     values: dict[str, object] = {
         "behind_s": load.behind_s,
         "largest behind_s": load.worst_s,
         "busy": load.busy,
-        "messages left out": load.left_out,
+        "processor": load.processor,
+        "messages left out": left_out,
+        "messages lost before they came here": lost,
     }
-    return status(DiagnosticStatus.WARN if words else DiagnosticStatus.OK, "load", message, NODE, values)
+    return status(_LOAD_LEVELS[load.level], "load", load.words() or "keeps up" + earlier, NODE, values)
 
 
-def sensor_status(sensor: SensorHealth, stopped: bool) -> DiagnosticStatus:
-    """Return rate, gaps, clipping and rejected samples of one sensor, and whether it has stopped."""
+def sensor_status(sensor: SensorHealth, topic: TopicState) -> DiagnosticStatus:
+    """Return rate, gaps, clipping and rejected samples of a sensor, whether it has stopped, and what was no fault of its own."""
     level, message = DiagnosticStatus.OK, "contributing"
     if sensor.accepted == 0:
         level, message = DiagnosticStatus.ERROR, "configured, but has contributed no sample"
-    elif stopped:
+    elif sensor.silent or topic.silence.too_long:
         level, message = DiagnosticStatus.ERROR, "has stopped"
     elif sensor.clipped or sensor.rejected or sensor.gaps or sensor.refused:
         found = [("at full scale", sensor.clipped), ("samples rejected", sum(sensor.rejected.values())), ("gaps", sensor.gaps)]
         found += [(f"ticks {reason}", count) for reason, count in sorted(sensor.refused.items())]
         level, message = DiagnosticStatus.WARN, ", ".join(f"{count} {what}" for what, count in found if count)
+        if sensor.gaps and topic.not_taken:
+            message += f"; no fault of the sensor: {topic.not_taken}"
     values: dict[str, object] = {
         "accepted": sensor.accepted,
         "rate_hz": sensor.rate_hz,

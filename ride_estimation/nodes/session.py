@@ -166,8 +166,8 @@ class Session:
     def statuses(self) -> Iterator[DiagnosticStatus]:
         """Return the statuses of the estimates, of every sensor and of every topic."""
         silent = silence_words(self.states.values(), self._silence)
-        stopped = {name for state in self.states.values() if state.silence.too_long for name in state.sensors}
-        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished, silent, stopped)
+        topics = {name: state for state in self.states.values() for name in state.sensors}
+        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished, silent, topics)
         yield hint_status(self.pipeline.hints(), self.body.name)
         for state in self.states.values():
             yield state.status()
