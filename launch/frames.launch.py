@@ -15,7 +15,8 @@ def publishers(context: LaunchContext) -> list[Node]:
     given = context.launch_configurations
     vehicle = load_vehicle(given["vehicle"])
     nodes = []
-    for frame in published_frames(vehicle, arrange(vehicle).body.name):
+    names = {"cg_frame": given["cg_frame"], "mount_prefix": given["mount_frame_prefix"]}
+    for frame in published_frames(vehicle, arrange(vehicle).body.name, **names):
         pose = zip(("x", "y", "z", "qx", "qy", "qz", "qw"), (*frame.position, *frame.quaternion), strict=True)
         arguments = [word for name, value in pose for word in (f"--{name}", str(float(value)))]
         arguments += ["--frame-id", given["vehicle_frame"], "--child-frame-id", frame.name]
@@ -29,6 +30,10 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("vehicle", default_value="truck_cab", description="vehicle file, or the name of a bundled one"),
             DeclareLaunchArgument("vehicle_frame", default_value="cab_link", description="frame of the vehicle file"),
+            DeclareLaunchArgument("cg_frame", default_value="cab_cg", description="frame at the centre of gravity"),
+            DeclareLaunchArgument(
+                "mount_frame_prefix", default_value="mount_", description="frame of a mount is this and the mount's name"
+            ),
             OpaqueFunction(function=publishers),
         ]
     )

@@ -19,6 +19,9 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("bag", description="rosbag2 folder, .mcap, .db3 or ROS 1 .bag"),
             DeclareLaunchArgument("rate", default_value="1.0", description="speed of replay, 1 is real time"),
+            DeclareLaunchArgument(
+                "wait_for_subscribers", default_value="0.0", description="longest wait for the estimator [s], 0 waits for ever"
+            ),
             DeclareLaunchArgument("vehicle", default_value="truck_cab", description="vehicle file, or the name of a bundled one"),
             DeclareLaunchArgument("namespace", default_value="ride", description="namespace of nodes and outputs"),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),
@@ -36,6 +39,8 @@ def generate_launch_description() -> LaunchDescription:
                     {
                         "bag": ParameterValue(LaunchConfiguration("bag"), value_type=str),
                         "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
+                        "wait_for_subscribers": ParameterValue(LaunchConfiguration("wait_for_subscribers"), value_type=float),
+                        "wait_for_node": ParameterValue([LaunchConfiguration("namespace"), "/estimator"], value_type=str),
                     }
                 ],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],

@@ -57,7 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--extraction", choices=EXTRACTIONS, default=EXTRACTIONS[0], help="how K and W are taken from harmonic tests"
     )
-    parser.add_argument("--local-models", type=int, default=10, metavar="M", help="local models of a network")
+    parser.add_argument(
+        "--local-models", type=int, metavar="M", help="local models of a network (default: chosen on records left out in turn)"
+    )
+    parser.add_argument(
+        "--static", nargs="+", type=Path, default=[], metavar="RECORD",
+        help="slow records for the static curve of a network that is trained on the other records only",
+    )  # fmt: skip
     parser.add_argument(
         "--oscillator", default="", metavar="INPUT,OUTPUT", help="columns of an excitation and a response: is the spring linear"
     )
@@ -120,6 +126,10 @@ def run(options: argparse.Namespace) -> int:
     require_folder(options.out)
     if options.model not in ("auto", *_models()):
         raise InputDataError(f"--model: model {options.model!r} is unknown; allowed: auto, {', '.join(_models())}")
+    if options.local_models is not None and options.local_models < 1:
+        raise InputDataError(f"--local-models {options.local_models}: allowed: 1 or more")
+    if options.static and options.model not in JOUNCE_MODELS[1:]:
+        raise InputDataError(f"--static gives the static curve of a network; allowed with --model {', '.join(JOUNCE_MODELS[1:])}")
     if options.oscillator:
         return _run_oscillator(options)
     if options.model in JOUNCE_MODELS:
@@ -198,16 +208,23 @@ def _run_jounce(options: argparse.Namespace) -> int:
         reading = dataclasses.replace(reading, zero="none")
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
-    progress = Progress(4 if options.model == JOUNCE_MODELS[0] else options.local_models - 1, "identify")
-    found = identify_jounce(records, validation, options.model, models=options.local_models, progress=progress.update)
+    static = [read_bench_record(p, reading) for p in options.static]
+    progress = Progress(4 if options.model == JOUNCE_MODELS[0] else len(records), "identify")
+    found = identify_jounce(
+        records, validation, options.model, static=static, models=options.local_models, progress=progress.update
+    )
     progress.close()
     for name in dict.fromkeys([*found.fitted, *found.held_out]):
         fitted = f"{100 * found.fitted[name]:.3g} %" if name in found.fitted else "-"
         held = f"{100 * found.held_out[name]:.3g} %" if name in found.held_out else "-"
         print(f"  {name:<28} fitted {fitted:>8}  held out {held:>8}")
+    if found.choice is not None:
+        sizes = ", ".join(f"{n}: {100 * score:.3g} %" for n, score in found.choice.sizes.items())
+        print(f"  error on records left out by number of local models: {sizes}; chosen {found.choice.models}")
     for name, value, unit, std in found.quantities:
         print(f"  {name:<32}{value:>12.5g} {'' if std is None else f'+- {std:<10.2g}'}{unit:<7}{jounce_status(name, value, std)}")
-    _write(options, jounce_document(found, _software()), found.element)
+    usable = found.choice is None or not found.choice.refusal
+    _write(options, jounce_document(found, _software()), found.element if usable else None)
     write_jounce_report(found, options.out / "report.html")
     return 0
 

@@ -10,18 +10,20 @@ import numpy as np
 
 from ride_estimation.assessment import ride_comfort, seat
 from ride_estimation.cli.finite import require_finite
+from ride_estimation.cli.run_procedures import add_run_procedures, uniform_rate
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
 from ride_estimation.io.atomic import replacing
 from ride_estimation.io.results import output_folder
-from ride_estimation.io.tables import Table, read_table
+from ride_estimation.io.tables import read_table
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals import integration
 from ride_estimation.signals.spectra import label_peaks, welch_spectrum
 from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import linearise, undamped_modes
+from ride_estimation.vehicles.vehicle import Vehicle
 
-HELP = "classical procedures: loop, lift, weighing, drop test, leaf spring, velocity, seat, spectrum, peaks, modes, Voigt limits"
+HELP = "classical procedures: loop, lift, weighing, drop test, leaf spring, velocity, seat, spectrum, modes, damping, road, ..."
 EXAMPLES = """\
   ride-estimation procedure axle-loads --weight-n 120000 --cg-from-rear-m 2.1 --wheelbase-m 3.8
   ride-estimation procedure leaf-spring --span-m 1.4 --width-m 0.08 --thickness-m 0.012 --leaves 6
@@ -101,6 +103,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     modes = kinds.add_parser("modes", help="mount stiffness from measured modes of the cab")
     modes.add_argument("--vehicle", metavar="V.yaml", required=True, help="vehicle file, or the name of a bundled one")
     modes.add_argument("--measured", nargs="+", required=True, metavar="MODE=HZ", help="for example bounce=2.6 roll=2.4")
+    modes.add_argument("--front-rear", action="store_true", help="factors of their own for front and rear mounts")
+    modes.add_argument("--closed-form", action="store_true", help="also the closed form of document 000, and where it fails")
     modes.set_defaults(procedure_run=_modes)
 
     limits = kinds.add_parser("voigt-limits", help="error of a spring and damper tuned at one frequency at the other resonances")
@@ -108,6 +112,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     limits.add_argument("--tuned-hz", type=float, required=True, help="frequency at which spring and damper are taken")
     limits.add_argument("--amplitude-mm", type=float, default=1.0, help="deflection amplitude (default 1)")
     limits.set_defaults(procedure_run=_limits)
+    add_run_procedures(kinds)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -115,16 +120,6 @@ def run(options: argparse.Namespace) -> int:
     require_finite(options)
     options.procedure_run(options)
     return 0
-
-
-def _uniform_rate(table: Table) -> float:
-    t = table.column("time", "s")
-    if t.size < 3 or (t[1:] <= t[:-1]).any():
-        raise InputDataError(f"{table.path}: time must rise from row to row")
-    step = float(t[-1] - t[0]) / (t.size - 1)
-    if (abs(t[1:] - t[:-1] - step) > 0.1 * step).any():
-        raise InputDataError(f"{table.path}: time steps vary by more than 10 %; resample the record")
-    return 1.0 / step
 
 
 def _loop(options: argparse.Namespace) -> None:
@@ -135,7 +130,7 @@ def _loop(options: argparse.Namespace) -> None:
         if frequency <= 0.0:
             raise InputDataError(f"--frequency {frequency:g}: allowed are frequencies above 0 Hz")
         table = read_table(path)
-        _uniform_rate(table)
+        uniform_rate(table)
         time_s, displacement, force = table.column("time"), table.column("displacement", "m"), table.column("force", "N")
         loops.append(hysteresis_loop.analyse_loop(time_s, displacement, force, frequency))
         r = loops[-1]
@@ -165,7 +160,7 @@ def _axles(options: argparse.Namespace) -> None:
 
 def _drop(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(table)
+    rate = uniform_rate(table)
     names = [n for n in table.columns if n != "time"]
     if len(names) != 1:
         raise InputDataError(f"{options.file}: one column beside time is needed; it has {', '.join(names)}")
@@ -194,7 +189,7 @@ def _leaf(options: argparse.Namespace) -> None:
 
 def _velocity(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(table)
+    rate = uniform_rate(table)
     acceleration = table.column(options.column, "m/s^2")
     found = integration.acceleration_to_velocity(acceleration, rate, options.corner_hz)
     duration = acceleration.size / rate
@@ -213,7 +208,7 @@ def _velocity(options: argparse.Namespace) -> None:
 
 def _seat(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(table)
+    rate = uniform_rate(table)
     values = table.column(options.column, "m/s^2")
     times = seat.separation_times(values, rate)
     if times:
@@ -236,7 +231,7 @@ def _seat(options: argparse.Namespace) -> None:
 
 def _peaks(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(table)
+    rate = uniform_rate(table)
     natural = list(options.modes_hz)
     if options.vehicle is not None:
         natural += [m.frequency_hz for m in undamped_modes(linearise(assemble(load_vehicle(options.vehicle))))]
@@ -253,7 +248,7 @@ def _peaks(options: argparse.Namespace) -> None:
 
 def _spectrum(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    rate = _uniform_rate(table)
+    rate = uniform_rate(table)
     values = table.column(options.column)
     unit = table.units[options.column]
     spectrum = welch_spectrum(values, rate, options.block, options.claimed_resolution_hz)
@@ -271,17 +266,34 @@ def _modes(options: argparse.Namespace) -> None:
             measured[name] = float(value)
         except ValueError as error:
             raise InputDataError(f"--measured {item!r}: give MODE=HZ, for example bounce=2.6") from error
-    fit = modal_stiffness.fit_stiffness(load_vehicle(options.vehicle), measured)
-    for axis, factor in fit.factors.items():
+    vehicle = load_vehicle(options.vehicle)
+    fit = modal_stiffness.fit_stiffness(vehicle, measured, front_rear=options.front_rear)
+    for group, factor in fit.factors.items():
         untold = "as in the vehicle file: these modes do not tell it"
-        print(f"stiffness along {axis}: {untold if axis in fit.untold else f'{factor:.3g} times the vehicle file'}")
+        place = "about" if group in ("roll", "pitch", "yaw") else "along"
+        print(f"stiffness {place} {group}: {untold if group in fit.untold else f'{factor:.3g} times the vehicle file'}")
     print(f"{'mode':<10}{'measured Hz':>14}{'model Hz':>12}{'error %':>10}")
     for row in fit.modes:
         print(f"{row.name:<10}{row.measured_hz:>14.4g}{row.model_hz:>12.4g}{row.error_percent:>+10.1f}")
     print(fit.statement)
+    if options.closed_form:
+        _closed_form(vehicle, measured)
     for row in fit.modes:
         if abs(row.error_percent) > 1.0:
             print(static_tests.stiffness_ratio(row.model_hz, row.measured_hz))
+
+
+def _closed_form(vehicle: Vehicle, measured: dict[str, float]) -> None:
+    """Print the closed-form modes of the vehicle file and what a translational mode makes of the stiffness of each mount."""
+    closed = modal_stiffness.closed_form_modes(vehicle)
+    listed = ", ".join(f"{name} {frequency:.4g}" for name, frequency in closed.frequency_hz.items())
+    print(f"closed form of the vehicle file, uncoupled [Hz]: {listed}")
+    for doubt in closed.doubts:
+        print(f"warning: the closed form does not hold: {doubt}")
+    (body,) = vehicle.bodies.values()
+    for name in set(measured) & {"fore-aft", "lateral", "bounce"}:
+        rate = modal_stiffness.equivalent_stiffness(measured[name], body.mass.value, len(vehicle.mounts))
+        print(f"closed form, {name} at {measured[name]:g} Hz: {rate:.4g} N/m a mount")
 
 
 def _limits(options: argparse.Namespace) -> None:

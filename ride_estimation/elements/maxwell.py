@@ -7,7 +7,6 @@ import dataclasses
 from typing import ClassVar, final
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ride_estimation.elements.base import Array, ForceElement, parameter
 from ride_estimation.elements.terms import MAXWELL, Term
@@ -86,6 +85,8 @@ def bilinear_response(x: Array, step_s: float, stiffness: float, corner: float) 
     -----
     Source: document 004 eq. (10)-(14), restored: (14) has a minus before a, which the transcript lost.
     """
+    from scipy.signal import lfilter  # takes a second to import, which a player of recordings need not wait for
+
     z = corner * step_s
     a, b = (z - 2.0) / (z + 2.0), 2.0 * stiffness / (z + 2.0)
     return np.asarray(lfilter([b, -b], [1.0, a], x - x[0]))

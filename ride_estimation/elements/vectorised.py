@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ride_estimation.elements import terms as kernel
 from ride_estimation.elements.kernels_memory import dahl_branch
@@ -66,6 +65,8 @@ def reversals(x: Array, dead_band: float = 0.0) -> NDArray[np.intp]:
 
 
 def _maxwell(x: Array, h: float, stiffness: float, corner: float) -> Array:
+    from scipy.signal import lfilter  # takes a second to import, which a player of recordings need not wait for
+
     z = corner * h
     gain = stiffness * (-np.expm1(-z) / z if z > 1e-12 else 1.0)
     return np.asarray(lfilter([gain], [1.0, -np.exp(-z)], np.diff(x, prepend=x[:1])))

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import MODE_NAMES, linearise, undamped_modes
+from ride_estimation.vehicles.tangent import equivalent
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 REACHED = 0.01
 #: change of log frequency per log stiffness below which an axis is not told: 10 % of stiffness would be 1 % of frequency
 LEAST_SLOPE = 0.1
+#: frequency [Hz] and amplitude [m] at which elements that depend on them count, those of the eigenvalue problem
+_AT_HZ, _AT_AMPLITUDE = 2.0, 1.0e-3
 
 
 def equivalent_stiffness(frequency_hz: float, mass: float, mounts: int) -> float:
@@ -131,9 +134,10 @@ class StiffnessFit:
     Attributes
     ----------
     factors
-        Axis -> factor on the stiffness of all mounts along it; 1 where the measured modes do not tell it.
+        Group (an axis; with ``front_rear`` ``<axis> front`` and ``<axis> rear``) -> factor on the stiffness of its mounts;
+        1 where the measured modes do not tell it.
     untold
-        Axes whose factor the measured modes do not tell.
+        Groups whose factor the measured modes do not tell.
     modes
         Comparison after the fit.
     reachable
@@ -149,12 +153,25 @@ class StiffnessFit:
     statement: str
 
 
-def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> StiffnessFit:
+def _groups(vehicle: Vehicle, front_rear: bool) -> dict[str, list[tuple[str, str]]]:
+    """Return which elements (mount, axis) share a factor: those along or about one axis, front and rear apart where asked."""
+    middle = float(np.mean([m.position[0] for m in vehicle.mounts.values()]))
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for axis in COORDINATES:
+        for mount in vehicle.mounts.values():
+            if axis in mount.elements:
+                end = (" front" if mount.position[0] > middle else " rear") if front_rear and axis in AXES else ""
+                groups.setdefault(axis + end, []).append((mount.name, axis))
+    return groups
+
+
+def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float], *, front_rear: bool = False) -> StiffnessFit:
     """Scale the stiffness of all mounts per axis so that the modes of a one-body vehicle meet measured ones.
 
-    Least squares on log frequency with labels by energy share; document 000 tunes by hand. An axis that no measured mode depends
-    on, that fewer modes than axes leave open, or that runs off without bringing them nearer, keeps the stiffness of the vehicle
-    file.
+    Least squares on log frequency with labels by energy share; document 000 tunes by hand. Stiffness about an axis has its own
+    factor; ``front_rear`` gives the front and the rear mounts factors of their own, as Table 4 of the document has. A group
+    that no measured mode depends on, that fewer modes than groups leave open, or that runs off without bringing them nearer,
+    keeps the stiffness of the vehicle file.
 
     Parameters
     ----------
@@ -172,10 +189,11 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
     if wrong:
         raise InputDataError(f"measured modes: {', '.join(wrong)}; allowed: frequencies greater than zero")
     compare_modes(measured_hz, labelled_frequencies(vehicle))
-    axes = [a for a in AXES if any(a in m.elements for m in vehicle.mounts.values())]
+    groups = _groups(vehicle, front_rear)
+    axes = list(groups)
 
     def misfit(log_factors: Array) -> Array:
-        found = labelled_frequencies(_scaled(vehicle, dict(zip(axes, np.exp(log_factors)))))
+        found = labelled_frequencies(_scaled(vehicle, groups, dict(zip(axes, np.exp(log_factors)))))
         return np.array([math.log(max(found[name], 1e-3) / value) for name, value in measured_hz.items()])
 
     def slopes(log_factors: Array) -> Array:
@@ -193,7 +211,7 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float]) -> Stiffne
         free &= ~lost
         found = _searched(misfit, free)
     factors = dict(zip(axes, np.exp(found).tolist()))
-    rows = compare_modes(measured_hz, labelled_frequencies(_scaled(vehicle, factors)))
+    rows = compare_modes(measured_hz, labelled_frequencies(_scaled(vehicle, groups, factors)))
     missed = [row for row in rows if abs(row.error_percent) > 100.0 * REACHED]
     if missed:
         worst = max(missed, key=lambda row: abs(row.error_percent))
@@ -242,10 +260,35 @@ def _told(slopes: Array) -> NDArray[np.bool_]:
     return told
 
 
-def _scaled(vehicle: Vehicle, factors: Mapping[str, float]) -> Vehicle:
-    changes = {}
-    for mount in vehicle.mounts.values():
-        for axis, element in mount.elements.items():
-            if axis in factors:
-                changes[(mount.name, axis)] = element.scaled("stiffness", factors[axis])
-    return vehicle.replace_elements(changes)
+def _scaled(vehicle: Vehicle, groups: Mapping[str, list[tuple[str, str]]], factors: Mapping[str, float]) -> Vehicle:
+    return vehicle.replace_elements(
+        {
+            (mount, axis): vehicle.mounts[mount].elements[axis].scaled("stiffness", factor)
+            for group, factor in factors.items()
+            for mount, axis in groups[group]
+        }
+    )
+
+
+def closed_form_modes(vehicle: Vehicle) -> UncoupledModes:
+    """Return the closed-form modes of a one-body vehicle, with what makes them doubtful.
+
+    Raises
+    ------
+    InputDataError
+        More than one body, not all six degrees of freedom, or a mount without an element along one of its three axes.
+    """
+    if len(vehicle.bodies) != 1:
+        raise InputDataError(f"the closed form is that of one body; the vehicle has {', '.join(vehicle.bodies)}")
+    (body,) = vehicle.bodies.values()
+    if len(body.coordinates) != len(COORDINATES):
+        has = ", ".join(body.coordinates)
+        raise InputDataError(f"the closed form needs all six degrees of freedom of {body.name}; it has {has}")
+    arms = np.array([m.position - body.cg for m in vehicle.mounts.values()])
+    missing = [f"{m.name} {axis}" for m in vehicle.mounts.values() for axis in AXES if axis not in m.elements]
+    if missing:
+        raise InputDataError(f"the closed form needs a stiffness along each axis of each mount; none at {', '.join(missing)}")
+    rates = np.array(
+        [[equivalent(m.elements[axis], _AT_HZ, _AT_AMPLITUDE)[0] for axis in AXES] for m in vehicle.mounts.values()]
+    )
+    return uncoupled_modes(body.mass.value, np.diag(body.inertia), arms, rates)

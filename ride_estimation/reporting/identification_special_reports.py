@@ -14,6 +14,7 @@ from ride_estimation.identification.bench import frequency_analysis, oscillator
 from ride_estimation.identification.bench.frequency_analysis import FrequencyIdentification
 from ride_estimation.identification.bench.harmonic_stiffness import complex_stiffness
 from ride_estimation.identification.bench.jounce_analysis import JounceIdentification
+from ride_estimation.identification.bench.jounce_choice import NetworkChoice
 from ride_estimation.identification.bench.oscillator import OscillatorRung
 from ride_estimation.reporting.identification_report import loops, traces
 from ride_estimation.reporting.page import Page
@@ -166,8 +167,20 @@ def jounce_document(found: JounceIdentification, software: str) -> dict[str, Any
         "nrmse_held_out": found.held_out,
         "nrmse_exported_element": found.exported,
         "noise_floor": found.noise_floor,
+        "choice_of_network": None if found.choice is None else _choice(found.choice),
         "element": found.element,
         "warnings": list(found.warnings),
+    }
+
+
+def _choice(choice: NetworkChoice) -> dict[str, Any]:
+    return {
+        "local_models": choice.models,
+        "ridge": choice.ridge,
+        "left_out_by_local_models": {str(n): v for n, v in choice.sizes.items()},
+        "left_out": choice.left_out,
+        "left_out_white_box": choice.white,
+        "refusal": choice.refusal,
     }
 
 

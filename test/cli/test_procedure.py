@@ -173,3 +173,85 @@ def test_an_arm_of_zero_and_a_negative_mode_are_named(tmp_path, capsys):
 def test_a_missing_file_ends_with_code_2(tmp_path, capsys):
     assert main(["procedure", "tyre-lift", str(tmp_path / "none.csv")]) == 2
     assert "cannot be read" in capsys.readouterr().err
+
+
+def test_modes_of_front_and_rear_and_the_closed_form(capsys):
+    import dataclasses
+
+    from ride_estimation.identification.modal_stiffness import labelled_frequencies
+    from ride_estimation.io.vehicle_file import load_vehicle
+
+    vehicle = load_vehicle("truck_cab")
+    stiffer = {
+        (m.name, "z"): m.elements["z"].scaled("stiffness", 1.3 if m.position[0] > 0 else 0.8) for m in vehicle.mounts.values()
+    }
+    truth = labelled_frequencies(dataclasses.replace(vehicle).replace_elements(stiffer))
+    measured = [f"{name}={value:.8g}" for name, value in truth.items()]
+    assert main(["procedure", "modes", "--vehicle", "truck_cab", "--front-rear", "--closed-form", "--measured", *measured]) == 0
+    text = capsys.readouterr().out
+    assert "along z front: 1.3 times" in text and "along z rear: 0.8 times" in text
+    assert "all measured modes (6) are met" in text
+    assert "the closed form does not hold: mounts lie up to 0.45 m off the CG plane" in text
+    assert "closed form, bounce at" in text
+
+
+def test_damping_against_frequency_prints_the_fit_with_intervals(tmp_path, capsys):
+    rate, n, rng = 100.0, 30_000, np.random.default_rng(4)
+    mass, k, c = 300.0, 47_000.0, 900.0
+    base = rng.standard_normal(n)
+    w = 2 * np.pi * np.fft.rfftfreq(n, 1 / rate)
+    ratio = (k + 1j * w * c) / (k + 1j * w * c - mass * w**2)
+    body = np.fft.irfft(ratio * np.fft.rfft(base), n) + 0.02 * rng.standard_normal(n)
+    table = write(tmp_path / "run.csv", "time_s,chassis_m_per_s2,cab_m_per_s2", np.arange(n) / rate, base, body)
+    options = ["--body", "cab", "--base", "chassis", "--mass-kg", "300", "--stiffness-n-per-m", "47000", "--block", "1000"]
+    assert main(["procedure", "damping", table, *options, "--out", str(tmp_path / "c.csv")]) == 0
+    text = capsys.readouterr().out
+    found = np.genfromtxt(tmp_path / "c.csv", delimiter=",", names=True)
+    inside = (found["frequency_hz"] > 1) & (found["frequency_hz"] < 5)
+    assert np.median(found["damping_n_s_per_m"][inside]) == pytest.approx(c, rel=0.02)
+    assert "stiffness" in text and "+-" in text
+    assert "explain as much: the filter is not told by this run" in text
+    assert main(["procedure", "damping", table, *options, "--range-hz", "3", "3.05"]) == 2
+
+
+def test_operating_range_and_what_a_programme_leaves_unseen(tmp_path, capsys):
+    t = np.arange(4000) / 1000.0
+    files = []
+    for name, size in (("road", np.where(t < 2, 20.0, 40.0)), ("drive", 30.0)):
+        files.append(write(tmp_path / f"{name}.csv", "time_s,travel_mm", t, size * np.sin(2 * np.pi * t)))
+    out = tmp_path / "hull.csv"
+    assert main(["procedure", "operating-range", files[0], "--programme", files[1], "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "travel to 40 mm, with the margin 44 mm; speed -0.251 to 0.251 m/s" in text
+    share = float(re.search(r"covers ([\d.]+) %", text).group(1))
+    assert share == pytest.approx(50.0, abs=1.0) and "the rest is unseen" in text  # the second half goes beyond
+    assert np.loadtxt(out, delimiter=",", skiprows=1)[:, 0].max() == pytest.approx(0.044, rel=1e-3)
+
+
+def test_class_of_a_measured_road(tmp_path, capsys):
+    rng = np.random.default_rng(2)
+    spacing, n = 0.1, 20_000
+    wave = np.fft.rfftfreq(n, spacing)
+    density = 64e-6 * (np.maximum(wave, 1e-3) / 0.1) ** -2.0  # class B
+    spectrum = np.sqrt(density * n / spacing / 2) * np.exp(2j * np.pi * rng.random(wave.size))
+    spectrum[0] = 0
+    table = write(tmp_path / "road.csv", "distance_m,height_mm", np.arange(n) * spacing, 1e3 * np.fft.irfft(spectrum, n))
+    assert main(["procedure", "road", table, "--frequency-hz", "2"]) == 0
+    text = capsys.readouterr().out
+    assert "ISO 8608 class B" in text and "they excite 2 Hz at" in text
+    assert float(re.search(r"waviness ([\d.]+)", text).group(1)) == pytest.approx(2.0, abs=0.1)
+
+
+def test_an_element_is_stepped_over_a_recorded_deflection(tmp_path, capsys):
+    t = np.arange(2000) / 1000.0
+    x = 3e-3 * np.sin(2 * np.pi * 2 * t)
+    force = 1e5 * x + 400 * np.gradient(x, t)
+    table = write(tmp_path / "run.csv", "time_s,displacement_mm,force_n", t, 1e3 * x, force)
+    element = tmp_path / "element.yaml"
+    element.write_text("kind: kelvin_voigt\nstiffness_n_per_mm: 100\ndamping_n_s_per_m: 400\n")
+    assert main(["procedure", "force", table, "--element", str(element), "--out", str(tmp_path / "f.csv")]) == 0
+    assert np.loadtxt(tmp_path / "f.csv", delimiter=",", skiprows=1)[:, 1] == pytest.approx(force, rel=1e-6, abs=1e-6)
+    assert "measured force of the file: NRMSE" in capsys.readouterr().out
+    element.write_text("kind: kelvin_voigt\nstiffness_n_per_mm: 100\n")
+    assert main(["procedure", "force", table, "--element", str(element), "--out", str(tmp_path / "f.csv")]) == 2
+    assert "damping_n_s_per_m: missing" in capsys.readouterr().err

@@ -135,6 +135,37 @@ def test_a_record_that_begins_loaded_begins_at_rest():
     assert found.max() > 0.005
 
 
+@pytest.mark.slow
+def test_the_size_of_a_network_is_chosen_on_records_it_did_not_see(measured):
+    names = ["dynamic_ramps", "amplitude_sweep", "road_a"]
+    found = identify_jounce(
+        records(measured, names), records(measured, ["road_b"]), "local_linear_network_dahl",
+        static=records(measured, ["static_ramps"]),
+    )  # fmt: skip
+    choice = found.choice
+    # the training set of the document: sweep and roads; the static record gives its curve and is not trained on
+    assert set(found.fitted) == set(choice.left_out) == set(choice.white) == set(names)
+    assert choice.models == min(choice.sizes, key=choice.sizes.get) <= 10
+    left_out, white = mean(choice.left_out), mean(choice.white)
+    # what is said of records left out holds on a road that nobody used: not better than by half, not worse than said
+    assert 0.5 * left_out < found.held_out["road_b"] + 0.03 and found.held_out["road_b"] < 1.5 * left_out
+    # beyond half as much again as the white box the network is refused with a sentence
+    assert bool(choice.refusal) == (left_out > 1.5 * white)
+    assert (choice.refusal in found.warnings) == bool(choice.refusal)
+
+
+def test_a_network_needs_something_to_leave_out(measured):
+    t, u, f, _ = measured["amplitude_sweep"]
+    one = [check_record(BenchRecord("one", t[:1500], u[:1500], f[:1500]))]
+    with pytest.raises(InputDataError, match="nothing can be left out"):
+        identify_jounce(one, [], "local_linear_network", static=records(measured, ["static_ramps"]))
+
+
+def test_a_static_record_apart_is_no_option_of_the_white_box(measured):
+    with pytest.raises(InputDataError, match="for networks"):
+        identify_jounce(records(measured, ["road_a"]), [], static=records(measured, ["static_ramps"]))
+
+
 def test_a_two_sided_force_is_refused(measured):
     t, u, f, _ = measured["road_a"]
     with pytest.raises(InputDataError, match="only pushes"):
@@ -152,7 +183,8 @@ def three_models(measured):
     found = {}
     for model in ("jounce_bumper", "local_linear_network", "local_linear_network_dahl"):
         found[model] = identify_jounce(
-            records(measured, ["static_ramps", *DYNAMIC]), records(held, ["road_a", "road_b"], "held "), model
+            records(measured, ["static_ramps", *DYNAMIC]), records(held, ["road_a", "road_b"], "held "), model,
+            models=None if model == "jounce_bumper" else 10,
         )
     return found
 
@@ -189,6 +221,18 @@ def test_white_box_reaches_three_per_cent(measured, three_models):
         assert white.noise_floor[name] == pytest.approx(floor, rel=0.1)
     # roads of another seed, not fitted
     assert mean(white.held_out) < 0.03
+    # every quantity but the travel that is chosen has an interval, and the truth lies in it
+    values = {name: (value, std) for name, value, _, std in white.quantities}
+    assert [n for n, (_, std) in values.items() if std is None] == ["reference_travel"]
+    end = np.array([values["reference_travel"][0]])
+    truths = {
+        "static_force_at_reference": programme.static_force(end)[0], "hysteresis_height_at_reference": programme.height(end)[0],
+        **{f"cell_{i + 1}_stiffness": k for i, k in enumerate(programme.STIFFNESS)},
+        **{f"cell_{i + 1}_contact_point": u for i, u in enumerate(programme.CONTACTS)},
+        "entry": programme.ENTRY,
+    }  # fmt: skip
+    off = {n: abs(values[n][0] - truth) / values[n][1] for n, truth in truths.items()}
+    assert max(off.values()) < 3.0, off
     # the element in the vehicle file is the fitted model
     assert mean(white.exported) < 1.1 * mean(white.fitted)
 

@@ -100,8 +100,12 @@ def test_replay_passes_only_arguments_the_estimation_declares(stand_in: dict[str
 def test_every_frame_an_output_names_is_published_where_the_vehicle_file_says(stand_in: dict[str, type[Recorded]]) -> None:
     build("frames.launch.py")
     defaults = {a.args[0]: a.kwargs["default_value"] for a in stand_in["DeclareLaunchArgument"].made}
+    node = {p.name: p.default for p in estimator_parameters.TABLE}
+    shared = ("vehicle", "vehicle_frame", "cg_frame", "mount_frame_prefix")
+    assert {name: defaults[name] for name in shared} == {name: node[name] for name in shared}
     (opaque,) = stand_in["OpaqueFunction"].made
-    opaque.kwargs["function"](types.SimpleNamespace(launch_configurations=defaults))
+    given = {**defaults, "cg_frame": "cg", "mount_frame_prefix": "at_"}
+    opaque.kwargs["function"](types.SimpleNamespace(launch_configurations=given))
     found = {}
     for node in stand_in["Node"].made:
         assert (node.kwargs["package"], node.kwargs["executable"]) == ("tf2_ros", "static_transform_publisher")
@@ -110,10 +114,10 @@ def test_every_frame_an_output_names_is_published_where_the_vehicle_file_says(st
         assert given["--frame-id"] == "cab_link"
         found[given["--child-frame-id"]] = given
     vehicle = load_vehicle(ROOT / "config" / "vehicles" / "truck_cab.yaml")
-    assert {"cab_cg", *(f"mount_{name}" for name in vehicle.mounts), *vehicle.sensors} == set(found)
+    assert {"cg", *(f"at_{name}" for name in vehicle.mounts), *vehicle.sensors} == set(found)
     for name, mount in vehicle.mounts.items():
-        assert [float(found[f"mount_{name}"][f"--{c}"]) for c in "xyz"] == mount.position.tolist()
-        assert float(found[f"mount_{name}"]["--qw"]) == 1.0
+        assert [float(found[f"at_{name}"][f"--{c}"]) for c in "xyz"] == mount.position.tolist()
+        assert float(found[f"at_{name}"]["--qw"]) == 1.0
 
 
 def test_the_rviz_layout_shows_topics_and_frames_of_the_bundled_vehicle() -> None:

@@ -27,6 +27,8 @@ HELD_OUT_SHARE = 0.3
 
 #: NRMSE of the chosen model from which force and displacement have hardly anything to do with each other
 UNRELATED = 0.9
+#: relative accuracy of the estimated noise of a force (median over four orders of differences)
+NOISE_ACCURACY = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,8 +168,9 @@ def unexplained(fit: TimeDomainFit, rung: Rung, spread: Uncertainty, prepared: S
         f"The residual on the fitted data is {residual:.3g} N rms ({100 * residual / total:.2g} % of the force's standard "
         f"deviation); the white noise of the force is estimated at {noise:.2g} N. "
     )
-    if residual < 1.3 * noise:
-        return head + "Nothing beyond the noise is left unexplained in the fitted data."
+    chi_square = (residual / max(noise, 1e-12)) ** 2
+    if chi_square < 1.0 + 2.0 * NOISE_ACCURACY + 3.0 * float(np.sqrt(2.0 / spread.effective_samples)):
+        return head + f"Nothing beyond the noise is left unexplained in the fitted data (chi-square a degree {chi_square:.2g})."
     correlated = fit.samples / max(spread.effective_samples, 1.0)
     words = (
         f"What remains is {residual / max(noise, 1e-12):.2g} times that noise and correlated over "

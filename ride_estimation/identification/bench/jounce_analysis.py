@@ -14,6 +14,7 @@ from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.jounce import identify_white_box
+from ride_estimation.identification.bench.jounce_choice import NetworkChoice, choose_network
 from ride_estimation.identification.bench.jounce_model import (
     Load,
     WhiteBox,
@@ -59,6 +60,8 @@ class JounceIdentification:
         YAML form.
     curves
         Held-out stretches for pictures.
+    choice
+        How the size of a network was chosen, and what it is worth on records it did not see; None for the white box.
     warnings
         What was noticed.
     """
@@ -72,6 +75,7 @@ class JounceIdentification:
     quantities: tuple[tuple[str, float, str, float | None], ...]
     element: dict[str, Any]
     curves: tuple[HeldOut, ...]
+    choice: NetworkChoice | None
     warnings: tuple[str, ...]
 
 
@@ -80,7 +84,8 @@ def identify_jounce(
     validation: Sequence[BenchRecord],
     model: str = "jounce_bumper",
     *,
-    models: int = 10,
+    static: Sequence[BenchRecord] = (),
+    models: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> JounceIdentification:
     """Identify a jounce bumper.
@@ -88,34 +93,48 @@ def identify_jounce(
     Parameters
     ----------
     records
-        Checked records: at least one slow (static ramps) and one fast.
+        Checked records: at least one slow (static ramps), unless ``static`` has it, and one fast.
     validation
         Records that are not fitted; empty: every fourth load event of the fast records is held out.
     model
         One of ``MODELS``.
+    static
+        Slow records for the static curve (and Dahl friction) of a network only; the network is not trained on them.
     models
-        Local models of a network.
+        Local models of a network; None: chosen on records left out.
     progress
-        Called with 1 per stage or local model.
+        Called with 1 per stage or record left out.
     """
     if model not in MODELS:
         raise InputDataError(f"model {model!r} is no jounce-bumper model; allowed: {', '.join(MODELS)}")
+    if static and model == MODELS[0]:
+        raise InputDataError("records for the static curve alone are for networks; the white box is fitted to all its records")
     prepared = [prepare(r) for r in records]
-    side = compression_side(prepared)
+    apart = [prepare(r) for r in static]
+    side = compression_side([*prepared, *apart])
     plain = [as_load(p, side) for p in prepared]
-    static_names = {load.name for load in split_static(plain)[0]}
+    curves_from = [as_load(p, side) for p in apart] or split_static(plain)[0]
+    slow = {load.name for load in curves_from}
+    dynamic = [i for i, load in enumerate(plain) if load.name not in slow]
+    keep_out = not validation or len(dynamic) == 1
     loads = [
-        load if load.name in static_names or validation else as_load(p, side, hold_out=True)
+        load if load.name in slow or not keep_out else as_load(p, side, hold_out=True)
         for load, p in zip(plain, prepared, strict=True)
     ]
     held = [as_load(prepare(r), side) for r in validation]
-    predict, stages, element, quantities = (
-        _white(loads, progress) if model == "jounce_bumper" else _grey(loads, model.endswith("dahl"), models, progress)
-    )
+    choice = None
+    if model == MODELS[0]:
+        predict, stages, element, quantities = _white(loads, progress)
+    else:
+        dahl = model.endswith("dahl")
+        predict, stages, element, quantities, choice = _grey(loads, curves_from, dynamic, dahl, models, progress)
     fitted = {load.name: loaded_nrmse(load, predict(load)) for load in loads}
     held_out = {load.name: loaded_nrmse(load, predict(load), load.held_out) for load in loads if load.held_out.any()}
     held_out |= {load.name: loaded_nrmse(load, predict(load)) for load in held}
-    warnings = [w for r in (*records, *validation) for w in r.warnings]
+    warnings = [w for r in (*records, *static, *validation) for w in r.warnings]
+    warnings += _beyond(loads, held)
+    if choice is not None and choice.refusal:
+        warnings.append(choice.refusal)
     exported, doubts = _exported(element, loads, fitted)
     warnings += doubts
     shown = held or [load for load in loads if load.held_out.any()] or loads
@@ -130,8 +149,26 @@ def identify_jounce(
         quantities,
         element,
         curves,
+        choice,
         tuple(dict.fromkeys(warnings)),
     )
+
+
+def _beyond(loads: Sequence[Load], held: Sequence[Load]) -> list[str]:
+    """Warn of records that are not fitted and go beyond the travels or rates that are."""
+    said = []
+    for unit, scale, extent in (
+        ("mm", 1e3, lambda load: float(load.travel.max())),
+        ("m/s", 1.0, lambda load: float(np.quantile(np.abs(np.diff(load.travel)), 0.999)) / load.step_s),
+    ):
+        widest = max(extent(load) for load in loads)
+        said += [
+            f"{load.name}: goes to {scale * extent(load):.3g} {unit}, the fitted records to {scale * widest:.3g} {unit}: "
+            "the score there is extrapolation"
+            for load in held
+            if extent(load) > 1.05 * widest
+        ]
+    return said
 
 
 def _exported(
@@ -215,11 +252,19 @@ def _white(
 
 
 def _grey(
-    loads: Sequence[Load], dahl: bool, models: int, progress: Callable[[float], None] | None
+    loads: Sequence[Load],
+    static: Sequence[Load],
+    dynamic: Sequence[int],
+    dahl: bool,
+    models: int | None,
+    progress: Callable[[float], None] | None,
 ) -> tuple[
-    Callable[[Load], Array], dict[str, dict[str, float]], dict[str, Any], tuple[tuple[str, float, str, float | None], ...]
+    Callable[[Load], Array],
+    dict[str, dict[str, float]],
+    dict[str, Any],
+    tuple[tuple[str, float, str, float | None], ...],
+    NetworkChoice,
 ]:
-    static, _ = split_static(loads)
     box = fit_static(static, max(float(load.travel.max()) for load in loads))
 
     def curve(travel: Array) -> Array:
@@ -233,7 +278,8 @@ def _grey(
         return np.asarray(force)
 
     inputs = [NetworkInputs(load, curve, load.force - friction(load)) for load in loads]
-    network, history = train_network(inputs, models, progress=progress)
+    choice = choose_network(inputs, dynamic, static, friction, models, progress)
+    network, history = train_network(inputs, choice.models, choice.ridge)
 
     def predict(load: Load) -> Array:
         return np.asarray(network.force(NetworkInputs(load, curve, load.force)) + friction(load))
@@ -252,9 +298,9 @@ def _grey(
             "exponent": float(box.slopes[2]),
         }
         mapping = {"kind": "sum", "elements": [mapping, weighted]}
-    poles = zip(network.alpha, pole_std(network, inputs), strict=True)
+    poles = zip(network.alpha, pole_std(network, inputs, choice.ridge), strict=True)
     quantities = [(f"pole_{j}", -float(alpha), "1/s", float(std)) for j, (alpha, std) in enumerate(poles, 1)]
-    return predict, stages, mapping, tuple(quantities)
+    return predict, stages, mapping, tuple(quantities), choice
 
 
 def network_mapping(network: Network, travels: Sequence[float], forces: Sequence[float]) -> dict[str, Any]:

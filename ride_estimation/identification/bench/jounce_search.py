@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,9 +193,3 @@ def fit_balance(
         # the height steers the slope of the friction it weighs: repeat until both are the same curve
         result, _ = linear.solve(result)
     return result
-
-
-def curves_free_residual(box: WhiteBox, loads: Sequence[Load]) -> Callable[[WhiteBox], Array]:
-    """Return box -> weighted residual with static curve and height at their optimum for its other parameters."""
-    linear = _Linear(loads, box.basis, True, False, HEIGHT_PRIOR)
-    return lambda other: linear.solve(other)[1]

@@ -35,8 +35,8 @@ _LAGS_KEPT = 64
 _RESIDUALS = 1500
 #: step of the logarithm of a pole in differences, far above rounding and far below the curvature of the residual
 _POLE_STEP = 1.0e-3
-#: ridge on scaled columns: keeps models without data quiet
-_RIDGE = 1.0e-7
+#: ridges on scaled columns that are tried: the larger, the quieter are local models where there is little data
+RIDGES = (1.0e-7, 1.0e-4, 1.0e-2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,8 +155,8 @@ class _Cells:
 class _Problem:
     """Least squares of all local models at once for given partition and poles."""
 
-    def __init__(self, inputs: Sequence[NetworkInputs]) -> None:
-        self._inputs = list(inputs)
+    def __init__(self, inputs: Sequence[NetworkInputs], ridge: float) -> None:
+        self._inputs, self._ridge = list(inputs), ridge
         travel = np.concatenate([i.travel[i.picked] for i in inputs])
         rate = np.concatenate([i.rate[i.picked] for i in inputs])
         self.travel_range = (0.0, float(travel.max()))
@@ -190,7 +190,7 @@ class _Problem:
         design, activity = np.vstack(designs), np.vstack(activities)
         scale = np.maximum(np.sqrt(np.sum(design**2, axis=0)), 1e-12)
         gram = (design.T @ design) / np.outer(scale, scale)
-        solution = np.linalg.solve(gram + _RIDGE * np.eye(scale.size), (design.T @ self._target) / scale) / scale
+        solution = np.linalg.solve(gram + self._ridge * np.eye(scale.size), (design.T @ self._target) / scale) / scale
         residual = design @ solution - self._target
         gains = solution.reshape(m, 5).copy()
         gains[:, 3:] *= cells.alpha[:, None]
@@ -198,7 +198,11 @@ class _Problem:
 
 
 def train_network(
-    inputs: Sequence[NetworkInputs], models: int = 10, *, progress: Callable[[float], None] | None = None
+    inputs: Sequence[NetworkInputs],
+    models: int,
+    ridge: float = RIDGES[0],
+    *,
+    each: Callable[[Network], None] | None = None,
 ) -> tuple[Network, list[float]]:
     """Grow and fit a network; return it and the root of the summed squared NRMSE over the number of models.
 
@@ -208,15 +212,19 @@ def train_network(
         Training records.
     models
         Number of local models M.
-    progress
-        Called with 1 per model.
+    ridge
+        Price of large gains, on columns scaled to one.
+    each
+        Called with the network of every size on the way.
     """
-    problem = _Problem(inputs)
+    problem = _Problem(inputs, ridge)
     limit = min(POLE_RANGE[1], 0.9 * 2.0 / max(i.load.step_s for i in inputs))
     cells = _Cells(np.zeros((1, 2)), np.ones((1, 2)), np.array([20.0]))
     cells = _refine_poles(problem, cells, limit, evaluations=12)
     history = []
-    _, residual, shares = problem.solve(cells)
+    network, residual, shares = problem.solve(cells)
+    if each is not None:
+        each(network)
     history.append(float(np.sqrt(residual @ residual / len(inputs))))
     while cells.alpha.size < models:
         best: tuple[float, _Cells, Array] | None = None
@@ -230,10 +238,10 @@ def train_network(
         if best is None:
             break
         cells = _refine_poles(problem, best[1], limit, evaluations=2)
-        _, residual, shares = problem.solve(cells)
+        network, residual, shares = problem.solve(cells)
         history.append(float(np.sqrt(residual @ residual / len(inputs))))
-        if progress is not None:
-            progress(1.0)
+        if each is not None:
+            each(network)
     cells = _refine_poles(problem, cells, limit, evaluations=5)
     network, _, _ = problem.solve(cells)
     return network, history
@@ -250,7 +258,7 @@ def _refine_poles(problem: _Problem, cells: _Cells, limit: float, evaluations: i
     return dataclasses.replace(cells, alpha=np.exp(found.x))
 
 
-def pole_std(network: Network, inputs: Sequence[NetworkInputs]) -> Array:
+def pole_std(network: Network, inputs: Sequence[NetworkInputs], ridge: float = RIDGES[0]) -> Array:
     """Return standard deviations of the poles [1/s], shape (M,); infinite where the records do not tell a pole.
 
     The gains of all models are eliminated, so their uncertainty is in the result; the correlation of the residual reduces the
@@ -262,8 +270,10 @@ def pole_std(network: Network, inputs: Sequence[NetworkInputs]) -> Array:
         Trained network.
     inputs
         The records it was trained on.
+    ridge
+        The one it was trained with.
     """
-    problem = _Problem(inputs)
+    problem = _Problem(inputs, ridge)
     half = 0.5 * network.widths / WIDTH_SHARE
     cells = _Cells(network.centres - half, network.centres + half, network.alpha)
     base = problem.solve(cells)[1]

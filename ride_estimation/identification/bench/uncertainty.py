@@ -122,25 +122,29 @@ def std_from_jacobian(jacobian: Array, variance: float) -> Array:
     return std
 
 
-def repeatable_energy(residual: Array, motion: Motion) -> float:
+def motion_states(motion: Motion) -> Array:
+    """Return what the force may depend on at every sample: displacement, rate, travel since the reversal, shape (N, 3)."""
+    since = motion.x - np.repeat(motion.anchors, np.diff(motion.starts))
+    return np.column_stack([motion.x, np.gradient(motion.x), since])
+
+
+def repeatable_energy(residual: Array, states: Array) -> float:
     """Return the energy of the part of a residual that comes again when the motion does [N^2], summed over samples.
 
     Noise is another one each time, a part of the force law that the model lacks is not. Every sample is paired with the one,
-    elsewhere in the record, of the most alike state (displacement, rate, travel since the reversal); the mean product of their
-    residuals is the mean square of what repeats.
+    elsewhere in the record, of the most alike state; the mean product of their residuals is the mean square of what repeats.
 
     Parameters
     ----------
     residual
         Measured minus modelled force [N], shape (N,).
-    motion
-        Displacement with its branches, N samples.
+    states
+        What the force may depend on, shape (N, S).
     """
-    n = motion.x.size
-    since = motion.x - np.repeat(motion.anchors, np.diff(motion.starts))
+    n = residual.size
     picked = np.unique(np.linspace(0, n - 1, min(n, _STATES)).astype(int))
-    state = np.column_stack([motion.x, np.gradient(motion.x), since])[picked]
-    state /= np.maximum(state.std(axis=0), np.finfo(float).tiny)
+    state = states[picked]
+    state = state / np.maximum(state.std(axis=0), np.finfo(float).tiny)
     r = residual[picked] - np.mean(residual)
     apart = max(int(_APART_SHARE * picked.size), 1)
     _, index = cKDTree(state).query(state, k=min(_NEIGHBOURS, picked.size))
@@ -165,7 +169,7 @@ def _score_covariance(fit: TimeDomainFit, prepared: Sequence[PreparedRecord]) ->
         information += jacobian @ jacobian.T
         independent += effective_samples(residual)
         # what is not fitted (clipped, at rest) is no evidence of a missing part of the law
-        repeatable += repeatable_energy(np.where(keep, whole - whole[keep].mean(), 0.0), item.motion)
+        repeatable += repeatable_energy(np.where(keep, whole - whole[keep].mean(), 0.0), motion_states(item.motion))
         edges = np.linspace(0, residual.size, min(_BLOCKS, residual.size // 10) + 1).astype(int)[:-1]
         sums = np.add.reduceat(jacobian * residual, edges, axis=1)
         meat += sums @ sums.T
