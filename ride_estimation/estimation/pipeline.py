@@ -38,7 +38,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.motion.loads import InertialLoads
-from ride_estimation.estimation.motion.motion_kernel import motion_at
+from ride_estimation.estimation.motion.motion_kernel import force_at
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
@@ -97,8 +97,7 @@ class Pipeline:
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
         self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._anchor.cells)
-        law = (self._law.stiffness, self._law.damping)
-        self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion, *law)
+        self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion)
         self._force = np.array([0.0, 0.0, vehicle.gravity])
         self._excess, self._rate = 1.0, np.zeros(3)
         self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
@@ -244,7 +243,8 @@ class Pipeline:
             self._hints.observe(seen, dt)
             if self._checks.weighs:
                 shared = self._forces.shared(support)[:, :, :2] / self._factor
-                self._checks.weigh(support / self._factor, shared, self._motion_at_mounts(motion)[:, :, 2])
+                body = force_at(motion.motion, motion.rate, self.arrangement.arms)[:, :, 2]
+                self._checks.weigh(support / self._factor, shared, body)
             self._checks.learn(dt)
 
         self._due = learn
@@ -276,11 +276,7 @@ class Pipeline:
             self._leave_out(gyros)
             self._begin_anew("a gyro was left out")
         self._checks.watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
-        verdict, lasting = self._checks.judged(block, self._rate, self._force, dt)
-        if lasting:
-            self._parameters.restart()
-            self._deflection.reset()
-            self._forget()
+        verdict = self._checks.judged(block, self._rate, self._force, dt)
         if verdict.valid is not block.valid:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
@@ -359,12 +355,6 @@ class Pipeline:
             self._deflection.reset()
             self._forget()
 
-    def _motion_at_mounts(self, motion: MotionBlock) -> Array:
-        """Return the specific force of the body at its mounts, shape (K, M, 3)."""
-        result = np.empty((len(motion.motion), len(self.arrangement.mounts), 3))
-        motion_at(motion.motion, motion.rate, self.arrangement.arms, result)
-        return result
-
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
@@ -374,8 +364,10 @@ class Pipeline:
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         if self._checks.bases_in_doubt:
             self._fill.doubt()
-        if self.tilting.learns and self.tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
-            self._forces.take_tilt()
+        if self.tilting.learns:
+            body = force_at(motion.motion, motion.rate, self.arrangement.arms)
+            if self.tilting.observe(base, body, measured, dt):
+                self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._layout.transducers:
             displaced[:, i, axis] = block.values[:, start]

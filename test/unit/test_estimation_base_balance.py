@@ -53,7 +53,7 @@ def balance_of(
 ) -> BaseBalance:  # fmt: skip
     """Return a balance that has seen a ride, block by block."""
     arrangement = ARRANGEMENT if displaced is None else TRAVEL
-    found = given or BaseBalance(arrangement, LAW.stiffness, LAW.damping)
+    found = given or BaseBalance(arrangement)
     horizontal, travel = np.zeros((10, COUNT, 2)), np.zeros((len(load), 0)) if displaced is None else displaced
     columns = np.zeros((len(load), COUNT, 3))
     columns[:, :, 2] = readings
@@ -130,7 +130,7 @@ def test_a_sensor_is_used_again_when_it_is_well_and_a_state_keeps_it_out() -> No
     wrong = noisy(base, 7)
     wrong[:, 0] *= 1.7
     found = balance_of(wrong, load, body)
-    again = BaseBalance(ARRANGEMENT, LAW.stiffness, LAW.damping)
+    again = BaseBalance(ARRANGEMENT)
     again.load(json.loads(json.dumps(found.save())))
     assert found.refused and again.refused == found.refused
     assert not balance_of(noisy(base, 8), load, body, given=again).refused

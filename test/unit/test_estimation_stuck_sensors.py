@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.estimation.faults.gate_kernel import Scan, scan_block
-from ride_estimation.estimation.faults.stuck_sensors import DEAD, FLAT_AXES, StuckSensors
+from ride_estimation.estimation.faults.stuck_sensors import DEAD, FLAT_AXES, SATURATED, StuckSensors
 
 DT = 0.01
 #: three sensors on the body and three at the bases, one of each turned by 90 degrees about z
@@ -63,7 +63,7 @@ def test_resolution_makes_no_axis_stuck(resolution: float) -> None:
     quiet = ride(size=0.6, seed=1)
     quiet[:, 2, 1] = 0.2 * (quiet[:, 2, 1])
     reasons = set().union(*watch(np.round(quiet / resolution) * resolution).values())
-    assert not reasons & set(FLAT_AXES)
+    assert not reasons & {*FLAT_AXES, *SATURATED}
 
 
 def test_a_body_that_stays_still_on_bases_that_move_is_isolated_and_not_stuck() -> None:
@@ -75,3 +75,10 @@ def test_a_body_that_stays_still_on_bases_that_move_is_isolated_and_not_stuck() 
 def test_all_sensors_that_read_zero_are_dead_and_a_vehicle_at_rest_is_not() -> None:
     assert watch(np.zeros((300, 6, 3))) == {a: {DEAD} for a in range(6)}
     assert watch(np.tile([0.0, 0.0, 9.81], (300, 6, 1))) == {}
+
+
+@pytest.mark.parametrize("ends", [(-0.3, 0.3), (-9.0, 0.2)])
+def test_an_axis_that_rests_at_its_largest_values_is_saturated(ends: tuple[float, float]) -> None:
+    values = ride(seed=2)
+    values[:, 5, 0] = np.clip(values[:, 5, 0], *ends)
+    assert SATURATED[0] in watch(values)[5] and set(watch(values)) == {5}

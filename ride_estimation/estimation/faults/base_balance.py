@@ -28,6 +28,7 @@ from scipy import signal
 from ride_estimation.estimation.common.arrangement import Arrangement, base_transport
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.frames import AXES
+from ride_estimation.vehicles.tangent import tangent
 
 Array = NDArray[np.float64]
 
@@ -84,15 +85,14 @@ class BaseBalance:
     ----------
     arrangement
         Body, mounts and their sensors.
-    stiffness, damping
-        Of the vehicle file, shape (M, 3).
     """
 
-    def __init__(self, arrangement: Arrangement, stiffness: Array, damping: Array) -> None:
+    def __init__(self, arrangement: Arrangement) -> None:
         a = arrangement
         self._count = count = len(a.mounts)
         sensors = [s for s in a.base_sensors if s is not None]
-        prior = np.concatenate([stiffness[:, 2], damping[:, 2]]) if count else np.zeros(0)
+        vertical = [m.elements.get(AXES[2]) for m in a.mounts]
+        prior = np.array([tangent(e) if e is not None else (0.0, 0.0) for e in vertical]).reshape(count, 2).T.ravel()
         self.possible = 3 <= count == len(sensors) and bool(np.all(prior > 0.0) and np.all(a.free[[2, 3, 4]]))
         #: mounts whose sensors are left out, with what is said of each
         self.refused: dict[int, str] = {}
@@ -179,7 +179,8 @@ class BaseBalance:
         self._told = frozenset(self.refused)
         if new:
             newly = (*verdict.newly_refused, *new)
-            verdict = dataclasses.replace(verdict, began=True, newly_refused=newly, spoiled=self.suspicious + 2.0 * _MEMORY)
+            spoiled = max(verdict.spoiled, self.suspicious + 2.0 * _MEMORY)
+            verdict = dataclasses.replace(verdict, began=True, newly_refused=newly, spoiled=spoiled)
         if self.unusual:
             verdict = dataclasses.replace(verdict, unusual=True)
         return verdict.without(streams[list(self.refused)]) if self.refused else verdict

@@ -82,7 +82,8 @@ class BaseNoise:
         self._told = frozenset(self.refused)
         if new:
             newly = (*verdict.newly_refused, *new)
-            verdict = dataclasses.replace(verdict, began=True, newly_refused=newly, spoiled=_MEMORY)
+            spoiled = max(verdict.spoiled, _MEMORY)
+            verdict = dataclasses.replace(verdict, began=True, newly_refused=newly, spoiled=spoiled)
         return verdict.without(streams[list(self.refused)]) if self.refused else verdict
 
     def interrupt(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -46,13 +47,11 @@ class InputChecks:
         Columns of every stream in a block.
     motion
         Geometry of the body's channels.
-    stiffness, damping
-        Of the mounts by the vehicle file, shape (M, 3).
     """
 
     def __init__(
         self, arrangement: Arrangement, sensors: Sequence[Sensor], layout: ChannelLayout, columns: Sequence[slice],
-        motion: CgMotionEstimator, stiffness: Array, damping: Array,
+        motion: CgMotionEstimator,
     ) -> None:  # fmt: skip
         a, self._layout = arrangement, layout
         n = 3 * len(a.body_sensors)
@@ -73,7 +72,7 @@ class InputChecks:
         self._new_base_faults = functools.partial(BaseFaults, base, base_streams, base_starts, a.vehicle.gravity)
         self.base_faults = self._new_base_faults()
         self._left_out: frozenset[int] = frozenset()
-        self._balance = BaseBalance(a, stiffness, damping)
+        self._balance = BaseBalance(a)
         self._noise = BaseNoise(base)
         #: readings of base sensors and transducers of the last block, None where one of them is not fit
         self._readings: tuple[Array, Array] | None = None
@@ -122,8 +121,8 @@ class InputChecks:
         measured = np.take(block.values, layout.body_columns, axis=1)
         return self.gyros.observe(measured, rates, np.take(block.valid, layout.body_streams, axis=1), dt)
 
-    def judged(self, block: Block, rate: Array, force: Array, dt: float) -> tuple[GateVerdict, bool]:
-        """Return which samples may be used, and whether a base sensor that was wrong from the start is left out from now on.
+    def judged(self, block: Block, rate: Array, force: Array, dt: float) -> GateVerdict:
+        """Return which samples may be used, and for how long what was learned is spoiled by a sensor found to be wrong just now.
 
         Parameters
         ----------
@@ -138,13 +137,15 @@ class InputChecks:
         verdict = self._bases.judged(block, gate, dt)
         before, self._left_out = self._left_out, frozenset(self.base_faults.refused)
         verdict = self.base_faults.judged(block, verdict, force, dt)
+        if self._left_out - before:
+            verdict = dataclasses.replace(verdict, began=True, spoiled=math.inf)
         if self._noise.possible:
             streams = self._layout.base_arrays[0]
             self._keep_readings(block, gate)
             verdict = self._balance.judged(self._noise.judged(verdict, streams), streams)
         if verdict.valid is not gate.valid:
             self._count(gate, verdict)
-        return verdict, bool(self._left_out - before)
+        return verdict
 
     def _keep_readings(self, block: Block, verdict: GateVerdict) -> None:
         # sensors that only disagree with others are weighed on: that may be the fault of one of those

@@ -1,11 +1,11 @@
 # Copyright 2026 ride_estimation contributors
-"""Accelerometers that repeat a value exactly although there is motion: the whole sample, or one axis of it.
+"""Accelerometers that repeat a value exactly although there is motion: the whole sample, one axis of it, or its largest values.
 
 A repetition is no measurement where the others move. Resolution lets one axis repeat while the motion along it is small, so an
 axis is stuck only where the sensors beside it, on the body or at the bases, ranged along it meanwhile by many times its noise and
-its resolution. The resolution is
-the least distance of two repeated values that follow each other; where noise is larger than that, no value repeats.
-A sample that never changes and is not gravity measures nothing, whatever the others do.
+its resolution. The resolution is the least distance of two repeated values that follow each other; where noise is larger than
+that, no value repeats. A sample that never changes and is not gravity measures nothing, whatever the others do. An axis that
+repeats its largest and least values, and hardly any between them, is saturated below the full scale that the vehicle file states.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ Array = NDArray[np.float64]
 
 FLAT = "stuck: its value repeats exactly while the other sensors move"
 FLAT_AXES = tuple(f"stuck: its {axis} repeats exactly while the other sensors move along it" for axis in "xyz")
+SATURATED = tuple(f"saturated: its {axis} rests at its largest values" for axis in "xyz")
 DEAD = "dead: its value repeats exactly and is not gravity"
-REASONS = (FLAT, *FLAT_AXES, DEAD)
+REASONS = (FLAT, *FLAT_AXES, *SATURATED, DEAD)
 
 #: shortest exact repetition that counts as stuck [s] and [ticks]
 _TIME, _TICKS = 0.03, 4
@@ -39,6 +40,9 @@ _MOVING = 5.0
 _RANGE = 10.0
 #: time in which that range is looked for [s], and distances of repeated values that tell a resolution
 _LOOK_BACK, _LEVELS = 0.5, 8
+#: data in which an axis rests at its largest values, time between two looks [s], repetitions there, at most so many times as many
+#: as elsewhere, and how far those values are apart in units of noise: less than that is standstill
+_RESTS_IN, _EVERY, _RESTS, _ELSEWHERE, _APART = 2.0, 0.25, 8, 0.25, 20.0
 #: share of gravity by which the size of a value that never changes is another
 _OFF = 0.5
 
@@ -76,7 +80,8 @@ class StuckSensors:
         self.run, self.axis_run = np.zeros(count, dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
         self.held = np.zeros((3, count, 3))
         self.held[1] = np.inf
-        self._recent = np.zeros((0, count, 3))
+        self._blocks: list[Array] = []
+        self._saturated, self._next = np.zeros((count, 3), dtype=bool), 0
         self._stuck = np.zeros((count, 3), dtype=bool)
         self._varied, self._all_varied = np.zeros((count, 3), dtype=bool), False
 
@@ -99,7 +104,7 @@ class StuckSensors:
             Tick [s].
         """
         ticks = len(values)
-        self._recent = np.concatenate([self._recent, values])[-max(round(_LOOK_BACK / dt), ticks) :]
+        self._blocks = [*self._blocks[-math.ceil(_RESTS_IN / (dt * ticks)) :], values]
         if not first and not self._all_varied:
             self._varied |= self.axis_run < ticks
             self._all_varied = bool(self._varied.all())
@@ -117,7 +122,23 @@ class StuckSensors:
                 self._stuck[a, c] = self._stuck[a, c] or (a not in found and self._others_range(a, c, dt))
                 if self._stuck[a, c]:
                     found.setdefault(a, FLAT_AXES[c])
+        self._next -= ticks
+        if self._next <= 0 and not first:
+            self._next = round(_EVERY / dt)
+            self._look_for_rests()
+        for a, c in np.argwhere(self._saturated).tolist():
+            found.setdefault(a, SATURATED[c])
         return found
+
+    def _look_for_rests(self) -> None:
+        values = np.concatenate(self._blocks)
+        largest, least = values.max(axis=0), values.min(axis=0)
+        same = np.abs(np.diff(values, axis=0)) <= 1e-9 * (1.0 + np.abs(values[1:]))
+        resting = (np.sum(same & (values[1:] == end), axis=0) for end in (largest, least))
+        rests = sum(resting)
+        elsewhere = np.sum(same, axis=0) - rests
+        apart = largest - least > _APART * self._noise[:, None]
+        self._saturated = (rests >= _RESTS) & (elsewhere <= _ELSEWHERE * rests) & apart
 
     def _sample(self, a: int, scan: Scan, square: Array, dt: float) -> str:
         """Return why a repeated sample cannot be a measurement, empty where it can."""
@@ -135,7 +156,8 @@ class StuckSensors:
         if not beside.size or (not self._varied[a, c] and run * dt <= _DEAD_TIME):
             return False
         along = self._rotation[beside].transpose(0, 2, 1) @ self._rotation[a][:, c]
-        others = np.einsum("kps,ps->kp", self._recent[-run - 1 :, beside], along)
+        window = min(run + 1, round(_LOOK_BACK / dt))
+        others = np.einsum("kps,ps->kp", np.concatenate(self._blocks)[-window:, beside], along)
         resolution = float(self.held[1, a, c]) if self.held[2, a, c] > _LEVELS else 0.0
         return bool(np.median(np.ptp(others, axis=0)) > _RANGE * math.hypot(float(self._noise[a]), resolution))
 
