@@ -26,10 +26,25 @@ FAR_PERIODS = 10.0
 FLAT_SECONDS = 1.0
 #: distance of a sample from its neighbours, in robust standard deviations of that distance, that makes a spike
 SPIKE_RATIO = 15.0
+#: how many times as often as any of the values beside it the extreme value occurs where a signal is clipped; at the extreme of a
+#: sinusoid in whole steps it is 2.4, where chance or a rate raised by repetition decides about one
+CLIPPED_RATIO = 5.0
+#: values beside the extreme that are looked at
+_NEIGHBOURS = 8
 #: what is done about samples that say nothing, and about what only a person can put right
 LEFT_OUT = "left out and counted"
 NOTHING = "none: used as it is; check wiring, driver and vehicle file"
 _AXES = "xyz"
+#: standard gravity in the units loggers write
+GRAVITY_IN = {"g": 1.0, "ft/s^2": 32.174, "in/s^2": 386.09, "cm/s^2": 980.665, "milli-g": 1000.0, "mm/s^2": 9806.65}
+#: rates at which ride is measured [Hz]: slower shows no cab, faster is a unit of the time that was taken for another
+SLOWEST_HZ, FASTEST_HZ = 10.0, 20_000.0
+#: units the time may be in instead -> factor on the rate
+_TIMES = {"ms": 1e3, "us": 1e6, "s instead of ms": 1e-3, "s instead of us": 1e-6}
+#: travel that no mount of a cab, seat or axle has [m]
+LONGEST_TRAVEL_M = 0.5
+#: force on one mount in weights of all bodies together that no drive brings about
+LARGEST_FORCE_WEIGHTS = 20.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,13 +56,13 @@ class ChannelQuality:
     samples
         Samples in the run.
     rate_hz, jitter_s
-        From the median distance of stamps, and its robust standard deviation.
+        Samples per time outside gaps, single lost ones counted in, and the robust standard deviation of the distance of stamps.
     duplicates, backwards
         Stamps equal to and before the stamp received just before (a few backwards are messages that overtook each other).
     gaps, longest_gap_s
         Holes longer than :data:`GAP_PERIODS` periods.
     clipped
-        Samples at the full scale, or resting at the extreme value where no full scale is stated.
+        Samples at the full scale, or at an extreme value that occurs far more often than its neighbours where none is stated.
     flat_s
         Longest time without any change [s].
     spikes
@@ -103,7 +118,7 @@ def judge_channel(
     width = channel.values.shape[1]
     quality = ChannelQuality(
         samples=len(channel.stamp_ns),
-        rate_hz=1.0 / period if period else 0.0,
+        rate_hz=_rate(steps[steps <= GAP_PERIODS * period], period) if period else 0.0,
         jitter_s=jitter,
         duplicates=int(np.sum(raw_steps == 0)),
         backwards=int(np.sum(raw_steps < 0)),
@@ -164,6 +179,11 @@ def _done(left_out: Mapping[str, int] | None) -> str:
     return "not used during " + ", ".join(f"{ticks} ticks ({reason})" for reason, ticks in sorted(left_out.items()))
 
 
+def _rate(steps: Array, period: float) -> float:
+    """Return the rate of a clock from its steps [s]: the median alone is a whole number of its resolution."""
+    return float(np.sum(np.maximum(np.round(steps / period), 1.0)) / np.sum(steps))
+
+
 def _ascending(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64] | slice]:
     """Return the different stamps in ascending order, and where each stands first."""
     if np.all(stamps[1:] > stamps[:-1]):
@@ -184,11 +204,15 @@ def _clipped(values: Array, full_scale: float) -> int:
         return int(np.sum(np.any(np.abs(values) >= 0.999 * full_scale, axis=1)))
     resting = np.zeros(len(values), dtype=bool)
     for column in values.T:
-        for extreme in (column.max(), column.min()):
+        for extreme, outwards in ((column.max(), 1.0), (column.min(), -1.0)):
             at = column == extreme
-            # three in a row at the very extreme of a signal that moves otherwise does not happen by chance
-            run = at[:-2] & at[1:-1] & at[2:]
-            if np.any(run) and np.mean(at) < 0.5:
+            count = int(np.sum(at))
+            # zero is where things rest; a value most of the run shows is where this one does
+            if extreme == 0.0 or not CLIPPED_RATIO < count < 0.5 * len(column):
+                continue
+            _, counts = np.unique(-outwards * column, return_counts=True)
+            near = counts[1 : 1 + _NEIGHBOURS]
+            if len(near) and count > CLIPPED_RATIO * int(near.max()):
                 resting |= at
     return int(np.sum(resting))
 
@@ -230,9 +254,9 @@ def gravity_findings(mean_body: Array, gravity: float) -> tuple[str, ...]:
     size = float(np.linalg.norm(mean_body))
     largest = int(np.argmax(np.abs(mean_body)))
     share = abs(mean_body[largest]) / size if size > 0.0 else 0.0
-    for name, unit in (("g", 1.0), ("milli-g", 1000.0)):
-        if abs(size - unit) < 0.1 * unit:
-            return (f"the mean magnitude is {size:.4g}: the values look like {name}, not m/s^2",)
+    like = [name for name, unit in GRAVITY_IN.items() if abs(size - unit) < 0.1 * unit]
+    if like:
+        return (f"the mean magnitude is {size:.4g}: the values look like {' or '.join(like)}, not m/s^2",)
     if size < 0.3 * gravity:
         return (f"the mean magnitude is {size:.3g} m/s^2: no gravity in the signal (ac coupled, or removed by the driver)",)
     found = []
@@ -251,4 +275,37 @@ def gravity_findings(mean_body: Array, gravity: float) -> tuple[str, ...]:
     else:
         direction = ", ".join(f"{v / size:.2f}" for v in mean_body)
         found.append(f"gravity points along ({direction}), not along z: check the sensor's rotation in the vehicle file")
+    return tuple(found)
+
+
+def plausibility_findings(kind: str, rate_hz: float, values: Array, weight: float) -> tuple[str, ...]:
+    """Return what cannot be in rate, travel and force, with the unit it would be right in.
+
+    Parameters
+    ----------
+    kind
+        Of the sensor.
+    rate_hz
+        [Hz].
+    values
+        Finite samples, shape (N, C) [SI].
+    weight
+        Of all bodies of the vehicle together [N]; zero where it is not known.
+    """
+    found = []
+    if rate_hz and not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        right = [name for name, factor in _TIMES.items() if SLOWEST_HZ <= factor * rate_hz <= FASTEST_HZ]
+        guess = f": is the time in {' or '.join(right)}?" if right else ""
+        given = f"{rate_hz:.3g} Hz" if rate_hz < 1e3 else f"{rate_hz / 1e3:.3g} kHz"
+        found.append(f"{given} is outside {SLOWEST_HZ:g} Hz to {FASTEST_HZ / 1e3:g} kHz, where ride is measured{guess}")
+    if kind == "displacement" and len(values):
+        travel = float(np.max(np.ptp(values, axis=0)))
+        if travel > LONGEST_TRAVEL_M:
+            guess = ": the values look like mm" if travel <= 1e3 * LONGEST_TRAVEL_M else ""
+            found.append(f"the travel is {travel:.3g} m, more than the {LONGEST_TRAVEL_M:g} m of any mount{guess}")
+    if kind == "force" and len(values) and weight > 0.0:
+        force = float(np.max(np.abs(values)))
+        if force > LARGEST_FORCE_WEIGHTS * weight:
+            guess = ": are the values N that were taken as kN?" if force <= 1e3 * LARGEST_FORCE_WEIGHTS * weight else ""
+            found.append(f"the force reaches {force:.3g} N, {force / weight:.3g} times the weight of the vehicle's bodies{guess}")
     return tuple(found)

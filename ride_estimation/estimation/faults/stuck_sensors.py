@@ -82,6 +82,8 @@ class StuckSensors:
         self.held[1] = np.inf
         self._blocks: list[Array] = []
         self._saturated, self._next = np.zeros((count, 3), dtype=bool), 0
+        #: ticks since which a sensor was not stuck: what it repeated then is no rest
+        self._free = np.full(count, np.inf)
         self._stuck = np.zeros((count, 3), dtype=bool)
         self._varied, self._all_varied = np.zeros((count, 3), dtype=bool), False
 
@@ -122,15 +124,17 @@ class StuckSensors:
                 self._stuck[a, c] = self._stuck[a, c] or (a not in found and self._others_range(a, c, dt))
                 if self._stuck[a, c]:
                     found.setdefault(a, FLAT_AXES[c])
+        self._free += ticks
+        self._free[list(found)] = 0.0
         self._next -= ticks
         if self._next <= 0 and not first:
             self._next = round(_EVERY / dt)
-            self._look_for_rests()
+            self._look_for_rests(self._free * dt > _RESTS_IN)
         for a, c in np.argwhere(self._saturated).tolist():
             found.setdefault(a, SATURATED[c])
         return found
 
-    def _look_for_rests(self) -> None:
+    def _look_for_rests(self, free: NDArray[np.bool_]) -> None:
         values = np.concatenate(self._blocks)
         largest, least = values.max(axis=0), values.min(axis=0)
         same = np.abs(np.diff(values, axis=0)) <= 1e-9 * (1.0 + np.abs(values[1:]))
@@ -138,7 +142,7 @@ class StuckSensors:
         rests = sum(resting)
         elsewhere = np.sum(same, axis=0) - rests
         apart = largest - least > _APART * self._noise[:, None]
-        self._saturated = (rests >= _RESTS) & (elsewhere <= _ELSEWHERE * rests) & apart
+        self._saturated = (rests >= _RESTS) & (elsewhere <= _ELSEWHERE * rests) & apart & free[:, None]
 
     def _sample(self, a: int, scan: Scan, square: Array, dt: float) -> str:
         """Return why a repeated sample cannot be a measurement, empty where it can."""

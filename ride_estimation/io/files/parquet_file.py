@@ -14,13 +14,14 @@ from ride_estimation.io.files.channels import (
     UNKNOWN_START_NS,
     FileChannel,
     MeasurementFile,
+    TimeSource,
     require,
     split_heading,
     table_channels,
 )
 
 
-def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> MeasurementFile:
+def read_parquet(path: Path, time: TimeSource) -> MeasurementFile:
     """Read the numeric columns of a Parquet file; parameters as :func:`~ride_estimation.io.files.csv_file.read_csv`."""
     require("pyarrow", "Parquet")
     parquet = require("pyarrow.parquet", "Parquet")
@@ -39,7 +40,7 @@ def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measu
         columns.append(values)
     if not columns:
         raise InputDataError(f"{path}: no numeric column")
-    return MeasurementFile(str(path), UNKNOWN_START_NS, table_channels(path, headings, columns, time_name, rate_hz))
+    return MeasurementFile(str(path), UNKNOWN_START_NS, table_channels(path, headings, columns, time))
 
 
 def _is_number(kind: Any) -> bool:
