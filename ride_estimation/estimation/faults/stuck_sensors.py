@@ -40,9 +40,9 @@ _MOVING = 5.0
 _RANGE = 10.0
 #: time in which that range is looked for [s], and distances of repeated values that tell a resolution
 _LOOK_BACK, _LEVELS = 0.5, 8
-#: data in which an axis rests at its largest values, time between two looks [s], repetitions there, at most so many times as many
-#: as elsewhere, and how far those values are apart in units of noise: less than that is standstill
-_RESTS_IN, _EVERY, _RESTS, _ELSEWHERE, _APART = 2.0, 0.25, 8, 0.25, 20.0
+#: data in which an axis rests at its largest values, time between two looks [s], how often it comes to rest there, repetitions
+#: elsewhere over those there, and how far those values are apart in units of noise: less than that is standstill
+_RESTS_IN, _EVERY, _RESTS, _ELSEWHERE, _APART = 2.0, 0.25, 4, 0.25, 20.0
 #: share of gravity by which the size of a value that never changes is another
 _OFF = 0.5
 
@@ -138,11 +138,10 @@ class StuckSensors:
         values = np.concatenate(self._blocks)
         largest, least = values.max(axis=0), values.min(axis=0)
         same = np.abs(np.diff(values, axis=0)) <= 1e-9 * (1.0 + np.abs(values[1:]))
-        resting = (np.sum(same & (values[1:] == end), axis=0) for end in (largest, least))
-        rests = sum(resting)
-        elsewhere = np.sum(same, axis=0) - rests
-        apart = largest - least > _APART * self._noise[:, None]
-        self._saturated = (rests >= _RESTS) & (elsewhere <= _ELSEWHERE * rests) & apart & free[:, None]
+        resting = same & ((values[1:] == largest) | (values[1:] == least))
+        begun, repeated = np.sum(resting[1:] & ~resting[:-1], axis=0), np.sum(resting, axis=0)
+        rests = (begun >= _RESTS) & (np.sum(same & ~resting, axis=0) <= _ELSEWHERE * repeated)
+        self._saturated = rests & (largest - least > _APART * self._noise[:, None]) & free[:, None]
 
     def _sample(self, a: int, scan: Scan, square: Array, dt: float) -> str:
         """Return why a repeated sample cannot be a measurement, empty where it can."""
