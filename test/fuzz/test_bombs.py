@@ -9,6 +9,7 @@ import sqlite3
 import struct
 import threading
 import time
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,10 +17,12 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from fuzz.measurements import channels
 from fuzz.recordings import START, STORE, VEHICLE, mcap_files, packed, ros1_files
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.files.formats import read_measurement_file
+from ride_estimation.io.files.channels import UNKNOWN_START_NS
+from ride_estimation.io.files.formats import read_measurement_file, write_measurement_file
 
 #: what reading any of these files may add to the memory; the limit for the largest of them is 100 MiB [bytes]
 MOST = 500 << 20
@@ -183,3 +186,31 @@ def test_a_parquet_file_of_many_equal_rows_is_refused(tmp_path: Path) -> None:
             writer.write_table(zeros)
     with pytest.raises(RideEstimationError, match="which is refused"):
         read_measurement_file(tmp_path / "run.parquet")
+
+
+@pytest.mark.parametrize(("stated", "times"), [(1000, 1), (ZEROS, 40)])
+def test_compressed_blocks_of_an_mdf_file_share_one_budget(stated: int, times: int, tmp_path: Path) -> None:
+    """A block that states less than it unpacks to, and many that state it."""
+    pytest.importorskip("asammdf", reason="needs asammdf (extra 'files')")
+    file = tmp_path / "run.mf4"
+    write_measurement_file(file, [channels()], UNKNOWN_START_NS)
+    body = zlib.compress(bytes(ZEROS))
+    block = struct.pack("<4s4xQQ2sBxIQQ", b"##DZ", 48 + len(body), 0, b"DT", 0, 0, stated, len(body)) + body
+    file.write_bytes(file.read_bytes() + block * times)
+    with pytest.raises(RideEstimationError, match="unpacks to more than"):
+        read_measurement_file(file)
+
+
+def test_a_group_of_an_mdf_file_cannot_claim_more_samples_than_the_file_can_hold(tmp_path: Path) -> None:
+    pytest.importorskip("asammdf", reason="needs asammdf (extra 'files')")
+    file = tmp_path / "run.mf4"
+    write_measurement_file(file, [channels()], UNKNOWN_START_NS)
+    data = bytearray(file.read_bytes())
+    group = data.index(b"##CG")
+    links = struct.unpack_from("<Q", data, group + 16)[0]
+    place = group + 24 + 8 * links + 8  # behind the number of the record: the number of cycles
+    assert struct.unpack_from("<Q", data, place)[0] == len(channels()[0].values)
+    data[place : place + 8] = struct.pack("<Q", 10**9)
+    file.write_bytes(bytes(data))
+    with pytest.raises(RideEstimationError, match="unpacks to more than"):
+        read_measurement_file(file)
