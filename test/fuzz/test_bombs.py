@@ -112,6 +112,21 @@ def test_a_forged_index_is_not_followed(tmp_path: Path) -> None:
     refused(folder, "no message could be recovered", salvage=True)
 
 
+def test_messages_without_content_are_counted_by_what_they_need_in_memory(tmp_path: Path) -> None:
+    """Two million of 31 bytes each, in 7 kB."""
+    words = (b"sensor_msgs/msg/Imu", b"ros2msg", b"", b"/accel", b"cdr", b"", b"zstd")
+    text = [struct.pack("<I", len(word)) + word for word in words]
+    empty = struct.pack("<BQHIQQ", 5, 22, 1, 0, START, START) * (1 << 18)
+    body = packed(empty, "zstd")
+    chunk = struct.pack("<QQQI", START, START, len(empty), 0) + text[6] + struct.pack("<Q", len(body)) + body
+    parts = [(3, struct.pack("<H", 1) + b"".join(text[:3])), (4, struct.pack("<HH", 1, 1) + b"".join(text[3:6]))]
+    parts += [(6, chunk)] * 8 + [(15, bytes(4)), (2, bytes(20))]
+    magic = b"\x89MCAP0\r\n"
+    data = magic + b"".join(struct.pack("<BQ", code, len(part)) + part for code, part in parts) + magic
+    (tmp_path / "run.mcap").write_bytes(data)
+    refused(tmp_path / "run.mcap", "unpacks to more than")
+
+
 def test_a_ros1_bag_is_not_read_beyond_a_damaged_record(tmp_path: Path) -> None:
     (tmp_path / "seed").mkdir()
     data = ros1_files(tmp_path / "seed")[0]
