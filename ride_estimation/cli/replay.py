@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -133,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
     job = ReplayJob.of(options, ("none",) if options.no_report else options.format)
     diagnosis = read_diagnosis(options.diagnosis) if options.diagnosis else None
     require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
-    compile_ahead()
+    compile_ahead(lambda words: print(words, file=sys.stderr))
     folder = output_folder(options.out)
     progress: list[Progress] = []
 

@@ -32,7 +32,7 @@ from ride_estimation.diagnosis.noise import (
     smoothed_power,
     whitening,
 )
-from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.plant import Plant, Signal
 from ride_estimation.diagnosis.response import LinearResponse, respond
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import FrequencyGrid, edge_taper, make_grid
@@ -59,6 +59,8 @@ class Measurement:
         Gravity and offset still in them, shapes (N, ny) and (N, nu).
     valid
         False inside gaps of any used channel, shape (N,).
+    output_limits, input_limits
+        Values at which raw readings are cut, lower and upper ones, infinite where none are, shapes (2, ny) and (2, nu).
     """
 
     name: str
@@ -66,6 +68,8 @@ class Measurement:
     outputs: Array
     inputs: Array
     valid: BoolArray
+    output_limits: Array
+    input_limits: Array
 
 
 def measurement(plant: Plant, run: UniformRun) -> Measurement:
@@ -86,7 +90,14 @@ def measurement(plant: Plant, run: UniformRun) -> Measurement:
 
     outputs = np.stack([column(s.sensor, s.component) for s in plant.outputs], axis=1)
     inputs = np.stack([column(s.sensor, s.component) for s in plant.inputs], axis=1)
-    return Measurement(run.name, run.rate_hz, outputs, inputs, valid)
+
+    def limits(signals: Sequence[Signal]) -> Array:
+        free = np.array([[-np.inf], [np.inf]])
+        found = [run.clipped_at.get(s.sensor) for s in signals]
+        rows = [free if f is None else f[:, [s.component if f.shape[1] > 1 else 0]] for s, f in zip(signals, found)]
+        return np.hstack(rows)
+
+    return Measurement(run.name, run.rate_hz, outputs, inputs, valid, limits(plant.outputs), limits(plant.inputs))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,6 +19,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
@@ -438,7 +439,7 @@ def prepared(make: Callable[[], Node]) -> Node:
     The first start after an installation compiles for a while; a manager that asks the node to configure would wait for that, and
     give up. The bundled vehicle needs nearly the same kernels as any other.
     """
-    compile_ahead()
+    compile_ahead(get_logger("ride_estimation").info)
     Session(load_vehicle(BUNDLED_VEHICLE), PipelineSettings()).warm_up()
     return make()
 

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.recording import Channel
 
@@ -25,11 +26,6 @@ FAR_PERIODS = 10.0
 FLAT_SECONDS = 1.0
 #: distance of a sample from its neighbours, in robust standard deviations of that distance, that makes a spike
 SPIKE_RATIO = 15.0
-#: how many times as often as any of the values beside it the extreme value occurs where a signal is clipped; at the extreme of a
-#: sinusoid in whole steps it is 2.4, where chance or a rate raised by repetition decides about one
-CLIPPED_RATIO = 5.0
-#: values beside the extreme that are looked at
-_NEIGHBOURS = 8
 #: what is done about samples that say nothing, and about what only a person can put right
 LEFT_OUT = "left out and counted"
 NOTHING = "none: used as it is; check wiring, driver and vehicle file"
@@ -61,7 +57,7 @@ class ChannelQuality:
     gaps, longest_gap_s
         Holes longer than :data:`GAP_PERIODS` periods.
     clipped
-        Samples at the full scale, or at an extreme value that occurs far more often than its neighbours where none is stated.
+        Samples at the full scale, or resting at an extreme value below it.
     flat_s
         Longest time without any change [s].
     spikes
@@ -151,7 +147,7 @@ def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
         found.append((text, "samples are interpolated at their own stamps"))
     if q.clipped:
         text = f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped"
-        found.append((text, "those at the full scale of the vehicle file are not used; without one, all are"))
+        found.append((text, "those at the full scale of the vehicle file are not used; below it, all are"))
     if q.flat_s > FLAT_SECONDS:
         found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", "not used while the other sensors move"))
     if q.spikes:
@@ -183,24 +179,11 @@ def with_action(finding: str, done: str) -> str:
 
 
 def _clipped(values: Array, full_scale: float) -> int:
-    """Return the number of samples at full scale; without one, of samples resting on a shared extreme value."""
+    """Return the number of samples at full scale, or resting on an extreme value below it."""
     if not len(values):
         return 0
-    if np.isfinite(full_scale):
-        return int(np.sum(np.any(np.abs(values) >= 0.999 * full_scale, axis=1)))
-    resting = np.zeros(len(values), dtype=bool)
-    for column in values.T:
-        for extreme, outwards in ((column.max(), 1.0), (column.min(), -1.0)):
-            at = column == extreme
-            count = int(np.sum(at))
-            # zero is where things rest; a value most of the run shows is where this one does
-            if extreme == 0.0 or not CLIPPED_RATIO < count < 0.5 * len(column):
-                continue
-            _, counts = np.unique(-outwards * column, return_counts=True)
-            near = counts[1 : 1 + _NEIGHBOURS]
-            if len(near) and count > CLIPPED_RATIO * int(near.max()):
-                resting |= at
-    return int(np.sum(resting))
+    low, high = clipping_levels(values)
+    return int(np.sum(np.any((np.abs(values) >= 0.999 * full_scale) | (values <= low) | (values >= high), axis=1)))
 
 
 def _spikes(values: Array) -> int:

@@ -15,6 +15,7 @@ from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.quality import gravity_findings, judge_channel, plausibility_findings
 from ride_estimation.signals.recording import Channel, Recording
@@ -75,6 +76,21 @@ def test_clipping_is_found_with_and_without_a_stated_range() -> None:
     assert 50 < clipped <= near
     assert judge_channel(changed(values=values), limit).clipped == near
     assert judge_channel(changed(values=values)).clipped == clipped
+
+
+def test_a_limit_below_the_stated_range_is_found_from_single_samples_at_it() -> None:
+    rng = np.random.default_rng(5)
+    values = rng.normal(0.0, 1.0, (4000, 3))
+    values[:, 1] = np.minimum(values[:, 1], 2.0)  # 90 samples, hardly two in a row
+    values[:, 2] = np.round(values[:, 2], 1)  # a coarse converter, not cut
+    levels = clipping_levels(values)
+    assert levels[1, 1] == 2.0
+    assert np.all(np.isinf(levels[:, [0, 2]])) and np.isinf(levels[0, 1])
+    coarse = np.maximum(np.round(rng.normal(0.0, 1.0, (4000, 1)), 2), -1.8)
+    assert clipping_levels(coarse)[0, 0] == -1.8
+    assert judge_channel(changed(values=values), 50.0).clipped == int(np.sum(values[:, 1] == 2.0))
+    held = np.repeat(rng.normal(0.0, 1.0, (1000, 1)), 4, axis=0)  # a driver that repeats every sample
+    assert np.all(np.isinf(clipping_levels(held)))
 
 
 @pytest.mark.parametrize("step", [0.0, 0.001, 0.02])

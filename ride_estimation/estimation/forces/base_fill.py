@@ -54,16 +54,20 @@ class BaseFill:
         self._doubt, self._age = np.zeros(count), 0.0
 
     def _map(self, there: BoolArray) -> Array:
-        """Return weights of the sensors that speak on every mount, shape (3, M, M)."""
+        """Return weights of the sensors that speak on every mount, shape (3, M, M).
+
+        Their mean and the slopes they tell, of those the least: what all have in common, gravity above all, goes over whole
+        however few speak.
+        """
         key = there.tobytes()
         found = self._maps.get(key)
         if found is None:
-            count = len(there)
-            x, y, one = self._place[:, 0], self._place[:, 1], np.ones(count)
+            count, speak = len(there), int(there.sum())
+            place = self._place - self._place[there].mean(axis=0)
             found = np.zeros((3, count, count))
-            for axis, columns in enumerate(([one, y], [one, x], [one, x, y])):
-                design = np.column_stack(columns)
-                found[axis][:, there] = design @ np.linalg.pinv(design[there], rcond=1e-3)
+            for axis, columns in enumerate(([1], [0], [0, 1])):
+                slopes = np.linalg.pinv(place[there][:, columns], rcond=1e-3)
+                found[axis][:, there] = 1.0 / speak + place[:, columns] @ (slopes - slopes.mean(axis=1, keepdims=True))
             self._maps[key] = found
         return found
 
