@@ -88,12 +88,13 @@ class EstimatorNode(LifecycleNode):
         self._diagnostics = Diagnostics(self)
         self.create_service(Trigger, "~/reset", self._serve_reset)
         self.create_service(Trigger, "~/save_parameters", self._serve_save)
+        if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
+        # begins now, so that publishers that are there already have been heard when it is first said who is not
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=steady)
         self._looked_s = time.monotonic()
         self._look_timer = self.create_timer(LOOK_PERIOD_S, self.look, clock=steady)
-        if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-            self.trigger_activate()
 
     @property
     def session(self) -> Session | None:
