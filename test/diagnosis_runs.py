@@ -34,8 +34,12 @@ def quarter_car_run(
     rate_hz: float = 100.0,
     law: Callable[[float, float], float] | None = None,
     noise: float = 0.005,
+    sag: float | None = None,
 ) -> UniformRun:
-    """Integrate ``m a = -k x - c v - law(x, v)`` over a random base with semi-implicit steps of 1/16 sample."""
+    """Integrate ``m a = -k x - c v - law(x, v)`` over a random base with semi-implicit steps of 1/16 sample.
+
+    With ``sag`` [m] a transducer ``travel`` reads the deflection plus that.
+    """
     rng = np.random.default_rng(seed)
     fine = 16
     count = int(seconds * rate_hz)
@@ -50,11 +54,11 @@ def quarter_car_run(
     du, ddu = (scale * np.fft.irfft(spectrum * w**p, n) for p in (1, 2))
     step = 1.0 / (rate_hz * fine)
     z, v = u[0], du[0]
-    acceleration = np.empty(n)
+    acceleration, deflection = np.empty(n), np.empty(n)
     for i in range(n):
         x, rate = z - u[i], v - du[i]
         force = STIFFNESS * x + DAMPING * rate + (law(x, rate) if law is not None else 0.0)
-        acceleration[i] = -force / MASS
+        acceleration[i], deflection[i] = -force / MASS, x
         v += step * acceleration[i]
         z += step * v
     zero = np.zeros(count)
@@ -62,5 +66,7 @@ def quarter_car_run(
     for name, values in (("body", acceleration), ("base", ddu)):
         clean = np.stack([zero, zero, values[::fine] + GRAVITY], axis=1)
         data[name] = clean + noise * rng.standard_normal(clean.shape)
+    if sag is not None:
+        data["travel"] = (deflection[::fine] + sag + 1e-4 * rng.standard_normal(count))[:, None]
     valid = {name: np.ones(count, dtype=bool) for name in data}
     return UniformRun(f"quarter_car_{seed}", rate_hz, 0, data, valid)

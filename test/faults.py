@@ -105,3 +105,12 @@ def in_bursts(samples: Sequence[Sample], stream: int, length: int) -> list[Sampl
             result += packet
             packet = []
     return result + packet
+
+
+def held_back(samples: Sequence[Sample], from_s: float, to_s: float) -> list[Sample]:
+    """Return samples of which a gateway kept all of a time, to send them stream by stream afterwards."""
+    inside = [START_NS + round(from_s * 1e9) <= stamp < START_NS + round(to_s * 1e9) for _, stamp, _ in samples]
+    held = sorted((s for s, kept in zip(samples, inside) if kept), key=lambda s: s[0])
+    first_after = max((i for i, kept in enumerate(inside) if kept), default=-1) + 1
+    before = [s for s, kept in zip(samples[:first_after], inside) if not kept]
+    return [*before, *held, *samples[first_after:]]

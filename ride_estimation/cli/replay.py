@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -133,7 +134,7 @@ def run(options: argparse.Namespace) -> int:
     job = ReplayJob.of(options, ("none",) if options.no_report else options.format)
     diagnosis = read_diagnosis(options.diagnosis) if options.diagnosis else None
     require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
-    compile_ahead()
+    compile_ahead(lambda words: print(words, file=sys.stderr))
     folder = output_folder(options.out)
     progress: list[Progress] = []
 
@@ -181,11 +182,12 @@ def replay_run(
     pipeline = Pipeline(vehicle, job.settings)
     require_layout(vehicle, pipeline)
     recording = read_recording(path, vehicle, salvage=job.salvage)
-    quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
     result = run_offline(recording, pipeline, lambda done: advance(done, samples), job.hindsight)
     if len(result.stamp_ns) < LEAST_TICKS:
         raise InputDataError(f"{path}: the run holds {len(result.stamp_ns)} ticks of the time base; {LEAST_TICKS} are needed")
+    left_out = {name: s.refused for name, s in result.health.sensors.items()}
+    quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity, weight=vehicle.weight, left_out=left_out)
     warnings = all_warnings(recording, vehicle, quality, result)
     layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
     side = side_signals(recording, vehicle, result)

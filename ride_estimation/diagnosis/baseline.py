@@ -57,23 +57,23 @@ class Adjustable:
 
 @dataclasses.dataclass(frozen=True)
 class MeanTable:
-    """Mean readings of the accelerometers that see gravity: the zero-frequency evidence.
+    """Mean readings of accelerometers that see gravity and of transducers: the zero-frequency evidence.
 
     Attributes
     ----------
     signals
         One per row.
     residual
-        Measured mean minus gravity along the sensor axis, in units of ``std``, shape (K,).
+        Measured mean minus gravity along the sensor axis, or minus the zero of a transducer, in units of ``std``, shape (K,).
     std
-        Offset tolerance [m/s^2].
+        Offset tolerance of every row [m/s^2], [m], shape (K,).
     gravity
         Gravity reaction in sensor axes by sensor name, shape (3,).
     """
 
     signals: tuple[Signal, ...]
     residual: Array
-    std: float
+    std: Array
     gravity: dict[str, Array]
 
     def row(self, sensor: str, component: int) -> int | None:
@@ -85,8 +85,8 @@ class MeanTable:
 
 
 def mean_table(scene: Scene) -> MeanTable:
-    """Return the mean readings of a run against gravity."""
-    plant = scene.plant
+    """Return the mean readings of a run against gravity, and of transducers against their zero at static equilibrium."""
+    plant, tolerances = scene.plant, scene.settings.tolerances
     gravity = {s: plant.vehicle.sensors[s].rotation.T @ np.array([0.0, 0.0, plant.vehicle.gravity]) for s in plant.sensors}
     rows: list[Signal] = []
     values: list[float] = []
@@ -95,11 +95,29 @@ def mean_table(scene: Scene) -> MeanTable:
         (plant.inputs, scene.input_mean, np.zeros(len(plant.inputs))),
     ):
         for s, m, d in zip(signals, mean, shift):
-            if s.kind == "acceleration" and s.dc:
+            if s.kind == "displacement" or s.dc:
                 rows.append(s)
-                values.append(float(m - gravity[s.sensor][s.component] - d))
-    std = scene.settings.tolerances.bias
+                values.append(float(m - d - (gravity[s.sensor][s.component] if s.kind == "acceleration" else 0.0)))
+    std = np.array([tolerances.bias if s.kind == "acceleration" else tolerances.travel_zero for s in rows])
     return MeanTable(tuple(rows), np.array(values) / std, std, gravity)
+
+
+def static_means(scene: Scene, table: MeanTable, wrench: Array) -> dict[int, float]:
+    """Return what a constant wrench on the coordinates adds to the mean readings of transducers, row -> [m].
+
+    Parameters
+    ----------
+    wrench
+        Shape (n,).
+    """
+    plant = scene.plant
+    spring = plant.port_map.T @ (scene.state.stiffness[:, None] * plant.port_map) + plant.gravity_stiffness
+    shift = plant.out_displacement @ np.linalg.lstsq(spring, wrench, rcond=1e-9)[0]
+    return {
+        row: float(shift[i])
+        for i, s in enumerate(plant.outputs)
+        if s.kind == "displacement" and (row := table.row(s.sensor, s.component)) is not None and shift[i] != 0.0
+    }
 
 
 class ColumnSet:
@@ -116,7 +134,7 @@ class ColumnSet:
         shape = (len(self._scene.grid.omega), len(self._scene.plant.outputs))
         row = np.zeros(len(self._table.signals))
         for index, value in (means or {}).items():
-            row[index] = value / self._table.std
+            row[index] = value / self._table.std[index]
         self.adjustables.append(item)
         self._spectra.append(np.zeros(shape, dtype=complex) if spectrum is None else spectrum)
         self._means.append(row)
@@ -124,9 +142,7 @@ class ColumnSet:
     def wrench(self, body: str, force: ComplexArray, moment: ComplexArray) -> ComplexArray:
         """Return the output spectrum of a wrench on a body at its CG, force and moment (F, 3)."""
         six = np.concatenate([force, moment], axis=1)
-        full = np.zeros((len(six), len(self._scene.plant.coordinates)), dtype=complex)
-        for row, column in self._scene.plant.coordinate_rows(body):
-            full[:, row] = six[:, column]
+        full = six @ self._scene.plant.body_map(body)
         return np.asarray(np.einsum("fij,fj->fi", self._scene.response.output_from_wrench, full))
 
     def finish(self) -> tuple[tuple[Adjustable, ...], ComplexArray, Array]:
@@ -194,9 +210,7 @@ def port_columns(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Adjust
 
 def body_spectra(scene: Scene, body: str) -> tuple[ComplexArray, ComplexArray]:
     """Return displacement and acceleration spectra of the six coordinates of a body, (F, 6) each."""
-    q = np.zeros((len(scene.grid.omega), 6), dtype=complex)
-    for row, column in scene.plant.coordinate_rows(body):
-        q[:, column] = scene.coordinate_spectrum[:, row]
+    q: ComplexArray = scene.coordinate_spectrum @ scene.plant.body_map(body).T
     return q, np.asarray(-(scene.grid.omega**2)[:, None] * q)
 
 

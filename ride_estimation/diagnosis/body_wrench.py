@@ -11,19 +11,36 @@ from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.scene import Scene
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
 def six_of(scene: Scene, body: str) -> tuple[Array, Array]:
-    """Return displacement and acceleration of the six coordinates of a body, (N, 6) each; fixed ones are zero."""
+    """Return displacement and acceleration of the six coordinates of a body, shared ones included, (N, 6) each."""
     q, a = body_spectra(scene, body)
     return scene.grid.signal(q), scene.grid.signal(a)
 
 
+def balanced_acceleration(scene: Scene, body: str) -> Array:
+    """Return the acceleration of the six coordinates of a body that the forces along the estimated deflections cause, (N, 6).
+
+    ``M q'' = -D^T ((k + i w c) x + law forces) - K_g q + T theta_base + wrenches``. Deflections are cleared of the noise of the
+    base sensors; a load that stiffer mounts would hide must be compared with what they do along the same deflections.
+    """
+    plant, grid = scene.plant, scene.grid
+    stiffness, damping = scene.state.linear
+    force = (stiffness + 1j * grid.omega[:, None] * damping) * scene.deflection_spectrum
+    wrench = -force @ plant.port_map - scene.coordinate_spectrum @ plant.gravity_stiffness
+    wrench += (scene.input_spectrum / (-grid.omega**2)[:, None]) @ plant.static_tilt().T
+    for e in scene.state.effects:
+        if e.where is Where.PORT:
+            wrench -= np.outer(grid.spectrum(e.signal), plant.port_map[e.index])
+        elif e.where is Where.WRENCH:
+            wrench[:, e.index] += grid.spectrum(e.signal)
+    acceleration: ComplexArray = np.asarray(wrench @ np.linalg.inv(plant.mass) @ plant.body_map(body).T, dtype=complex)
+    return grid.signal(acceleration)
+
+
 def wrench_column(scene: Scene, body: str, force: Array, moment: Array) -> Column:
-    """Return force and moment (N, 3) on a body as one column; parts on fixed coordinates are left out."""
-    six = np.concatenate([force, moment], axis=1)
-    return tuple(
-        Effect(Where.WRENCH, row, six[:, column])
-        for row, column in scene.plant.coordinate_rows(body)
-        if np.any(six[:, column])
-    )
+    """Return force and moment (N, 3) on a body as one column; what its guides carry acts on its carrier, else nowhere."""
+    wrench = np.concatenate([force, moment], axis=1) @ scene.plant.body_map(body)
+    return tuple(Effect(Where.WRENCH, i, wrench[:, i]) for i in range(wrench.shape[1]) if np.any(wrench[:, i]))

@@ -112,6 +112,13 @@ class FullFit:
         ])
 
     @property
+    def in_band(self) -> bool:
+        """Return whether some cause must show in the band, and not in mean readings or strained tolerances alone."""
+        return any(
+            np.any(self.rows[:, :, self.part(i)]) and not f.hypothesis.shows_in_means for i, f in enumerate(self.fitted)
+        )
+
+    @property
     def causes(self) -> tuple[str, ...]:
         """Return the cause ids."""
         return tuple(f.hypothesis.cause for f in self.fitted)

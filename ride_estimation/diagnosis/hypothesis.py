@@ -61,6 +61,12 @@ class Hypothesis:
         Columns without which the hypothesis means nothing.
     largest
         Size of the first coefficient beyond which the hypothesis means nothing.
+    plausible
+        Whether coefficients are possible numbers.
+    run_bound
+        The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
+    shows_in_means
+        Mean readings or strained tolerances alone are evidence for it, also beside another cause.
     """
 
     cause: str
@@ -75,10 +81,14 @@ class Hypothesis:
     variant: str = ""
     essential: tuple[int, ...] = ()
     largest: float = float("inf")
+    plausible: Callable[[Array], bool] = lambda coefficients: True
+    run_bound: bool = False
+    shows_in_means: bool = False
 
     def meaningful(self, coefficients: Array) -> bool:
-        """Return whether every essential column is used and the first coefficient is no larger than it can be."""
-        return all(coefficients[i] != 0.0 for i in self.essential) and bool(np.all(np.abs(coefficients[:1]) <= self.largest))
+        """Return whether every essential column is used and the coefficients have sizes that they can have."""
+        used = all(coefficients[i] != 0.0 for i in self.essential)
+        return used and bool(np.all(np.abs(coefficients[:1]) <= self.largest)) and self.plausible(coefficients)
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -131,8 +141,6 @@ class Cause(abc.ABC):
     RIVALS: ClassVar[tuple[str, ...]]
     WOULD_REFUTE: ClassVar[str]
     MEASURE_NEXT: ClassVar[str] = ""
-    #: the cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients
-    RUN_BOUND: ClassVar[bool] = False
     #: a law over deflection: with it a mount has no one spring rate
     BENDS_SPRING: ClassVar[bool] = False
 

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+#: added to the correlations of forces and noise together: far above rounding, far below the noise of any sensor
+_RIDGE = 1e-12
+
 
 def smoothed_power(spectrum: ComplexArray, samples: int, width: int) -> Array:
     """Return power per bin in the unit of a variance per sample, averaged over ``width`` bins, shape (F, ny)."""
@@ -50,6 +53,12 @@ def gross_power(
     """
     parts = np.sum(np.abs(transfer * coordinates[:, None, :]) ** 2, axis=2)
     return np.where(rigid, np.maximum(measured, smoothed_power(np.sqrt(parts).astype(complex), samples, width)), measured)
+
+
+def over_band(power: Array, weight: Array) -> Array:
+    """Return the mean power of a band at every frequency, shapes (F, ny) of both; ``weight`` of the band, shape (F,)."""
+    inside = weight[:, None] ** 2
+    return np.broadcast_to(np.sum(power * inside, axis=0) / np.sum(inside), power.shape)
 
 
 def residual_covariance(
@@ -138,10 +147,18 @@ def missing_forces(residual: ComplexArray, transfer: ComplexArray, power: Array,
         Of the forces, variance per sample, shape (F, P).
     noise
         Covariance of the rest of the residual, shape (F, ny, ny).
+
+    Notes
+    -----
+    The covariance of forces and noise together is solved as a matrix of correlations, as :func:`whitening` does: forces of any
+    power then leave it regular.
     """
     shaped = transfer * power[:, None, :]
     total = shaped @ np.conj(np.swapaxes(transfer, 1, 2)) + noise
-    weighted = np.linalg.solve(total, residual[:, :, None])
+    scale = np.sqrt(np.real(np.diagonal(total, axis1=1, axis2=2)))
+    correlation = total / (scale[:, :, None] * scale[:, None, :])
+    correlation[:, np.arange(total.shape[1]), np.arange(total.shape[1])] += _RIDGE
+    weighted = np.linalg.solve(correlation, (residual / scale)[:, :, None]) / scale[:, :, None]
     return np.asarray((np.conj(np.swapaxes(shaped, 1, 2)) @ weighted)[:, :, 0])
 
 

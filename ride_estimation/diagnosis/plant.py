@@ -17,7 +17,8 @@ from ride_estimation.diagnosis.extension import linear_part
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
+from ride_estimation.vehicles.guided import Coordinates, body_rows, mass_matrix, point_rows
+from ride_estimation.vehicles.vehicle import Mount, Vehicle
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -176,9 +177,12 @@ class Plant:
             turn_x, turn_y, _ = slope[3 * j : 3 * j + 3]
             force = self.static_force[j] * np.stack([turn_y, -turn_x, np.zeros_like(turn_x)])
             six = point_motion_matrix(mount.position - self.vehicle.bodies[mount.body].cg).T @ force
-            for row, column in self.coordinate_rows(mount.body):
-                out[row] += six[column]
+            out += self.body_map(mount.body).T @ six
         return out
+
+    def body_map(self, body: str) -> Array:
+        """Return the map from q to the motion of a body, what it shares with its carrier included, shape (6, n)."""
+        return body_rows(self.vehicle, self.coordinates, body)
 
     def coordinate_rows(self, body: str) -> list[tuple[int, int]]:
         """Return (row of q, column of the six body coordinates) of one body."""
@@ -216,10 +220,6 @@ def _port(mount: Mount, axis: str, default_k: float, default_c: float) -> Port:
         mount.name, axis, stiffness, damping,
         log_std("stiffness", stiffness, default_k), log_std("damping", damping, default_c),
     )
-
-
-def _offset_rows(position: Array, body: Body) -> Array:
-    return point_motion_matrix(np.asarray(position) - body.cg)
 
 
 def _slope_operator(positions: Array) -> tuple[Array, Array, Array, Array]:
@@ -294,7 +294,7 @@ def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array
             )
 
 
-def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
+def static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
     """Return static vertical mount forces: equilibrium of every body, least norm weighted by vertical stiffness."""
     rows, rhs = [], []
     for b in bodies:
@@ -316,24 +316,18 @@ def _static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str,
     return np.asarray(weight * np.linalg.lstsq(np.array(rows) * weight, np.array(rhs), rcond=None)[0])
 
 
-def _masses(
-    vehicle: Vehicle, mounts: tuple[str, ...], static: Array, selectors: dict[str, list[tuple[int, int]]], n: int
-) -> tuple[Array, Array]:
-    """Return the mass matrix and the stiffness of static loads whose points of attack turn with the bodies, (n, n) each."""
-    mass, gravity_k = np.zeros((n, n)), np.zeros((n, n))
-    for b, pairs in selectors.items():
-        body = vehicle.bodies[b]
-        full, grav = np.zeros((6, 6)), np.zeros((6, 6))
-        full[:3, :3] = body.mass.value * np.eye(3)
-        full[3:, 3:] = body.inertia
-        grav[3, 3] = grav[4, 4] = sum(
-            static[k] * (vehicle.mounts[m].position - body.cg)[2] * (1.0 if vehicle.mounts[m].body == b else -1.0)
-            for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
-        )
-        rows, columns = [r for r, _ in pairs], [c for _, c in pairs]
-        mass[np.ix_(rows, rows)] = full[np.ix_(columns, columns)]
-        gravity_k[np.ix_(rows, rows)] = grav[np.ix_(columns, columns)]
-    return mass, gravity_k
+def gravity_stiffness_of(
+    vehicle: Vehicle, mounts: tuple[str, ...], static: Array, coordinates: Coordinates
+) -> Array:
+    """Return the stiffness of static mount loads (M,) whose points of attack turn with the bodies, shape (n, n)."""
+    gravity_k = np.zeros((len(coordinates), len(coordinates)))
+    for i, (b, coordinate) in enumerate(coordinates):
+        if coordinate in ("roll", "pitch"):
+            gravity_k[i, i] = sum(
+                static[k] * (vehicle.mounts[m].position - vehicle.bodies[b].cg)[2] * (1 if vehicle.mounts[m].body == b else -1)
+                for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
+            )
+    return gravity_k
 
 
 def build_plant(
@@ -375,13 +369,11 @@ def build_plant(
         )
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
     direct, lever, yaw, tilts, dc_base, missing = _base_maps(vehicle, mounts, bodies, in_sensors)
-    n, size = len(coordinates), 3 * len(mounts)
-    index = {key: i for i, key in enumerate(coordinates)}
-    selectors = {b: [(index[(b, c)], COORDINATES.index(c)) for c in COORDINATES if (b, c) in index] for b in bodies}
-    static = _static_forces(vehicle, mounts, bodies)
-    mass, gravity_k = _masses(vehicle, mounts, static, selectors, n)
-    ports, port_map, port_base = _ports(vehicle, mounts, bodies, selectors, n, (default_k_std, default_c_std))
-    outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, bodies, selectors, (n, size))
+    size = 3 * len(mounts)
+    static = static_forces(vehicle, mounts, bodies)
+    mass, gravity_k = mass_matrix(vehicle, coordinates), gravity_stiffness_of(vehicle, mounts, static, coordinates)
+    ports, port_map, port_base = _ports(vehicle, mounts, coordinates, (default_k_std, default_c_std))
+    outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, coordinates, size)
     inputs = tuple(
         Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc", s.noise_slope)
         for s in in_sensors for i in range(3)
@@ -394,23 +386,21 @@ def build_plant(
 
 
 def _ports(
-    vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...], selectors: dict[str, list[tuple[int, int]]],
-    n: int, defaults: tuple[float, float],
+    vehicle: Vehicle, mounts: tuple[str, ...], coordinates: Coordinates, defaults: tuple[float, float]
 ) -> tuple[tuple[Port, ...], Array, Array]:
     """Return the ports with their deflection maps onto coordinates and base displacements."""
     ports: list[Port] = []
     maps: list[Array] = []
     base_rows: list[Array] = []
+    bodies = {b for b, _ in coordinates}
     for j, name in enumerate(mounts):
         mount = vehicle.mounts[name]
         for axis in mount.elements:
-            six = np.zeros(n)
+            six = np.zeros(len(coordinates))
             base = np.zeros(3 * len(mounts))
             for b, sign in ((mount.body, 1.0), (mount.base, -1.0)):
                 if b in bodies:
-                    row = np.vstack([_offset_rows(mount.position, vehicle.bodies[b]), np.eye(6)[3:]])[COORDINATES.index(axis)]
-                    for r, c in selectors[b]:
-                        six[r] += sign * row[c]
+                    six += sign * point_rows(vehicle, coordinates, b, mount.position)[COORDINATES.index(axis)]
                 elif sign < 0 and axis in AXES:
                     base[3 * j + AXES.index(axis)] = 1.0
             if not np.any(six):
@@ -423,31 +413,33 @@ def _ports(
 
 def _outputs(
     vehicle: Vehicle, accelerometers: list[Sensor], sensors: Mapping[str, Sensor], mounts: tuple[str, ...],
-    bodies: tuple[str, ...], selectors: dict[str, list[tuple[int, int]]], sizes: tuple[int, int],
+    coordinates: Coordinates, size: int,
 ) -> tuple[tuple[Signal, ...], Array, Array, Array]:
-    """Return the output channels and their maps onto acceleration, displacement and base displacement."""
-    n, size = sizes
+    """Return the output channels and their maps onto acceleration, displacement and base displacement.
+
+    A body that has no coordinate along a channel is not known to move with its carrier there as stiffly as the model has it (a
+    cushion): the channel is left out.
+    """
+    n = len(coordinates)
     signals: list[Signal] = []
     acc, dis, base = [], [], []
     tilt = np.zeros((3, 6))
     tilt[0, 4], tilt[1, 3] = -vehicle.gravity, vehicle.gravity
     for s in accelerometers:
-        a_map = s.rotation.T @ _offset_rows(s.position, vehicle.bodies[s.body])
-        t_map = s.rotation.T @ tilt if s.coupling == "dc" else np.zeros((3, 6))
+        a_map = s.rotation.T @ point_rows(vehicle, coordinates, s.body, s.position)[:3]
+        t_map = s.rotation.T @ tilt @ body_rows(vehicle, coordinates, s.body) if s.coupling == "dc" else np.zeros((3, n))
+        own = np.array([b == s.body for b, _ in coordinates])
         for i in range(3):
-            row_a, row_d = np.zeros(n), np.zeros(n)
-            for r, c in selectors[s.body]:
-                row_a[r], row_d[r] = a_map[i, c], t_map[i, c]
-            if not np.any(np.abs(row_a) > 1e-9):
+            if not np.any(np.abs(a_map[i, own]) > 1e-9):
                 continue
             signals.append(Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc"))
-            acc.append(row_a)
-            dis.append(row_d)
+            acc.append(a_map[i])
+            dis.append(t_map[i])
             base.append(np.zeros(size))
     for s in sensors.values():
         if s.kind != "displacement" or s.mount not in mounts or s.axis not in vehicle.mounts[s.mount].elements:
             continue
-        ports, port_map, port_base = _ports(vehicle, (s.mount,), bodies, selectors, n, (1.0, 1.0))
+        ports, port_map, port_base = _ports(vehicle, (s.mount,), coordinates, (1.0, 1.0))
         k = [p.axis for p in ports].index(s.axis) if s.axis in [p.axis for p in ports] else -1
         if k < 0:
             continue

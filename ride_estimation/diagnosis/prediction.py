@@ -195,12 +195,12 @@ def _relative_change(effects: tuple[Effect, ...], known: dict[tuple[Where, int],
 
 def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:
     """Return a run-bound cause fitted again on some blocks of another run; other causes as they are."""
-    cause = library()[fitted.hypothesis.cause]
-    if not cause.RUN_BOUND:
+    if not fitted.hypothesis.run_bound:
         return fitted
+    cause, wanted = library()[fitted.hypothesis.cause], fitted.hypothesis
     same = [
         h for h in cause.hypotheses(scene)
-        if (h.location, h.axis) == (fitted.hypothesis.location, fitted.hypothesis.axis)
+        if h.run_bound and (h.location, h.axis) == (wanted.location, wanted.axis)
     ]
     if not same:
         return dataclasses.replace(fitted, coefficients=np.zeros_like(fitted.coefficients))

@@ -24,8 +24,8 @@ IntArray = NDArray[np.int64]
 _BATCH = 48  # columns of one product
 _USUAL_COLUMNS = 2  # of a hypothesis at one place
 
-#: hypothesis, shape, and the hypotheses served by its columns with their first and last port
-_Job = tuple[Hypothesis, Shapes, list[tuple[Hypothesis, int, int]]]
+#: hypothesis, shape, and the hypotheses served by its columns with the places of their ports among its own
+_Job = tuple[Hypothesis, Shapes, list[tuple[Hypothesis, tuple[int, ...]]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +53,7 @@ def mean_rows(table: MeanTable, columns: Sequence[Column]) -> Array:
     for j, column in enumerate(columns):
         for effect in column:
             if effect.where is Where.MEAN:
-                out[effect.index, j] += effect.signal[0] / table.std
+                out[effect.index, j] += effect.signal[0] / table.std[effect.index]
     return out
 
 
@@ -196,29 +196,27 @@ def _at_common_temper(scene: Scene, temper: float, scores: Iterable[Score], samp
 
 
 def _jobs(hypotheses: Sequence[Hypothesis]) -> list[_Job]:
-    """Return what to compute: hypothesis, shape and the hypotheses that its columns serve with their first and last port."""
+    """Return what to compute: hypothesis, shape and the hypotheses that its columns serve with the places of their ports.
+
+    A law at all mounts of an axis serves the same law at each of them and at every pair.
+    """
     jobs: list[_Job] = []
     served: set[tuple[int, int]] = set()
-    for h in hypotheses:
-        if len(h.ports) < 2:
-            continue
+    for h in sorted(hypotheses, key=lambda h: -len(h.ports)):
         family = [
             o for o in hypotheses
-            if len(o.ports) == 1 and (o.cause, o.axis, o.variant) == (h.cause, h.axis, h.variant) and o.ports[0] in h.ports
+            if len(h.ports) > len(o.ports) > 0 and (o.cause, o.axis, o.variant) == (h.cause, h.axis, h.variant)
+            and set(o.ports) <= set(h.ports)
         ]
-        for shape in h.grid:
-            members = [(h, 0, len(h.ports))]
+        for i, shape in enumerate(h.grid):
+            if (id(h), i) in served:
+                continue
+            members = [(h, tuple(range(max(len(h.ports), 1))))]
             for o in family:
-                if shape in o.grid:
-                    place = h.ports.index(o.ports[0])
-                    members.append((o, place, place + 1))
+                if shape in o.grid and (id(o), o.grid.index(shape)) not in served:
+                    members.append((o, tuple(h.ports.index(p) for p in o.ports)))
                     served.add((id(o), o.grid.index(shape)))
             jobs.append((h, shape, members))
-    for h in hypotheses:
-        if len(h.ports) < 2:
-            for i, shape in enumerate(h.grid):
-                if (id(h), i) not in served:
-                    jobs.append((h, shape, [(h, 0, max(len(h.ports), 1))]))
     return jobs
 
 
@@ -248,10 +246,10 @@ def _score_batch(
     offset = 0
     for (main, shape, members), columns in batch:
         per_port = len(columns) // max(len(main.ports), 1)
-        for h, first, last in members:
-            part = slice(offset + first * per_port, offset + last * per_port)
-            q = part.stop - part.start
-            coefficients, drop = solve_signed(normal[part, part], right[part], h.column_signs(q))
+        for h, places in members:
+            part = np.array([offset + place * per_port + i for place in places for i in range(per_port)])
+            q = len(part)
+            coefficients, drop = solve_signed(normal[np.ix_(part, part)], right[part], h.column_signs(q))
             gain = 0.5 * drop / projector.regression.temper if h.meaningful(coefficients) else 0.0
             out.append(Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices)))
         offset += len(columns)

@@ -10,6 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration import Calibrated
+from ride_estimation.diagnosis.candidates import (
+    MOSTLY,
+    Identity,
+    at_bounds,
+    beyond_tolerance,
+    identity,
+    same_model,
+    same_place,
+    shortlist,
+    taken,
+    within,
+)
 from ride_estimation.diagnosis.fitting import FullFit, FullFitter, tolerance_of
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw, free_law
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
@@ -23,8 +35,6 @@ from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
 
-#: a group of mounts of which one brings that share is that mount
-_MOSTLY = 0.9
 #: other hypotheses at the places of known causes that stand for what their laws describe badly
 _SLACK = 6
 #: multiple of the significance above which a cause needs no fit without it to be called necessary
@@ -35,9 +45,9 @@ _FAR = 1.1
 _STRAINED = 4.0
 #: share of its evidence that a further cause must not owe to badly described ones, and its least share of the residual
 _OWN, _MINOR = 0.5, 0.02
+#: share of the original residual that a further cause removes at least, also where that is all that is left
+_LEAST = 0.01
 
-#: cause, location, axis and variant of a hypothesis
-Identity = tuple[str, str, str, str]
 Build = Callable[[Scene], Sequence[Hypothesis]]
 
 
@@ -161,7 +171,7 @@ class Selector:
                 break
             before, known = accepted, dict(contests)
             accepted = self._narrowed(current.candidates[0].fit)
-            contests[_identity(accepted.fitted[-1].hypothesis)] = current
+            contests[identity(accepted.fitted[-1].hypothesis)] = current
             if number and worthwhile:
                 accepted = self._contested(self._without_idle(accepted), contests)
             elif number:
@@ -172,14 +182,14 @@ class Selector:
             if self._exhausted(accepted) or self._spent:
                 break
         kept = accepted.fitted if accepted is not None else ()
-        found = (contests.get(_identity(f.hypothesis)) for f in kept)
+        found = (contests.get(identity(f.hypothesis)) for f in kept)
         return Selection(
             accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._spent
         )
 
     def better_law(self, accepted: FullFit | None) -> FreeLaw:
         """Return the law without a name that explains more than accepted causes; of causes that show in means only, none."""
-        if accepted is None or not np.any(accepted.rows):
+        if accepted is None or not accepted.in_band:
             return NO_LAW
         scene, problem = self._residual_problem(accepted)
         plain = self._cal.regression.block_misfit(self._cal.regression.grams, self._cal.fit.coefficients)
@@ -191,6 +201,15 @@ class Selector:
         spread = np.concatenate([np.sqrt(problem.temper) * problem.prior_std[:count], np.abs(named)])
         problem = problem.with_prior(spread, np.concatenate([problem.prior_offset[:count], named]))
         return free_law(scene, self._cal.table, problem, explained, float((accepted.block_misfit - scene.block_dof).sum()))
+
+    def without_weakest(self, selection: Selection, accepted: FullFit) -> Selection:
+        """Return a selection of several accepted causes without the one that the others need least."""
+        places = range(len(accepted.fitted))
+        trials = self._fitted([[f for i, f in enumerate(accepted.fitted) if i != drop] for drop in places], 2, accepted)
+        temper = temper_of(accepted.misfit / self._dof, accepted.scene.inefficiency)
+        drop = max(places, key=lambda i: trials[i].log_likelihood(temper))
+        contests = tuple(c for i, c in enumerate(selection.contests) if i != drop)
+        return dataclasses.replace(selection, accepted=trials[drop], contests=contests)
 
     @property
     def _spent(self) -> bool:
@@ -227,22 +246,22 @@ class Selector:
 
         A cause chosen before the others were known was chosen on a residual full of them.
         """
-        pending = [_identity(f.hypothesis) for f in accepted.fitted[:-1]]
+        pending = [identity(f.hypothesis) for f in accepted.fitted[:-1]]
         for _ in range(2 * len(accepted.fitted)):
             if not pending or self._spent:
                 break
             wanted = pending.pop(0)
-            place = next((i for i, f in enumerate(accepted.fitted) if _identity(f.hypothesis) == wanted), None)
+            place = next((i for i, f in enumerate(accepted.fitted) if identity(f.hypothesis) == wanted), None)
             if place is None:
                 continue
             current = self._round(accepted, place)
             self._rounds.append(current)
             best = current.candidates[0]
-            contests[_identity(best.hypothesis)] = current
+            contests[identity(best.hypothesis)] = current
             if best.fit is not accepted:
                 accepted = self._narrowed(best.fit)
-                contests[_identity(accepted.fitted[-1].hypothesis)] = current
-                others = [_identity(f.hypothesis) for f in accepted.fitted[:-1]]
+                contests[identity(accepted.fitted[-1].hypothesis)] = current
+                others = [identity(f.hypothesis) for f in accepted.fitted[:-1]]
                 pending = [*pending, *(i for i in others if i not in pending)]
         return accepted
 
@@ -262,7 +281,7 @@ class Selector:
         scene, regression = self._residual_problem(accepted, place)
         projector = Projector(regression, self._blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
-        hypotheses = [h for h in self._build(scene) if not _taken(h, kept)]
+        hypotheses = [h for h in self._build(scene) if not taken(h, kept)]
         scores = screen(scene, self._cal.table, projector, hypotheses, self._dof)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)
@@ -271,11 +290,11 @@ class Selector:
         found: list[tuple[FullFit, int]] = []
         if accepted is not None and place is not None:
             found.append((accepted, place))
-            short = [s for s in short if not _same_model(s, accepted.fitted[place])]
+            short = [s for s in short if not same_model(s, accepted.fitted[place])]
         passes = 3 if accepted is None else 2
         for fit in self._fitted([[*kept, s] for s in short], passes, accepted):
             meaningful = all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
-            if meaningful and (accepted is None or beyond_tolerance(fit)):
+            if meaningful and (accepted is None or (beyond_tolerance(fit) and not at_bounds(fit.fitted[-1]))):
                 found.append((fit, len(kept)))
         temper = min((temper_of(f.misfit / self._dof, f.scene.inefficiency) for f, _ in found), default=1.0)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), i) for f, i in found), key=lambda c: -c.log_likelihood)
@@ -301,7 +320,7 @@ class Selector:
         mine = best.hypothesis
         near = [
             s for s in scores
-            if any(_same_place(s.hypothesis, k.hypothesis) for k in kept) and not _same_place(s.hypothesis, mine)
+            if any(same_place(s.hypothesis, k.hypothesis) for k in kept) and not same_place(s.hypothesis, mine)
         ][:_SLACK]
         if not near:
             return 1.0
@@ -366,12 +385,15 @@ class Selector:
             return False
         # a second cause of a few per cent may be the part of the first that its law describes badly
         share_of_all = (before - best.fit.misfit) / max(self.base_misfit - floor, 1e-9)
-        elsewhere = accepted is None or not any(_same_place(best.hypothesis, f.hypothesis) for f in accepted.fitted)
+        elsewhere = accepted is None or not any(same_place(best.hypothesis, f.hypothesis) for f in accepted.fitted)
         its_own = elsewhere and current.own > _OWN
         # what a badly described law leaves is not explained down to the noise by a cause at another place
-        whole = its_own and removed > 1.0 - self._settings.unexplained
+        whole = its_own and removed > 1.0 - self._settings.unexplained and share_of_all > _LEAST
         least = _MINOR if its_own else self._settings.relevance
-        return mean_only or whole or (removed > self._settings.relevance and share_of_all > least)
+        # beside another cause, strained tolerances are evidence for errors of what is tolerated and for no law
+        hidden = best.hypothesis.shows_in_means or bool(tolerance_of(best.hypothesis)[0])
+        relieves = mean_only and (accepted is None or hidden)
+        return relieves or whole or (removed > self._settings.relevance and share_of_all > least)
 
     def _without_idle(self, fit: FullFit) -> FullFit:
         """Return the fit without hypotheses that the others make unnecessary (backward check)."""
@@ -390,106 +412,22 @@ class Selector:
         return fit
 
     def _narrowed(self, fit: FullFit) -> FullFit:
-        """Return the fit with its last hypothesis at one mount where the other mounts of a group hardly matter.
+        """Return the fit with its last hypothesis at the mounts of a group that carry it where the others hardly matter.
 
-        Small laws at every mount soak up some of what the law of one mount describes badly. All mounts are named only where
-        the others together remove a relevant share of what the hypothesis removes.
+        Small laws at every mount soak up some of what the law of one mount, or of an axle, describes badly. All mounts are named
+        only where the others together remove a relevant share of what the hypothesis removes.
         """
         last = fit.fitted[-1]
-        ports = last.hypothesis.ports
-        if len(ports) < 2:
+        if len(last.hypothesis.ports) < 2:
             return fit
-        energy = fit.port_energies(len(fit.fitted) - 1)
-        strongest = ports[int(np.argmax(energy))]
-        single = next(
-            (
-                h for h in self._build(fit.scene)
-                if h.ports == (strongest,) and (h.cause, h.axis, h.variant)
-                == (last.hypothesis.cause, last.hypothesis.axis, last.hypothesis.variant)
-            ),
-            None,
-        )
-        if single is None or energy.max() < _MOSTLY * energy.sum():
-            return fit
-        start = Score(single, last.shape, np.zeros(0), 0.0, 0.0)
-        alone = self._fitted([[*fit.fitted[:-1], start]], 2, fit)[0]
+        energy = dict(zip(last.hypothesis.ports, fit.port_energies(len(fit.fitted) - 1)))
+        carrying = [
+            h for h in self._build(fit.scene)
+            if within(h, last.hypothesis) and sum(energy[p] for p in h.ports) > MOSTLY * sum(energy.values())
+        ]
         removed = fit.misfit_without(len(fit.fitted) - 1, self._blocks) - fit.misfit
-        return alone if alone.misfit - fit.misfit < self._settings.relevance * removed else fit
-
-
-def beyond_tolerance(fit: FullFit) -> bool:
-    """Return whether the last hypothesis of a fit is more than an installation within its tolerance.
-
-    Beside a cause whose law describes it badly, small errors of sensors and of the CG fit some of the rest; what three
-    standard deviations of a good installation hold is calibration and no further cause.
-    """
-    last = fit.fitted[-1]
-    kind, place, axis = tolerance_of(last.hypothesis)
-    limits = [
-        a.prior_std for a in fit.adjustables
-        if a.kind == kind and place in (a.place, "all") and axis in (a.axis, "")
-    ]
-    return not limits or abs(float(last.coefficients[0])) > 3.0 * max(limits)
-
-
-def _identity(h: Hypothesis) -> Identity:
-    return h.cause, h.location, h.axis, h.variant
-
-
-def _same_model(score: Score, fitted: Fitted) -> bool:
-    """Return whether a score is what was fitted already, up to shape parameters that a fit refines."""
-    refined = {s.name for s in score.hypothesis.shapes}
-    return _identity(score.hypothesis) == _identity(fitted.hypothesis) and all(
-        fitted.shape.get(name) == value for name, value in score.shape.items() if name not in refined
-    )
-
-
-def _taken(hypothesis: Hypothesis, kept: Sequence[Fitted]) -> bool:
-    return any(hypothesis.cause == f.hypothesis.cause and _same_place(hypothesis, f.hypothesis) for f in kept)
-
-
-def _same_place(a: Hypothesis, b: Hypothesis) -> bool:
-    place = a.location == b.location or "all" in (a.location, b.location)
-    return place and (a.axis == b.axis or not a.axis or not b.axis)
-
-
-def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score]:
-    """Return the best scores, at most two places of one cause.
-
-    A group of mounts is left out where one of them brings nearly as much.
-
-    Parameters
-    ----------
-    least
-        So many are kept however far they fall behind the first.
-    """
-    out: list[Score] = []
-    per_cause: dict[str, int] = {}
-    if not scores:
-        return out
-    leading = scores[0].gain
-    for s in scores:
-        if len(out) >= count:
-            break
-        if s.gain <= 0.0:
-            continue
-        if per_cause.get(s.hypothesis.cause, 0) >= 2 or _one_is_enough(s, scores):
-            continue
-        if len(out) >= least and s.gain < 0.15 * leading:
-            break
-        per_cause[s.hypothesis.cause] = per_cause.get(s.hypothesis.cause, 0) + 1
-        out.append(s)
-    return out
-
-
-def _one_is_enough(score: Score, scores: Sequence[Score]) -> bool:
-    """Return whether one mount of a group brings nine tenths of what the group brings."""
-    h = score.hypothesis
-    if len(h.ports) < 2:
-        return False
-    singles = (
-        s.gain for s in scores
-        if len(s.hypothesis.ports) == 1 and s.hypothesis.ports[0] in h.ports
-        and (s.hypothesis.cause, s.hypothesis.axis, s.hypothesis.variant) == (h.cause, h.axis, h.variant)
-    )
-    return max(singles, default=0.0) > _MOSTLY * score.gain
+        for h in sorted(carrying, key=lambda h: (len(h.ports), -sum(energy[p] for p in h.ports))):
+            fewer = self._fitted([[*fit.fitted[:-1], Score(h, last.shape, np.zeros(0), 0.0, 0.0)]], 2, fit)[0]
+            if fewer.misfit - fit.misfit < self._settings.relevance * removed:
+                return fewer
+        return fit

@@ -7,8 +7,11 @@ import numpy as np
 
 from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra
 from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.kinematics import rotation_matrices
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.frames import AXES
+
+_NO_ANGLE = 1e-6  # reference that stands for the derivative at no rotation [rad]
 
 
 def sensor_axes(scene: Scene, sensor: str) -> tuple[int, ...]:
@@ -44,6 +47,38 @@ def sensor_column(scene: Scene, sensor: str, kind: str, component: int) -> Colum
         table = mean_table(scene)
         means = sensor_error_means(table, sensor, kind, component)
         effects += [Effect(Where.MEAN, row, np.array([value])) for row, value in means.items()]
+    return tuple(effects)
+
+
+def turned_column(scene: Scene, sensor: str, component: int, angle: float) -> Column:
+    """Return the column of a sensor turned about one of its axes, per radian and exact at an angle; empty without effect.
+
+    A sensor turned by R reads ``R^T`` times what one that is not turned reads; what a base sensor should have read is R times
+    its reading.
+
+    Parameters
+    ----------
+    component
+        Axis of the rotation.
+    angle
+        Where the column is exact [rad].
+    """
+    angle = angle if abs(angle) > _NO_ANGLE else _NO_ANGLE
+    plant, from_input = scene.plant, is_input(scene, sensor)
+    turn = rotation_matrices(angle * np.eye(3)[component][None])[0]
+    change = ((turn if from_input else turn.T) - np.eye(3)) / angle
+    signals, spectrum = (plant.inputs, scene.input_spectrum) if from_input else (plant.outputs, scene.ideal_spectrum)
+    rows = {s.component: i for i, s in enumerate(signals) if s.sensor == sensor}
+    effects = []
+    for c, i in rows.items():
+        if np.any(change[c, list(rows)]):
+            reading = sum((change[c, d] * spectrum[:, k] for d, k in rows.items()), np.zeros(len(spectrum), dtype=complex))
+            effects.append(Effect(Where.INPUT if from_input else Where.OUTPUT, i, scene.grid.signal(reading)))
+    if effects:
+        table = mean_table(scene)
+        shift = (turn.T - np.eye(3)) @ table.gravity[sensor] / angle
+        means = {table.row(sensor, c): float(shift[c]) for c in range(3)}
+        effects += [Effect(Where.MEAN, row, np.array([v])) for row, v in means.items() if row is not None and v != 0.0]
     return tuple(effects)
 
 

@@ -14,8 +14,8 @@ class Tolerances:
     workshop practice reaches: a calibration certificate (gain, usually 0.5 to 1 % for two standard deviations), a machined
     pad and a square (rotation, 0.2 degrees), a tape measure (position), one clock for converters that read their channels one
     after the other (delay, anywhere within 0.3 ms: 0.3 / sqrt 3), a CAD model or a swing test (inertia), zeroing on a level
-    floor and the drift with temperature since then (bias, 2 mg). An installation that is worse is found as a cause; who knows
-    it beforehand states it here.
+    floor and the drift with temperature since then (bias, 2 mg), zeroing at rest (travel_zero). An installation that is worse
+    is found as a cause; who knows it beforehand states it here.
 
     Attributes
     ----------
@@ -31,6 +31,8 @@ class Tolerances:
         Error of the squared time constant of the anti-alias and interpolation low-pass [s^2], as a share of dt^2.
     bias
         Offset of one accelerometer axis [m/s^2], zero-g error left after zeroing on a level floor.
+    travel_zero
+        Zero of one displacement transducer at static equilibrium [m].
     cg
         Position of the CG where the vehicle file states none [m].
     inertia
@@ -45,6 +47,7 @@ class Tolerances:
     delay: float = 1.7e-4
     bandwidth: float = 0.15
     bias: float = 0.02
+    travel_zero: float = 0.001
     cg: float = 0.01
     inertia: float = 0.05
     stiffness: float = 0.5
@@ -65,6 +68,9 @@ class Settings:
         Stretch left out at both ends and around gaps, because the model has not forgotten its start [s].
     adequacy
         Relative error of a model that still counts as right, share of each channel's amplitude [-].
+    over_band
+        That error refers to the power of a channel in the whole band, not to its power at each frequency: where one signal is
+        measured and driven narrowly (a bench), what a rig does at frequencies that hardly carry a force is no evidence.
     minimum_duration_s
         Shorter runs are ``insufficient_data`` [s].
     minimum_signal_to_noise
@@ -98,6 +104,7 @@ class Settings:
     block_s: float = 2.0
     trim_s: float = 3.0
     adequacy: float = 0.004
+    over_band: bool = False
     minimum_duration_s: float = 12.0
     minimum_signal_to_noise: float = 5.0
     significance: float = 15.0

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 IntArray = NDArray[np.int64]
 
+#: fewer blocks cannot fit, select and judge
+LEAST_BLOCKS = 4
+
 
 @dataclasses.dataclass(frozen=True)
 class Splits:

@@ -36,6 +36,8 @@ class OutputBlock:
         Shape (6, 6).
     angular_rate
         Shape (K, 3) [rad/s].
+    angular_rate_std
+        Shape (3,) [rad/s], 0 for a rate that the suspension does not allow.
     tilt
         Roll, pitch and yaw (yaw without its slow part), shape (K, 3) [rad].
     inertial_load
@@ -71,6 +73,7 @@ class OutputBlock:
     cg_specific_force: Array
     cg_specific_force_covariance: Array
     angular_rate: Array
+    angular_rate_std: Array
     tilt: Array
     inertial_load: Array
     support_load: Array

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.motion.loads import InertialLoads
-from ride_estimation.estimation.motion.motion_kernel import motion_at
+from ride_estimation.estimation.motion.motion_kernel import force_at
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
@@ -123,7 +123,8 @@ class Pipeline:
 
     def _new_aligner(self) -> StampAligner:
         specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
-        return StampAligner(specs, self.settings.rate_hz, block_ticks=self.settings.block_ticks)
+        chosen = self.settings
+        return StampAligner(specs, chosen.rate_hz, block_ticks=chosen.block_ticks, latency_budget_s=chosen.latency_budget)
 
     def _new_hints(self) -> Hints:
         a, m = self.arrangement, self._motion
@@ -230,10 +231,12 @@ class Pipeline:
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
         deflection = self._observe_deflection(block, motion, support, dt)
         turn_rate = self._deflection.turn_rate(deflection)
-        forces = self._forces.observe(deflection, support, covariance := self._load_covariance(motion), turn_rate, dt)
+        told, covariance = motion.valid, self._load_covariance(motion)
+        forces = self._forces.observe(deflection, support, told, covariance, turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
-        self._observe_cells(block, forces.force, ticks * dt)
-        lost, whole = ticks - int(np.count_nonzero(motion.valid)), bool(block.valid.all())
+        lost, whole = ticks - int(np.count_nonzero(told)), bool(block.valid.all())
+        if not lost:
+            self._observe_cells(block, forces.force, ticks * dt)
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
         seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
@@ -241,6 +244,10 @@ class Pipeline:
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
+            if self._checks.weighs:
+                shared = self._forces.shared(support)[:, :, :2] / self._factor
+                body = force_at(motion.motion, motion.rate, self.arrangement.arms)[:, :, 2]
+                self._checks.weigh(support / self._factor, shared, body)
             self._checks.learn(dt)
 
         self._due = learn
@@ -249,7 +256,8 @@ class Pipeline:
         return OutputBlock(
             stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
             cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
-            tilt=motion.tilt, inertial_load=self._loads.load(accel, motion.rate), support_load=support,
+            angular_rate_std=np.sqrt(motion.rate_variance), tilt=motion.tilt,
+            inertial_load=self._loads.load(accel, motion.rate), support_load=support,
             load_covariance=self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1]),
             inertial_load_covariance=self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1]),
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
@@ -265,27 +273,19 @@ class Pipeline:
         block, exchanged = self._checks.put_right(block, dt)
         if exchanged:
             self._motion, self._next_look = self._new_motion(), 0.0
-            self._leave_out(self._checks.gyros.found)
+            self._motion.leave_out_gyros(self._checks.gyros.found)
             self._begin_anew(exchanged)
         gyros = self._checks.contradicted_gyros(block, self._motion, dt)
         if gyros:
-            self._leave_out(gyros)
+            self._motion.leave_out_gyros(gyros)
             self._begin_anew("a gyro was left out")
         self._checks.watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
-        verdict, lasting = self._checks.judged(block, self._rate, self._force, dt)
-        if lasting:
-            self._parameters.restart()
-            self._deflection.reset()
-            self._forget()
+        verdict = self._checks.judged(block, self._rate, self._force, dt)
         if verdict.valid is not block.valid:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
             self._take_back(verdict)
         return block, verdict
-
-    def _leave_out(self, gyros: Iterable[int]) -> None:
-        for gyro in gyros:
-            self._motion.leave_out_gyro(gyro)
 
     def _load_covariance(self, motion: MotionBlock) -> Array:
         """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
@@ -345,36 +345,37 @@ class Pipeline:
         spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.arrangement.mounts)))
-        calm = self._copies.deflections() if spoiled else None
-        if calm is not None:
-            self._deflection.load(restarted(self._deflection.save(), calm, spoiled))
+        copies = self._copies.take(self._run_time, verdict.spoiled)
+        if copies is not None and spoiled:
+            self._deflection.load(restarted(self._deflection.save(), copies[1], spoiled))
         self._parameters.restart()
-        learned = self._copies.take(self._run_time)
-        if learned is not None:
-            self._go_back_to(learned)
-
-    def _motion_at_mounts(self, motion: MotionBlock) -> Array:
-        """Return the specific force of the body at its mounts, shape (K, M, 3)."""
-        result = np.empty((len(motion.motion), len(self.arrangement.mounts), 3))
-        motion_at(motion.motion, motion.rate, self.arrangement.arms, result)
-        return result
+        if copies is not None:
+            self._go_back_to(copies[0])
+        elif verdict.spoiled:
+            self._deflection.reset()
+            self._forget()
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
         base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
         turn_channels(block.values, block.valid, *self._layout.base_arrays, base, base_ok)
-        measured = base_ok
+        spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
-        if self.tilting.learns and self.tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
-            self._forces.take_tilt()
+        if self._checks.bases_in_doubt:
+            self._fill.doubt()
+        if self.tilting.learns:
+            body = force_at(motion.motion, motion.rate, self.arrangement.arms)
+            if self.tilting.observe(base, body, measured, dt):
+                self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._layout.transducers:
             displaced[:, i, axis] = block.values[:, start]
             displaced_ok[:, i, axis] = block.valid[:, stream]
-        expected, missing = np.zeros((count, 3)), self._forces.missing_deflection()
+        expected = np.zeros((count, 3))
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
-        found = self._deflection.observe(motion, base, base_ok, displaced, displaced_ok, expected, dt, missing)
+        rest = self._forces.equilibrium(support)
+        found = self._deflection.observe(motion, base, base_ok, spoke, displaced, displaced_ok, expected, dt, rest)
         return self._fill.widen(found, ticks * dt)
 
     def _settle(self) -> None:
@@ -414,8 +415,7 @@ class Pipeline:
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
-        a = self.arrangement
-        self._forces.mass = self._loads.mass
+        a, self._forces.mass = self.arrangement, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._anchor.doubt
         self._forces.parameter_std = self._parameters.stds()
@@ -484,7 +484,7 @@ class Pipeline:
         check_state(state, self._sensors, self.arrangement.mount_names)
         self._due = None
         self._checks.load(state)
-        self._leave_out(self._checks.gyros.found)
+        self._motion.leave_out_gyros(self._checks.gyros.found)
         self._motion.load(state["motion"])
         self.tilting.load(state["tilt"])
         if "carried" in state:

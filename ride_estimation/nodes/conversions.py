@@ -66,7 +66,17 @@ def cg_acceleration(stamp_ns: int, frame_id: str, acceleration: Array, covarianc
     return message
 
 
-def cg_imu(stamp_ns: int, frame_id: str, specific_force: Array, force_covariance: Array, rate: Array | None) -> Imu:
+def rate_covariance(std: Array) -> Array:
+    """Return the covariance of angular rates, shape (3, 3), from their standard deviations; -1 in front where there are none."""
+    covariance = np.diag(std**2)
+    if not covariance.any():
+        covariance[0, 0] = -1.0  # REP-145: not provided; zeros would be taken for exact
+    return covariance
+
+
+def cg_imu(
+    stamp_ns: int, frame_id: str, specific_force: Array, force_covariance: Array, rate: Array, spread: Array
+) -> Imu:
     """Return the specific force at the CG as a virtual accelerometer (REP-145: +g upwards at rest).
 
     Parameters
@@ -76,14 +86,14 @@ def cg_imu(stamp_ns: int, frame_id: str, specific_force: Array, force_covariance
     force_covariance
         Shape (3, 3).
     rate
-        Angular velocity, shape (3,) [rad/s], or None: then it is marked as not provided. Orientation never is.
+        Angular velocity, shape (3,) [rad/s]. Orientation is marked as not provided.
+    spread
+        Of :func:`rate_covariance`.
     """
     message = Imu(header=header(stamp_ns, frame_id))
     message.orientation_covariance[0] = -1.0
-    if rate is None:
-        message.angular_velocity_covariance[0] = -1.0
-    else:
-        _fill(message.angular_velocity, rate)
+    _fill(message.angular_velocity, rate)
+    message.angular_velocity_covariance = np.ascontiguousarray(spread, dtype=np.float64).ravel()
     _fill(message.linear_acceleration, specific_force)
     message.linear_acceleration_covariance = np.ascontiguousarray(force_covariance, dtype=np.float64).ravel()
     return message

@@ -19,6 +19,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
@@ -87,12 +88,13 @@ class EstimatorNode(LifecycleNode):
         self._diagnostics = Diagnostics(self)
         self.create_service(Trigger, "~/reset", self._serve_reset)
         self.create_service(Trigger, "~/save_parameters", self._serve_save)
+        if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
+        # begins now, so that publishers that are there already have been heard when it is first said who is not
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._watch_timer = self.create_timer(WATCH_PERIOD_S, self.watch, clock=steady)
         self._looked_s = time.monotonic()
         self._look_timer = self.create_timer(LOOK_PERIOD_S, self.look, clock=steady)
-        if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-            self.trigger_activate()
 
     @property
     def session(self) -> Session | None:
@@ -438,7 +440,7 @@ def prepared(make: Callable[[], Node]) -> Node:
     The first start after an installation compiles for a while; a manager that asks the node to configure would wait for that, and
     give up. The bundled vehicle needs nearly the same kernels as any other.
     """
-    compile_ahead()
+    compile_ahead(get_logger("ride_estimation").info)
     Session(load_vehicle(BUNDLED_VEHICLE), PipelineSettings()).warm_up()
     return make()
 

@@ -48,6 +48,9 @@ PIPELINE_PARAMETERS: tuple[NodeParameter, ...] = (
         "block_ticks", _DEFAULTS.block_ticks, "ticks", "ticks processed together, latency against load", 1, 1000, read_only=True
     ),
     NodeParameter(
+        "latency_budget", _DEFAULTS.latency_budget, "s", "longest time samples may be held back to come sensor by sensor", 0.5, 60
+    ),
+    NodeParameter(
         "tilt_acceleration_std",
         _DEFAULTS.tilt_acceleration_std,
         "m/s^2",

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-#: shortest time between two lines about the same status [s]
+#: shortest time from one line to the next about the same status, unless that became worse [s]
 QUIET_S = 5.0
 #: key of a status that counts how often estimates began again, and why
 _RESTART = "restart "
@@ -29,7 +29,8 @@ class _Said:
 class LevelLog:
     """Writes a line when a status changes its level, or an error becomes another one, and when estimates begin again.
 
-    What changed alike at one look is one line. A status that keeps changing is heard every :data:`QUIET_S` seconds.
+    What changed alike at one look is one line. What becomes worse is said at once, what becomes better or different
+    :data:`QUIET_S` seconds after the line before.
 
     Parameters
     ----------
@@ -44,17 +45,19 @@ class LevelLog:
 
     def note(self, statuses: Iterable[DiagnosticStatus], now_s: float) -> None:
         """Compare statuses with what was said; ``now_s`` is steady time [s]."""
-        alike: defaultdict[tuple[bytes, str, str], list[str]] = defaultdict(list)
+        alike: defaultdict[tuple[bytes, str, str], list[tuple[str, str]]] = defaultdict(list)
         for status in statuses:
             said, words = self._said[status.name], _NUMBER.sub("#", status.message)
             changed = status.level != said.level or (status.level == DiagnosticStatus.ERROR and words != said.words)
-            if changed and now_s - said.at_s >= QUIET_S:
+            if changed and (status.level > said.level or now_s - said.at_s >= QUIET_S):
                 self._said[status.name] = _Said(status.level, words, now_s)
                 kind, _, name = status.name.partition(" ")
-                alike[(status.level, kind, status.message)].append(name)
+                alike[(status.level, kind, words)].append((name, status.message))
             self._note_restarts(status)
-        for (level, kind, message), names in alike.items():
-            self._write(level, f"{' '.join([kind, ', '.join(names)]).rstrip()}: {message}")
+        for (level, kind, _), found in alike.items():
+            names, messages = zip(*found, strict=True)
+            others = "" if len(set(messages)) == 1 else " (the others alike)"
+            self._write(level, f"{kind} {', '.join(names)}".rstrip() + f": {messages[0]}{others}")
 
     def _note_restarts(self, status: DiagnosticStatus) -> None:
         for pair in status.values:

@@ -93,7 +93,7 @@ class EstimatePublishers:
         specific_force, spread = block.cg_specific_force[ticks, :3], block.cg_specific_force_covariance[:3, :3]
         numbers: Sequence[Sequence[NDArray[np.float64]]] = (
             [block.cg_accel[ticks], same(block.cg_accel_covariance)],
-            [specific_force, same(spread), block.angular_rate[ticks]],
+            [specific_force, same(spread), block.angular_rate[ticks], same(conversions.rate_covariance(block.angular_rate_std))],
             [block.inertial_load[ticks]],
             *([force[:, mount]] for mount in range(force.shape[1])),
             [deflection, rate, force.reshape(count, width)],
@@ -123,7 +123,7 @@ def _forms(frames: Frames, mount_names: Sequence[str]) -> tuple[MessageForm, ...
 
     return (
         MessageForm(lambda stamp, n: conversions.cg_acceleration(stamp, cg, n[:6], n[6:]), 6 + 36),
-        MessageForm(lambda stamp, n: conversions.cg_imu(stamp, cg, n[:3], n[3:12], n[12:]), 3 + 9 + 3),
+        MessageForm(lambda stamp, n: conversions.cg_imu(stamp, cg, n[:3], n[3:12], n[12:15], n[15:]), 3 + 9 + 3 + 9),
         MessageForm(lambda stamp, n: conversions.wrench(stamp, cg, n[:3], n[3:]), 6),
         *(force(mount) for mount in mount_names),
         MessageForm(lambda stamp, n: conversions.joint_state(stamp, cg, joints, *np.split(n, 3)), 3 * count),
@@ -140,5 +140,5 @@ def finite(block: OutputBlock) -> NDArray[np.bool_]:
     good = np.ones(len(block.stamp_ns), dtype=bool)
     for part in parts:
         good &= np.isfinite(part).all(axis=tuple(range(1, part.ndim)))
-    shared = (block.cg_accel_covariance, block.cg_specific_force_covariance, block.mount_deflection_std)
+    shared = (block.cg_accel_covariance, block.angular_rate_std, block.cg_specific_force_covariance, block.mount_deflection_std)
     return good & all(bool(np.isfinite(part).all()) for part in shared)

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import COORDINATES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
 
@@ -146,3 +147,31 @@ def _direction_words(direction: Array, coordinates: Sequence[str]) -> str:
     shares = np.abs(direction) / np.max(np.abs(direction))
     parts = [_WORDS[c] for c, share in zip(coordinates, shares) if share > 0.1]
     return parts[0] if len(parts) == 1 else f"the combination of {' and '.join(parts)}"
+
+
+def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
+    """Return B of document 000 eq. (3): rows ``[e, r x e]`` of single channels, shape (C, 6).
+
+    Parameters
+    ----------
+    sensors
+        Per channel the place relative to the CG [m] and the axis ``x``, ``y`` or ``z``.
+
+    Raises
+    ------
+    ConfigurationError
+        Six channels that do not determine the six accelerations (document 000: three sensors on one line in plan, or
+        sensors 2 and 3 with equal x).
+    """
+    rows = []
+    for place, axis in sensors:
+        e = np.eye(3)["xyz".index(axis)]
+        rows.append(np.concatenate([e, np.cross(np.asarray(place, dtype=float), e)]))
+    matrix = np.array(rows)
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    if len(matrix) < 6 or singular[-1] < 1e-9 * singular[0]:
+        raise ConfigurationError(
+            f"{len(matrix)} channels of rank {int(np.sum(singular > 1e-9 * singular[0]))} do not determine the six "
+            "accelerations of a body; place three triaxial sensors off one line", where="sensor layout",
+        )  # fmt: skip
+    return matrix

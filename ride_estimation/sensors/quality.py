@@ -10,14 +10,25 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.signals.quality import NOTHING, ChannelQuality, gravity_findings, judge_channel, with_action
+from ride_estimation.signals.quality import (
+    NOTHING,
+    SLOWEST_HZ,
+    ChannelQuality,
+    gravity_findings,
+    judge_channel,
+    plausibility_findings,
+    with_action,
+)
 from ride_estimation.signals.recording import Channel, Recording
 
 #: rate of an accelerometer below which part of the ride motion cannot be in the signal [Hz]
 LOW_RATE_HZ = 60.0
 
 
-def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: float) -> dict[str, ChannelQuality]:
+def judge_sensors(
+    recording: Recording, sensors: Mapping[str, Sensor], gravity: float, *, weight: float = 0.0,
+    left_out: Mapping[str, Mapping[str, int]] | None = None,
+) -> dict[str, ChannelQuality]:  # fmt: skip
     """Judge every channel of a recording.
 
     Parameters
@@ -28,15 +39,21 @@ def judge_sensors(recording: Recording, sensors: Mapping[str, Sensor], gravity: 
         By the names of the channels.
     gravity
         [m/s^2].
+    weight
+        Of all bodies together [N]; zero where it is not known.
+    left_out
+        Per sensor the ticks at which the estimator did not use it, by reason; None where nothing was estimated.
     """
     judged: dict[str, ChannelQuality] = {}
     twins = _twins(recording.channels)
     spans = _span_findings(recording.channels)
     for name, channel in recording.channels.items():
         sensor = sensors[name]
-        quality = judge_channel(channel, sensor.full_scale)
+        quality = judge_channel(channel, sensor.full_scale, None if left_out is None else left_out.get(name))
         extra = [*spans[name], *twins.get(name, ())]
-        if sensor.kind in ("accelerometer", "imu") and 0.0 < quality.rate_hz < LOW_RATE_HZ:
+        finite = channel.values[np.all(np.isfinite(channel.values), axis=1)]
+        extra += plausibility_findings(sensor.kind, quality.rate_hz, finite, weight)
+        if sensor.kind in ("accelerometer", "imu") and SLOWEST_HZ <= quality.rate_hz < LOW_RATE_HZ:
             seen = 0.4 * quality.rate_hz
             extra.append(f"{quality.rate_hz:.3g} Hz shows motion below {seen:.2g} Hz only; wheel hop is at 10 to 15 Hz")
         if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and quality.samples:

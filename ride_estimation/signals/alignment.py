@@ -14,8 +14,10 @@ Use::
     aligner.health()              # counters per stream by reason, rates, gaps
 
 A block has ``block_ticks`` ticks (fewer only before a restart and at the end). It is ready as soon as every stream that speaks
-has two samples at or after its last tick (four where one is missing there, in case it is only late), or when the newest stamp
-is ``max_wait_s`` beyond it: then the streams that lag are marked not valid and are not waited for until they speak again.
+has two samples at or after its last tick (four where one is missing there, in case it is only late), or when several streams went
+``max_wait_s`` beyond it together, or one went ``latency_budget_s`` beyond it: then the streams that lag are marked not valid and
+are not waited for until they speak again. So streams that were held back, up to the latency budget, and come one after
+the other lose nothing.
 Samples in between are interpolated by a cubic through four samples (linear beside a gap); a stream faster than the time base is
 averaged over one tick. No clock is read anywhere, so a live run and its recording give the same bytes.
 """
@@ -34,9 +36,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.signals.clipping import clipped_at
 from ride_estimation.signals.interpolation import interpolate_streams
+from ride_estimation.signals.passed_time import PassedTime
 from ride_estimation.signals.recording import Recording, UniformRun
-from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec
+from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec, mean_period, tidy_step
 
 __all__ = ["Block", "StampAligner", "StreamHealth", "StreamSpec", "align"]
 
@@ -67,6 +71,8 @@ class StampAligner:
         Ticks per block.
     max_wait_s
         Longest a block waits for a stream that lags, in stamps [s]. Stamps farther ahead of all others are another clock.
+    latency_budget_s
+        Longest stretch [s] that one stream may run ahead of the others, which were held back as long and are still to come.
     gap_periods
         Periods without a sample after which ticks are not valid.
     max_rate_hz
@@ -94,6 +100,7 @@ class StampAligner:
         *,
         block_ticks: int = 10,
         max_wait_s: float = 0.5,
+        latency_budget_s: float = 3.0,
         gap_periods: float = 3.5,
         max_rate_hz: float = 1000.0,
     ) -> None:
@@ -101,7 +108,7 @@ class StampAligner:
             raise InputDataError("an aligner needs at least one stream and a different name for each")
         settings = {
             "rate_hz": rate_hz, "block_ticks": block_ticks, "max_wait_s": max_wait_s, "gap_periods": gap_periods,
-            "max_rate_hz": max_rate_hz,
+            "max_rate_hz": max_rate_hz, "latency_budget_s": latency_budget_s,
         }
         for name, value in settings.items():
             if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -116,6 +123,9 @@ class StampAligner:
         self._least_step = round(NANOSECONDS / max_rate_hz)
         self._ticks = int(block_ticks)
         self._wait = round(max_wait_s * NANOSECONDS)
+        self._budget = max(self._wait, round(latency_budget_s * NANOSECONDS))
+        self._time = PassedTime()
+        self._other_time = PassedTime()
         self._gap_periods = gap_periods
         self._last_step = 0
         self._ready: list[Block] = []
@@ -129,8 +139,10 @@ class StampAligner:
         self._floor = 0  # newest emitted tick; older samples are late
         self._missing = 0  # streams the block still waits for
         self._newest = 0
-        self._deadline = 0
+        self._deadline = 0  # newest stamp up to which the block waits whoever lags
+        self._time.begin()
         self._snapshot: tuple[int, ...] = ()
+        self._other_newest = 0  # newest stamp on another clock
         for stream in self._streams:
             stream.clear()
 
@@ -187,7 +199,7 @@ class StampAligner:
         s = self._streams[index]
         if s.delay and stamp_ns > 0:
             stamp_ns -= s.delay
-        # the normal case, one step further in time, is decided here; everything else has a closer look
+        # the normal case, one step further in time
         if (
             0 < stamp_ns - s.last <= s.limit
             and stamp_ns > self._floor
@@ -197,6 +209,9 @@ class StampAligner:
             s.candidates = 0
         elif not self._admit(s, stamp_ns, values):
             return self._take() if self._ready else ()
+        if self._newest > self._end:
+            step = s.period or (stamp_ns - s.last if s.last else 0)
+            self._time.sample(index, max(0, stamp_ns - self._newest), step)
         if stamp_ns > s.last:
             s.last = stamp_ns
             s.stamps.append(stamp_ns)
@@ -212,7 +227,7 @@ class StampAligner:
             s.after += 1
             if s.after == s.need and s.spec.waited_for and s.complete():
                 self._missing -= 1
-        if self._step and (self._missing == 0 or self._newest > self._deadline):
+        if self._step and (self._missing == 0 or (self._newest > self._deadline and self._waited())):
             self._advance()
         return self._take() if self._ready else ()
 
@@ -237,11 +252,17 @@ class StampAligner:
         reason
             Why, in words; the next block carries it.
         """
+        self._begin_anew(reason)
+        return self._take()
+
+    def _begin_anew(self, reason: str) -> None:
+        """Emit what can be emitted, count the samples that then remain as not used, and wait for a new time base."""
         self._drain()
+        for s in self._streams:
+            s.discard(self._floor)
         self.restarts[reason] += 1
         self._restart = reason
         self._clear()
-        return self._take()
 
     # -- admission of one sample ------------------------------------------------------------------------------------------
 
@@ -255,6 +276,8 @@ class StampAligner:
             s.rejected[reason] += 1
             return False
         s.candidates = 0
+        if self._newest == 0:
+            self._floor = stamp - self._wait  # what was held back began with the others
         if s.last == 0 or stamp > s.last:
             step = stamp - s.last
             if s.last and s.period and step > self._gap_periods * s.period:
@@ -287,7 +310,7 @@ class StampAligner:
             return "clock_ahead"
         if s.last and stamp == s.last:
             return "duplicate"
-        if self._newest - stamp > reach:
+        if self._newest - stamp > (reach if stamp <= self._floor else self._budget):
             return "clock_behind"
         if stamp <= self._floor:
             return "late"
@@ -301,10 +324,19 @@ class StampAligner:
         return ""
 
     def _other_clock(self, s: Stream, stamp: int, reason: str) -> None:
-        """Refuse a sample on another clock; when most streams that speak are there, follow them."""
+        """Refuse a sample on another clock; when most streams that speak are there together, follow them.
+
+        Streams that come there one by one were held back for longer than the latency budget.
+        """
         s.rejected[reason] += 1
         if not any(other.candidates for other in self._streams):
             self._snapshot = tuple(other.accepted for other in self._streams)
+            self._other_newest = stamp
+            self._other_time.begin()
+        self._other_time.sample(self.index[s.spec.name], max(0, stamp - self._other_newest), s.period)
+        self._other_newest = max(stamp, self._other_newest)
+        alone = all(other is s or other.silent or not other.last for other in self._streams)
+        together = alone or self._other_time.passed >= _CONFIRM_SPAN
         if s.candidates and 0 < stamp - s.candidate <= max(self._wait, 3 * s.period):
             s.candidates += 1
         else:
@@ -316,12 +348,8 @@ class StampAligner:
         here = sum(
             other.candidates == 0 and other.accepted > before for other, before in zip(self._streams, self._snapshot)
         )
-        if there > here:
-            self._drain()
-            words = "stamps jumped ahead" if reason == "clock_ahead" else "stamps jumped back"
-            self.restarts[words] += 1
-            self._restart = words
-            self._clear()
+        if there > here and together:
+            self._begin_anew("stamps jumped ahead" if reason == "clock_ahead" else "stamps jumped back")
 
     def _set_limit(self, s: Stream) -> None:
         s.limit = min(int(self._gap_periods * s.period), self._wait) if self._step else 0
@@ -334,17 +362,17 @@ class StampAligner:
         awaited = [s for s in self._streams if s.spec.waited_for]
         first = min(s.stamps[0] for s in spoken)
         enough = all(len(s.stamps) >= _WARM_UP and s.last - s.stamps[0] >= _WARM_UP_SPAN for s in awaited)
-        if not enough and not force and self._newest - first <= self._wait:
+        if not enough and not force and self._time.passed <= self._wait and self._newest - first <= self._budget:
             return
         for s in spoken:
             if len(s.stamps) >= 2:
-                s.period = _period(np.array(s.stamps, dtype=np.int64))
+                s.period = mean_period(np.array(s.stamps, dtype=np.int64))
         references = [s for s in spoken if s.spec.reference and len(s.stamps) >= 2] or [s for s in spoken if len(s.stamps) >= 2]
         if not references:
             return
         fastest = min(references, key=lambda s: s.period)
         leader = next(s for s in references if s.period <= 1.02 * fastest.period)
-        self._step = self._fixed_step or max(_tidy_step(fastest.period), self._least_step)
+        self._step = self._fixed_step or max(tidy_step(fastest.period), self._least_step)
         self._last_step = self._step
         for s in self._streams:
             s.points = max(1, round(self._step / s.period)) if s.period else 1
@@ -356,6 +384,7 @@ class StampAligner:
         self._end = first_tick + (self._ticks - 1) * self._step
         self._deadline = self._end + self._wait
         self._missing = 0
+        self._time.begin()
         for s in self._streams:
             s.end = self._end + (self._step // 2 if s.points > 1 else 0)
             s.after = len(s.stamps) - bisect.bisect_left(s.stamps, s.end)
@@ -365,15 +394,22 @@ class StampAligner:
             if not s.silent:
                 self._set_limit(s)
 
+    def _waited(self) -> bool:
+        """Return whether the block has waited long enough for streams that lag."""
+        return self._time.passed > self._wait or self._newest > self._end + self._budget
+
     def _advance(self) -> None:
         """Emit every block that is ready."""
-        while self._missing == 0 or self._newest > self._deadline:
+        while self._missing == 0 or self._waited():
             if self._newest <= self._end:  # nobody is waited for and nothing new is there
                 return
+            # where the next block waits for a stream that came until now, time begins anew
+            passed = self._time.passed - self._ticks * self._step if self._missing else 0
             for s in self._streams:
                 if s.spec.waited_for and s.after < s.need and not s.silent:
                     s.silent, s.limit = True, 0
             self._emit(self._ticks)
+            self._time.begin(passed)
 
     def _emit(self, ticks: int) -> None:
         values = np.empty((ticks, self._width))
@@ -394,18 +430,12 @@ class StampAligner:
         for i, s in enumerate(self._streams):
             if s.spec.correction.changes_values:
                 values[:, self.columns[i]] = s.spec.correction.apply(values[:, self.columns[i]])
-            self._update_period(s)
+            s.update_period()
             s.trim(after)
         self._ready.append(Block(self._next, self._step, values, valid, self._restart))
         self._restart = ""
         self._floor = self._next + (ticks - 1) * self._step
         self._begin_block(self._next + ticks * self._step)
-
-    def _update_period(self, s: Stream) -> None:
-        n = len(s.stamps)
-        if n >= 3:
-            period = (s.stamps[-1] - s.stamps[0]) // (n - 1)
-            s.period = s.period + (min(period, 2 * s.period) - s.period) // 16 if s.period else period
 
     def _drain(self) -> None:
         """Emit the ticks up to the last stamp that all streams that still speak have reached."""
@@ -421,23 +451,6 @@ class StampAligner:
     def _take(self) -> Sequence[Block]:
         blocks, self._ready = self._ready, []
         return blocks
-
-
-def _period(stamps: NDArray[np.int64]) -> int:
-    """Return the mean distance of stamps [ns] without gaps."""
-    steps = np.diff(stamps)
-    steps = steps[steps <= 1.5 * np.median(steps)]
-    return max(int(np.mean(steps)), 1)
-
-
-def _tidy_step(period: int) -> int:
-    """Return the tick [ns] of a stream: that of a multiple of 10 Hz within 0.5 % of its rate, of a whole hertz within 0.1 %."""
-    rate = NANOSECONDS / period
-    for unit, tolerance in ((10, 0.005), (1, 0.001)):
-        whole = unit * round(rate / unit)
-        if whole > 0 and abs(rate - whole) <= tolerance * whole:
-            return round(NANOSECONDS / whole)
-    return period
 
 
 def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: float = 2.0) -> UniformRun:
@@ -484,4 +497,5 @@ def align(recording: Recording, rate_hz: float | None = None, *, max_wait_s: flo
         data={name: values_all[:, columns] for name, columns in zip(names, aligner.columns)},
         valid={name: valid[:, i] for i, name in enumerate(names)},
         corrections={name: c.correction for name, c in zip(names, channels) if not c.correction.empty},
+        clipped_at=clipped_at(channels),
     )

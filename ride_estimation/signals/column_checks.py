@@ -68,7 +68,8 @@ def derived_findings(values: Array) -> list[str]:
     for i, j in itertools.combinations(range(values.shape[1]), 2):
         x, y = values[:, i], values[:, j]
         if _related(_themselves, x, y):
-            slope = float(np.polyfit(x - x.mean(), y, 1)[0])
+            u = x - x.mean()
+            slope = float(u @ y) / float(u @ u)
             found.append(f"column {j + 1} is {slope:.3g} times column {i + 1}: computed, or one axis recorded twice")
             continue
         for first, second, a, b in ((i, j, x, y), (j, i, y, x)):
@@ -111,7 +112,8 @@ def _left(x: Array, y: Array) -> tuple[bool, float, float]:
     """Return whether both vary, what ``a + b x`` leaves of the sum of squares of ``y`` about its mean, and that sum."""
     u, v = x - x.mean(), y - y.mean()
     uu, vv = float(u @ u), float(v @ v)
-    if uu <= 0.0 or vv <= 0.0:
+    # the mean of equal values may differ from them by rounding
+    if np.ptp(x) == 0.0 or np.ptp(y) == 0.0 or uu <= 0.0 or vv <= 0.0:
         return False, 0.0, vv
     rest = v - (u @ v) / uu * u
     return True, float(rest @ rest), vv

@@ -27,6 +27,7 @@ def corrected_run(run: UniformRun, wanted: Mapping[str, Correction]) -> UniformR
         By sensor name; sensors that are not named keep what they have.
     """
     data, valid, corrections = dict(run.data), dict(run.valid), dict(run.corrections)
+    clipped_at = dict(run.clipped_at)
     for name, correction in wanted.items():
         had = run.corrections.get(name, NO_CORRECTION)
         if name not in data or had == correction or (had.empty and correction.empty):
@@ -36,7 +37,9 @@ def corrected_run(run: UniformRun, wanted: Mapping[str, Correction]) -> UniformR
         shift = (correction.delay_ns - had.delay_ns) * 1e-9 * run.rate_hz
         data[name], valid[name] = _earlier(values, np.asarray(valid[name]), shift) if shift else (values, valid[name])
         corrections[name] = correction
-    return dataclasses.replace(run, data=data, valid=valid, corrections=corrections)
+        if name in clipped_at:
+            clipped_at[name] = correction.apply(had.reading(clipped_at[name]))
+    return dataclasses.replace(run, data=data, valid=valid, corrections=corrections, clipped_at=clipped_at)
 
 
 def _earlier(values: Array, valid: NDArray[np.bool_], shift: float) -> tuple[Array, NDArray[np.bool_]]:

@@ -8,10 +8,12 @@ belongs to a vehicle.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.recording import Channel
 
@@ -29,6 +31,16 @@ SPIKE_RATIO = 15.0
 LEFT_OUT = "left out and counted"
 NOTHING = "none: used as it is; check wiring, driver and vehicle file"
 _AXES = "xyz"
+#: standard gravity in the units loggers write
+GRAVITY_IN = {"g": 1.0, "ft/s^2": 32.174, "in/s^2": 386.09, "cm/s^2": 980.665, "milli-g": 1000.0, "mm/s^2": 9806.65}
+#: rates at which ride is measured [Hz]: slower shows no cab, faster is a unit of the time that was taken for another
+SLOWEST_HZ, FASTEST_HZ = 10.0, 20_000.0
+#: units the time may be in instead -> factor on the rate
+_TIMES = {"ms": 1e3, "us": 1e6, "s instead of ms": 1e-3, "s instead of us": 1e-6}
+#: travel that no mount of a cab, seat or axle has [m]
+LONGEST_TRAVEL_M = 0.5
+#: force on one mount in weights of all bodies together that no drive brings about
+LARGEST_FORCE_WEIGHTS = 20.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,13 +52,13 @@ class ChannelQuality:
     samples
         Samples in the run.
     rate_hz, jitter_s
-        From the median distance of stamps, and its robust standard deviation.
+        Samples per time outside gaps, single lost ones counted in, and the robust standard deviation of the distance of stamps.
     duplicates, backwards
         Stamps equal to and before the stamp received just before (a few backwards are messages that overtook each other).
     gaps, longest_gap_s
         Holes longer than :data:`GAP_PERIODS` periods.
     clipped
-        Samples at the full scale, or resting at the extreme value where no full scale is stated.
+        Samples at the full scale, or resting at an extreme value below it.
     flat_s
         Longest time without any change [s].
     spikes
@@ -75,7 +87,9 @@ class ChannelQuality:
     findings: tuple[str, ...]
 
 
-def judge_channel(channel: Channel, full_scale: float = float("inf")) -> ChannelQuality:
+def judge_channel(
+    channel: Channel, full_scale: float = float("inf"), left_out: Mapping[str, int] | None = None
+) -> ChannelQuality:
     """Judge the samples of one sensor.
 
     Parameters
@@ -84,6 +98,8 @@ def judge_channel(channel: Channel, full_scale: float = float("inf")) -> Channel
         Samples in order of arrival.
     full_scale
         Largest magnitude the first three values can have [unit of the sensor].
+    left_out
+        Ticks at which the estimator did not use the sensor, by reason; None where nothing was estimated from it.
     """
     good = np.all(np.isfinite(channel.values), axis=1)
     values, stamps = channel.values[good], channel.stamp_ns[good]
@@ -98,7 +114,7 @@ def judge_channel(channel: Channel, full_scale: float = float("inf")) -> Channel
     width = channel.values.shape[1]
     quality = ChannelQuality(
         samples=len(channel.stamp_ns),
-        rate_hz=1.0 / period if period else 0.0,
+        rate_hz=_rate(steps[steps <= GAP_PERIODS * period], period) if period else 0.0,
         jitter_s=jitter,
         duplicates=int(np.sum(raw_steps == 0)),
         backwards=int(np.sum(raw_steps < 0)),
@@ -112,10 +128,10 @@ def judge_channel(channel: Channel, full_scale: float = float("inf")) -> Channel
         std=values.std(axis=0) if len(values) else np.zeros(width),
         findings=(),
     )
-    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, period)))
+    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, period, _done(left_out))))
 
 
-def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
+def _findings(q: ChannelQuality, channel: Channel, period: float, done: str) -> list[str]:
     found: list[tuple[str, str]] = []
     if q.not_finite:
         found.append((f"{q.not_finite} samples are not finite", LEFT_OUT))
@@ -136,11 +152,11 @@ def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
         found.append((text, "samples are interpolated at their own stamps"))
     if q.clipped:
         text = f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped"
-        found.append((text, "those at the full scale of the vehicle file are not used; without one, all are"))
+        found.append((text, done))
     if q.flat_s > FLAT_SECONDS:
-        found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", "not used while the other sensors move"))
+        found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", done))
     if q.spikes:
-        found.append((f"{q.spikes} isolated spikes", "not used, with their neighbours, where no other sensor sees them"))
+        found.append((f"{q.spikes} isolated spikes", done))
     good = np.all(np.isfinite(channel.values), axis=1)
     stamps, places = _ascending(channel.stamp_ns[good])
     values = channel.values[good][places]
@@ -148,6 +164,20 @@ def _findings(q: ChannelQuality, channel: Channel, period: float) -> list[str]:
         found += [(t, "none: used as it is") for t in drift_findings(values, (stamps - stamps[0]) * 1e-9)]
     found += [(t, NOTHING) for t in derived_findings(values)]
     return [with_action(text, done) for text, done in found]
+
+
+def _done(left_out: Mapping[str, int] | None) -> str:
+    """Return what the estimator did with a sensor, in words."""
+    if left_out is None:
+        return "none: nothing was estimated from it"
+    if not left_out:
+        return "none: used as it is"
+    return "not used during " + ", ".join(f"{ticks} ticks ({reason})" for reason, ticks in sorted(left_out.items()))
+
+
+def _rate(steps: Array, period: float) -> float:
+    """Return the rate of a clock from its steps [s]: the median alone is a whole number of its resolution."""
+    return float(np.sum(np.maximum(np.round(steps / period), 1.0)) / np.sum(steps))
 
 
 def _ascending(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64] | slice]:
@@ -163,20 +193,11 @@ def with_action(finding: str, done: str) -> str:
 
 
 def _clipped(values: Array, full_scale: float) -> int:
-    """Return the number of samples at full scale; without one, of samples resting on a shared extreme value."""
+    """Return the number of samples at full scale, or resting on an extreme value below it."""
     if not len(values):
         return 0
-    if np.isfinite(full_scale):
-        return int(np.sum(np.any(np.abs(values) >= 0.999 * full_scale, axis=1)))
-    resting = np.zeros(len(values), dtype=bool)
-    for column in values.T:
-        for extreme in (column.max(), column.min()):
-            at = column == extreme
-            # three in a row at the very extreme of a signal that moves otherwise does not happen by chance
-            run = at[:-2] & at[1:-1] & at[2:]
-            if np.any(run) and np.mean(at) < 0.5:
-                resting |= at
-    return int(np.sum(resting))
+    low, high = clipping_levels(values)
+    return int(np.sum(np.any((np.abs(values) >= 0.999 * full_scale) | (values <= low) | (values >= high), axis=1)))
 
 
 def _spikes(values: Array) -> int:
@@ -216,9 +237,9 @@ def gravity_findings(mean_body: Array, gravity: float) -> tuple[str, ...]:
     size = float(np.linalg.norm(mean_body))
     largest = int(np.argmax(np.abs(mean_body)))
     share = abs(mean_body[largest]) / size if size > 0.0 else 0.0
-    for name, unit in (("g", 1.0), ("milli-g", 1000.0)):
-        if abs(size - unit) < 0.1 * unit:
-            return (f"the mean magnitude is {size:.4g}: the values look like {name}, not m/s^2",)
+    like = [name for name, unit in GRAVITY_IN.items() if abs(size - unit) < 0.1 * unit]
+    if like:
+        return (f"the mean magnitude is {size:.4g}: the values look like {' or '.join(like)}, not m/s^2",)
     if size < 0.3 * gravity:
         return (f"the mean magnitude is {size:.3g} m/s^2: no gravity in the signal (ac coupled, or removed by the driver)",)
     found = []
@@ -237,4 +258,37 @@ def gravity_findings(mean_body: Array, gravity: float) -> tuple[str, ...]:
     else:
         direction = ", ".join(f"{v / size:.2f}" for v in mean_body)
         found.append(f"gravity points along ({direction}), not along z: check the sensor's rotation in the vehicle file")
+    return tuple(found)
+
+
+def plausibility_findings(kind: str, rate_hz: float, values: Array, weight: float) -> tuple[str, ...]:
+    """Return what cannot be in rate, travel and force, with the unit it would be right in.
+
+    Parameters
+    ----------
+    kind
+        Of the sensor.
+    rate_hz
+        [Hz].
+    values
+        Finite samples, shape (N, C) [SI].
+    weight
+        Of all bodies of the vehicle together [N]; zero where it is not known.
+    """
+    found = []
+    if rate_hz and not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        right = [name for name, factor in _TIMES.items() if SLOWEST_HZ <= factor * rate_hz <= FASTEST_HZ]
+        guess = f": is the time in {' or '.join(right)}?" if right else ""
+        given = f"{rate_hz:.3g} Hz" if rate_hz < 1e3 else f"{rate_hz / 1e3:.3g} kHz"
+        found.append(f"{given} is outside {SLOWEST_HZ:g} Hz to {FASTEST_HZ / 1e3:g} kHz, where ride is measured{guess}")
+    if kind == "displacement" and len(values):
+        travel = float(np.max(np.ptp(values, axis=0)))
+        if travel > LONGEST_TRAVEL_M:
+            guess = ": the values look like mm" if travel <= 1e3 * LONGEST_TRAVEL_M else ""
+            found.append(f"the travel is {travel:.3g} m, more than the {LONGEST_TRAVEL_M:g} m of any mount{guess}")
+    if kind == "force" and len(values) and weight > 0.0:
+        force = float(np.max(np.abs(values)))
+        if force > LARGEST_FORCE_WEIGHTS * weight:
+            guess = ": are the values N that were taken as kN?" if force <= 1e3 * LARGEST_FORCE_WEIGHTS * weight else ""
+            found.append(f"the force reaches {force:.3g} N, {force / weight:.3g} times the weight of the vehicle's bodies{guess}")
     return tuple(found)

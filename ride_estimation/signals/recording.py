@@ -118,6 +118,9 @@ class UniformRun:
         Sensor name -> shape (N,) bool, False inside gaps.
     corrections
         Sensor name -> known errors of the sensor that were put right when the run was aligned.
+    clipped_at
+        Sensor name -> values at which its readings are cut, corrected as the data are, shape (2, C): see
+        :func:`~ride_estimation.signals.clipping.clipping_levels`. Sensors that are not cut are left out.
     """
 
     name: str
@@ -126,6 +129,7 @@ class UniformRun:
     data: Mapping[str, Array]
     valid: Mapping[str, NDArray[np.bool_]]
     corrections: Mapping[str, Correction] = dataclasses.field(default_factory=dict)
+    clipped_at: Mapping[str, Array] = dataclasses.field(default_factory=dict)
 
     @property
     def samples(self) -> int:

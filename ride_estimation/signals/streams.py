@@ -170,6 +170,20 @@ class Stream:
             del self.stamps[:cut]
             del self.values[: cut * self.width]
 
+    def discard(self, after: int) -> None:
+        """Count the samples after a stamp as rejected by a restart of the time base, no longer as accepted."""
+        unused = len(self.stamps) - bisect.bisect_right(self.stamps, after)
+        if unused:
+            self.accepted -= unused
+            self.rejected["restart"] += unused
+
+    def update_period(self) -> None:
+        """Follow the rate slowly, by the mean distance of the samples that are kept."""
+        n = len(self.stamps)
+        if n >= 3:
+            period = (self.stamps[-1] - self.stamps[0]) // (n - 1)
+            self.period = self.period + (min(period, 2 * self.period) - self.period) // 16 if self.period else period
+
     def health(self) -> StreamHealth:
         """Return the counters."""
         return StreamHealth(
@@ -177,3 +191,20 @@ class Stream:
             NANOSECONDS / self.period if self.period else 0.0, self.silent if self.last else self.was_silent,
             self.last or self.newest,
         )
+
+
+def mean_period(stamps: NDArray[np.int64]) -> int:
+    """Return the mean distance of stamps [ns] without gaps."""
+    steps = np.diff(stamps)
+    steps = steps[steps <= 1.5 * np.median(steps)]
+    return max(int(np.mean(steps)), 1)
+
+
+def tidy_step(period: int) -> int:
+    """Return the tick [ns] of a stream: that of a multiple of 10 Hz within 0.5 % of its rate, of a whole hertz within 0.1 %."""
+    rate = NANOSECONDS / period
+    for unit, tolerance in ((10, 0.005), (1, 0.001)):
+        whole = unit * round(rate / unit)
+        if whole > 0 and abs(rate - whole) <= tolerance * whole:
+            return round(NANOSECONDS / whole)
+    return period

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
+from ride_estimation.frames import AXES, COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.guided import mass_matrix, point_rows
 from ride_estimation.vehicles.tangent import tangent
-from ride_estimation.vehicles.vehicle import Body, Vehicle
+from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -91,7 +92,7 @@ class Assembly:
         position
             The point at static equilibrium, vehicle-file axes [m], shape (3,).
         """
-        return _point_rows(self.vehicle, self.coordinates, body, np.asarray(position, dtype=float))
+        return point_rows(self.vehicle, self.coordinates, body, np.asarray(position, dtype=float))
 
     def with_elements(self, changes: dict[tuple[str, str], ForceElement]) -> Assembly:
         """Return the assembly with elements replaced, equilibrium positions kept and static loads shared anew."""
@@ -162,22 +163,10 @@ def _check(vehicle: Vehicle) -> None:
 
 
 def _mass_matrix(vehicle: Vehicle, coordinates: tuple[tuple[str, str], ...]) -> Array:
-    matrix = np.zeros((len(coordinates), len(coordinates)))
-    for body in vehicle.bodies.values():
-        full = _body_mass_matrix(body)
-        for c1, i in body_columns(coordinates, body.name).items():
-            for c2, j in body_columns(coordinates, body.name).items():
-                matrix[i, j] = full[COORDINATES.index(c1), COORDINATES.index(c2)]
+    matrix = mass_matrix(vehicle, coordinates)
     if np.linalg.eigvalsh(matrix).min() <= 0.0:
         raise ConfigurationError("bodies: the mass matrix is not positive definite; check inertia_kg_m2", where=vehicle.name)
     return matrix
-
-
-def _body_mass_matrix(body: Body) -> Array:
-    full = np.zeros((6, 6))
-    full[:3, :3] = body.mass.value * np.eye(3)
-    full[3:, 3:] = body.inertia
-    return full
 
 
 def _deflection_row(
@@ -189,7 +178,7 @@ def _deflection_row(
     row = np.zeros(len(coordinates))
     for name, sign in ((mount.body, 1.0), (mount.base, -1.0)):
         if name in vehicle.bodies:
-            row += sign * _point_rows(vehicle, coordinates, name, mount.position)[number]
+            row += sign * point_rows(vehicle, coordinates, name, mount.position)[number]
     return row
 
 
@@ -246,14 +235,14 @@ def _gravity_terms(
         force = static_force[number]
         if not np.any(force):
             continue
-        on_body = _point_rows(vehicle, coordinates, mount.body, mount.position)
+        on_body = point_rows(vehicle, coordinates, mount.body, mount.position)
         turn_body = on_body[3:]
         turned_force = -skew(force)  # theta x F0 = -skew(F0) theta
         if mount.base in vehicle.bodies:
-            on_base = _point_rows(vehicle, coordinates, mount.base, mount.position)
+            on_base = point_rows(vehicle, coordinates, mount.base, mount.position)
             stiffness -= (on_body - on_base)[:3].T @ turned_force @ on_base[3:]
             # the point of action moves with the body, seen from the CG of the base
-            base_cg = _point_rows(vehicle, coordinates, mount.base, vehicle.bodies[mount.base].cg)
+            base_cg = point_rows(vehicle, coordinates, mount.base, vehicle.bodies[mount.base].cg)
             moved = on_body[:3] - base_cg[:3]
             stiffness += on_base[3:].T @ (-skew(force)) @ moved
         else:
@@ -261,15 +250,6 @@ def _gravity_terms(
         arm = mount.position - vehicle.bodies[mount.body].cg
         stiffness -= turn_body.T @ _moment_of_turned_arm(arm, force) @ turn_body
     return stiffness, tilt
-
-
-def _point_rows(vehicle: Vehicle, coordinates: tuple[tuple[str, str], ...], body: str, position: Array) -> Array:
-    offset = position - vehicle.bodies[body].cg
-    full = np.vstack([point_motion_matrix(offset), np.hstack([np.zeros((3, 3)), np.eye(3)])])
-    rows = np.zeros((6, len(coordinates)))
-    for coordinate, column in body_columns(coordinates, body).items():
-        rows[:, column] = full[:, COORDINATES.index(coordinate)]
-    return rows
 
 
 def sensor_offset(vehicle: Vehicle, sensor: Sensor) -> Array:

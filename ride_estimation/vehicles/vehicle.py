@@ -127,6 +127,11 @@ class Vehicle:
         """Return the mount names in file order, the order of every (.., M, 3) array."""
         return tuple(self.mounts)
 
+    @property
+    def weight(self) -> float:
+        """Return the weight of all bodies together [N]."""
+        return self.gravity * sum(body.mass.value for body in self.bodies.values())
+
     def with_noise_scaled(self, factor: float) -> Vehicle:
         """Return a copy whose sensors are noisier by a factor, the vehicle itself for 1."""
         if factor == 1.0:

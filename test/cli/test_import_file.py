@@ -16,7 +16,7 @@ from ride_estimation.cli.main import main
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.bags import iterate_messages, read_recording
-from ride_estimation.io.files.channels import FileChannel, split_heading, unit_factor
+from ride_estimation.io.files.channels import FileChannel, TimeSource, split_heading, unit_factor
 from ride_estimation.io.files.formats import read_measurement_file, write_measurement_file
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
@@ -110,7 +110,11 @@ def test_tdms_and_rpc_files_of_their_own_libraries(tmp_path: Path) -> None:
         ("a [g],b\n1,2\n3,4\n", "no time column"),
         ("time,a\n0,1\n0,2\n", "does not rise"),
         ("time,a\n0,1\n1\n", "row 3 has 1 cells"),
-        ("time,a\n0,1\n1,x\n", "column a: 'x'"),
+        ("time,a\n0,1\n1,x\n", "column a, row 3: 'x' is not a number"),
+        ("time,cab_front_left.x [g],cab_front_left.y [g],cab_front_left.z [g]\n0,1,2,3\n1,2,off,4\n", "row 3: 'off' is not"),
+        ("time,a,timestamp,b\n0,1,0,1\n1,1,2,1\n2,1,5,1\n", "two clocks in one table ('time', 'timestamp')"),
+        ("time,a,timestamp,b\n0,1,0,1\n1,1,2,1\n2,1,4,1\n", "two clocks in one table ('time', 'timestamp')"),
+        ("time,a\n0,1\n1,1\n,1\n,1\n", "the time 'time' has 2 values, other columns have 4"),
         ("time,a\n", "two rows"),
         ("", "empty"),
         ("time,cab_front_left.x [N],cab_front_left.y [N],cab_front_left.z [N]\n0,1,2,3\n1,2,3,4\n", "unit 'N'"),
@@ -213,5 +217,82 @@ def test_tables_as_loggers_write_them(
     assert np.array_equal(np.stack([found.channels[0].time_s, *(c.values for c in found.channels)], axis=1), np.array(ROWS))
     # a broken cell is named by its line in the file, the lines above the header counted
     file.write_bytes((above + cells(names) + body.replace("9", "q", 1)).encode(encoding))
-    with pytest.raises(InputDataError, match=f"row {above.count(chr(10)) + 2}, column cab_front_left.z: 'q"):
+    assert f"row {above.count(chr(10)) + 2}: 'q" in read_measurement_file(file).unreadable["cab_front_left.z"]
+
+
+COLUMNS = ",".join(f"cab_front_left.{a} [m/s^2]" for a in "xyz")
+
+
+@pytest.mark.parametrize(
+    ("heading", "unit", "scale", "places"),
+    [
+        ("Time_ms", "", 1e3, 3), ("time [us]", "", 1e6, 3), ("Timestamp_ns", "", 1e9, 0), ("t", "", 1.0, 6),
+        ("Zeit (ms)", "", 1e3, 3),
+        ("Clock", "ms", 1e3, 3), ("time", "us", 1e6, 3),
+        # a resolution of 0.1 ms and of 1 ms at 800 Hz: every fifth stamp is repeated
+        ("time [s]", "", 1.0, 4), ("Time_ms", "", 1e3, 0),
+    ],
+)  # fmt: skip
+def test_the_unit_of_the_time_is_read_from_heading_name_or_map(
+    heading: str, unit: str, scale: float, places: int, tmp_path: Path
+) -> None:
+    time = np.arange(400) / 800.0
+    file = tmp_path / "run.csv"
+    file.write_text(f"{heading},{COLUMNS}\n" + "".join(f"{t * scale:.{places}f},1,2,3\n" for t in time))
+    found = read_measurement_file(file, TimeSource(heading if unit else "", unit)).channels[0].time_s
+    assert np.max(np.abs(found - time)) <= max(0.6 * 10.0**-places / scale, 1e-12)
+    assert np.all(np.diff(found) > 0.0)
+
+
+def test_stamps_that_repeat_for_another_reason_than_rounding_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text(f"time,{COLUMNS}\n" + "".join(f"{t},1,2,3\n" for t in (0.0, 0.1, 0.1, 0.2, 0.3, 2.0, 2.1)))
+    with pytest.raises(InputDataError, match="does not rise at sample 2"):
         read_measurement_file(file)
+
+
+def test_columns_of_text_units_with_gaps_and_a_second_clock_column_do_not_stop_an_import(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"{0.01 * k:.2f},{1000 + 10 * k},1000,-2,3,ok {k},{k % 2}\n" for k in range(50))
+    head = "time,timestamp,cab_front_left.x,cab_front_left.y,cab_front_left.z,status,flag\ns,ms,mg,g,ft/s^2,,\n"
+    (tmp_path / "run.csv").write_text(head + rows)
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main(arguments) == 0
+    assert "column status: holds text (row 3: 'ok 0' is not a number)" in capsys.readouterr().out
+    first = next(iter(iterate_messages(tmp_path / "bag")))[3].linear_acceleration
+    assert (first.x, first.y, first.z) == pytest.approx((9.80665, -2 * 9.80665, 3 * 0.3048))
+
+
+def test_units_of_test_rigs_abroad() -> None:
+    assert unit_factor("kip") == ("N", pytest.approx(4448.2216)) and unit_factor("lbf") == ("N", pytest.approx(4.4482216))
+    assert unit_factor("psi") == ("Pa", pytest.approx(6894.757)) and unit_factor("in") == ("m", 0.0254)
+    assert unit_factor("mg") == ("m/s^2", pytest.approx(9.80665e-3))
+
+
+def test_an_import_says_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "".join(f"{2 * k},0.01,0.02,{1 + 0.01 * (k % 7)}\n" for k in range(100))
+    (tmp_path / "run.csv").write_text(f"clock,{COLUMNS}\n{rows}")
+    (tmp_path / "map.yaml").write_text(
+        "schema: ride_estimation/channels/1\ntime: {channel: clock}\nchannels:\n"
+        + "".join(f"  cab_front_left.{a}: cab_front_left.{a}\n" for a in "xyz")
+    )
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 0
+    told = capsys.readouterr().out
+    assert "cab_front_left: 0.5 Hz is outside 10 Hz to 20 kHz, where ride is measured: is the time in ms?" in told
+    assert "the values look like g, not m/s^2" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("{channel: clock, unit: hours}", "time.unit"), ("{rate_rpm: 500}", "rate_rpm"), ("{rate_hz: 0}", "rate_hz")],
+)
+def test_a_time_of_the_map_that_cannot_be_is_refused(
+    text: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run.csv").write_text(f"clock,{COLUMNS}\n0,1,2,3\n1,2,3,4\n")
+    (tmp_path / "map.yaml").write_text(f"schema: ride_estimation/channels/1\ntime: {text}\nchannels: {{cab_front_left.x: a}}\n")
+    arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
+    assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 2
+    assert words in capsys.readouterr().err

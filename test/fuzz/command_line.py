@@ -189,7 +189,7 @@ def command_targets() -> dict[str, Target]:
         ),
         "channels": Target(".yaml", lambda folder: [CHANNELS], lambda f, d: forget(load_channel_map(f, SENSORS)), YAML_WORDS),
         "logger": Target(
-            ".csv", lambda folder: [LOGGER, HARMONIC], lambda f, d: forget(read_measurement_file(f, None, None)), CSV_WORDS
+            ".csv", lambda folder: [LOGGER, HARMONIC], lambda f, d: forget(read_measurement_file(f)), CSV_WORDS
         ),
         "diagnosis": Target(
             ".json", lambda folder: [json.dumps({"schema": "ride_estimation/diagnosis/1", "a": [1.0]}).encode()], _diagnosis,

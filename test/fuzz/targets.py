@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fuzz.measurements import MAP, measurement_formats, read, read_map
 from fuzz.recordings import SENSORS, VEHICLE, bench_files, db3_files, mcap_files, ros1_files, small_recording
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.bag_writer import write_bag
@@ -374,6 +375,8 @@ def targets() -> dict[str, Target]:
         "scenario": Target(
             ".yaml", files(("bags", "standing", "recipe.yaml")), lambda f, d: forget(load_scenario(f)), YAML_WORDS
         ),
+        "map": Target(".yaml", lambda folder: [MAP.encode()], read_map, YAML_WORDS),
+        **{name: Target(suffix, seeds, read, words) for name, (suffix, seeds, words) in measurement_formats().items()},
         "table": Target(".csv", lambda folder: [TABLE], lambda f, d: forget(read_table(f)), CSV_WORDS),
         "bench_csv": Target(".csv", lambda folder: [RECORD, HARMONIC], _bench, CSV_WORDS),
         "npz": Target(

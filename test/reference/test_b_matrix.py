@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, b_matrix
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
+from ride_estimation.sensors.layout import b_matrix
 from ride_estimation.sensors.sensor import Sensor
 
 

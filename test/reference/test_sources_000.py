@@ -15,9 +15,10 @@ from ride_estimation.elements.damping_filter import DampingFilter
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, b_matrix
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.sensors.layout import b_matrix
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.simulation.simulate import simulate

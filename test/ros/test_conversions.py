@@ -57,13 +57,15 @@ def test_covariance_that_is_not_contiguous_is_not_scrambled() -> None:
     assert np.array_equal(np.asarray(message.accel.covariance), np.arange(36.0))
 
 
-@pytest.mark.parametrize(("rate", "marker"), [(None, -1.0), (np.array([0.1, 0.2, 0.3]), 0.0)])
-def test_virtual_accelerometer_marks_what_it_does_not_provide(rate: np.ndarray | None, marker: float) -> None:
-    message = over_the_wire(conversions.cg_imu(STAMP, "cab_cg", np.array([0.0, 0.0, 9.81]), np.eye(3) * 4e-4, rate))
+@pytest.mark.parametrize(("std", "first"), [([0.0, 0.0, 0.0], -1.0), ([0.1, 0.2, 0.0], 0.1**2)])
+def test_virtual_accelerometer_marks_what_it_does_not_provide(std: list[float], first: float) -> None:
+    rate, spread = np.array([0.1, 0.2, 0.3]), conversions.rate_covariance(np.array(std))
+    message = over_the_wire(conversions.cg_imu(STAMP, "cab_cg", np.array([0.0, 0.0, 9.81]), np.eye(3) * 4e-4, rate, spread))
     assert isinstance(message, Imu)
     assert message.orientation_covariance[0] == -1.0
-    assert message.angular_velocity_covariance[0] == marker
-    assert message.angular_velocity.z == (0.0 if rate is None else 0.3)
+    assert message.angular_velocity_covariance[0] == pytest.approx(first)
+    assert message.angular_velocity_covariance[4] == pytest.approx(std[1] ** 2)
+    assert message.angular_velocity.z == 0.3
     assert message.linear_acceleration.z == 9.81
     assert message.linear_acceleration_covariance[8] == 4e-4
 

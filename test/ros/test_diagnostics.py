@@ -126,9 +126,19 @@ def test_a_status_that_stays_is_said_once_and_its_end_too() -> None:
     assert log.note(40.0, load=(OK, "keeps up")) == [(OK, "load: keeps up")]
 
 
+def test_what_becomes_worse_is_said_at_once() -> None:
+    log = Written()
+    assert len(log.note(0.0, sensor_a=(WARN, "3 gaps"))) == 1
+    assert log.note(0.5, sensor_a=(ERROR, "has stopped")) == [(ERROR, "sensor a: has stopped")]
+    assert log.note(1.0, sensor_a=(WARN, "4 gaps")) == []
+    assert log.note(6.0, sensor_a=(WARN, "4 gaps")) == [(WARN, "sensor a: 4 gaps")]
+
+
 def test_what_changes_alike_is_one_line() -> None:
     (line,) = Written().note(0.0, topic_a=(ERROR, "has stopped"), topic_b=(ERROR, "has stopped"), topic_c=(OK, "receiving"))
     assert line == (ERROR, "topic a, b: has stopped")
+    (line,) = Written().note(0.0, topic_a=(WARN, "3 messages were lost"), topic_b=(WARN, "5 messages were lost"))
+    assert line == (WARN, "topic a, b: 3 messages were lost (the others alike)")
 
 
 def test_an_error_that_becomes_another_error_is_said_but_not_its_numbers() -> None:
@@ -142,7 +152,7 @@ def test_a_status_that_flickers_is_throttled_and_the_last_word_is_right() -> Non
     log = Written()
     for n in range(100):
         log.note(0.1 * n, sensor_a=(ERROR, "has stopped") if n % 2 == 0 else (OK, "contributing"))
-    assert len(log.lines) <= 10.0 / QUIET_S + 1
+    assert len(log.lines) <= 2.0 * 10.0 / QUIET_S + 1
     log.note(100.0, sensor_a=(OK, "contributing"))
     assert log.lines[-1] == (OK, "sensor a: contributing")
 

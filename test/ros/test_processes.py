@@ -16,6 +16,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.jit import COMPILED
 from ride_estimation.nodes import qos
 from ros.conftest import Ros
 from ros.drive import drive
@@ -27,11 +28,11 @@ Start = Callable[..., "subprocess.Popen[str]"]
 @pytest.fixture
 def start(domain: int) -> Iterator[Start]:
     """Start nodes in processes of their own; the variables of the parent's ROS environment are not passed on."""
-    environment = {k: v for k, v in os.environ.items() if k not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")}
-    environment["ROS_DOMAIN_ID"] = str(domain)
     started: list[subprocess.Popen[str]] = []
 
     def start_one(module: str, *arguments: str) -> subprocess.Popen[str]:
+        environment = {k: v for k, v in os.environ.items() if k not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")}
+        environment["ROS_DOMAIN_ID"] = str(domain)
         started.append(
             subprocess.Popen(
                 [sys.executable, "-m", f"ride_estimation.nodes.{module}", "--ros-args", *arguments],
@@ -66,6 +67,24 @@ def test_node_ends_cleanly_on_a_signal(ros_single: Ros, start: Start, executor: 
     code, output = end(process, number)
     assert code == 0, output
     assert "Traceback" not in output
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not COMPILED, reason="without numba nothing is compiled")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_compiling_ends_cleanly_and_soon(
+    start: Start, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, number: signal.Signals
+) -> None:
+    monkeypatch.setenv("RIDE_ESTIMATION_CACHE", str(tmp_path))
+    process = start("estimator_node")
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert "compiling for this machine, once" in line
+    process.send_signal(number)  # to the node alone, as a supervisor does
+    code, output = end(process, None)
+    assert code == 0, output
+    assert "Traceback" not in output
+    assert not list(tmp_path.rglob("all_compiled_*"))
 
 
 def test_recorded_run_is_played_into_the_live_estimator(ros_single: Ros, start: Start, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def block(ticks: int) -> OutputBlock:
     rng = np.random.default_rng(2)
     shapes: dict[str, tuple[int, ...]] = {
         "cg_accel": (ticks, 6), "cg_accel_covariance": (6, 6), "cg_specific_force": (ticks, 6),
-        "cg_specific_force_covariance": (6, 6), "angular_rate": (ticks, 3), "inertial_load": (ticks, 6),
+        "cg_specific_force_covariance": (6, 6), "angular_rate": (ticks, 3), "angular_rate_std": (3,), "inertial_load": (ticks, 6),
         "mount_force": (ticks, 2, 3), "mount_force_std": (ticks, 2, 3), "mount_deflection": (ticks, 2, 3),
         "mount_rate": (ticks, 2, 3), "mount_deflection_std": (2, 3),
     }  # fmt: skip
@@ -97,6 +97,7 @@ def test_every_number_of_a_tick_is_in_its_place(ticks: list[int]) -> None:
         assert three(imu.linear_acceleration) == of.cg_specific_force[tick, :3].tolist()
         assert three(imu.angular_velocity) == of.angular_rate[tick].tolist()
         assert list(imu.linear_acceleration_covariance) == of.cg_specific_force_covariance[:3, :3].ravel().tolist()
+        assert list(imu.angular_velocity_covariance) == np.diag(of.angular_rate_std**2).ravel().tolist()
         assert imu.orientation_covariance[0] == -1.0
         assert three(load.wrench.force) + three(load.wrench.torque) == of.inertial_load[tick].tolist()
         for number, force in enumerate(forces):

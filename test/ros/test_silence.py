@@ -36,7 +36,7 @@ class Drive:
             for _ in range(8 * 10):  # 8 topics at 100 Hz
                 message = next(self._messages)
                 if message.topic not in dead:
-                    self.node._arrived(message.topic, message.type_name, message.payload)
+                    self.node._arrived(message.topic, self.node.session.states[message.topic], message.payload)
             self._clock[0] += LOOK_PERIOD_S
             self.node.look()
 

@@ -14,7 +14,7 @@ from diagnosis_runs import quarter_car, quarter_car_run
 from ride_estimation.diagnosis import calibration
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanced
-from ride_estimation.diagnosis.diagnose import _noticeable
+from ride_estimation.diagnosis.gain import noticeable
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.kinematics import BodyMotion, transducer_correction
 from ride_estimation.diagnosis.plant import build_plant
@@ -140,7 +140,7 @@ def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(sha
     base = SimpleNamespace(scene=scene, residual=lambda: before, measured=lambda: signal)
     extended = SimpleNamespace(residual=lambda: left)
     work = SimpleNamespace(
-        selection=SimpleNamespace(accepted=SimpleNamespace(rows=np.ones((1, 1, 1)))), settings=Settings(),
+        selection=SimpleNamespace(accepted=SimpleNamespace(in_band=True)), settings=Settings(),
         splits=SimpleNamespace(judge=np.array([0])),
     )
-    assert _noticeable(work, base, extended) is counts
+    assert noticeable(work, base, extended) is counts

@@ -12,13 +12,13 @@ import pytest
 from diagnosis_runs import DAMPING, GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_run
 from scipy.special import ndtr
 
+from ride_estimation.diagnosis.candidates import shortlist
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.effect import Effect, Shape, Where
 from ride_estimation.diagnosis.fitting import searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.scene import ModelState
 from ride_estimation.diagnosis.screening import Score
-from ride_estimation.diagnosis.selection import shortlist
 from ride_estimation.diagnosis.verdict import reversal_odds
 from ride_estimation.signals.recording import UniformRun
 

@@ -21,6 +21,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 
 VEHICLE = pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"
 RATE, GRAVITY, NOISE = 200.0, 9.80665, 0.02
+ALL = np.ones(100, dtype=bool)
 
 
 def band(rng: np.random.Generator, size: int, low: float, high: float, rms: float) -> np.ndarray:
@@ -82,7 +83,7 @@ def test_swing_is_the_rotation_the_brackets_of_a_translating_rig_do_not_make():
     tilting, _ = readings((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 6)
     tilt = learned(level, body)
     tilt.restart()
-    blocks = [tilt.swing(level[k : k + 100], 1.0 / RATE) for k in range(0, len(level), 100)]
+    blocks = [tilt.swing(level[k : k + 100], ALL, 1.0 / RATE) for k in range(0, len(level), 100)]
     angle, rate = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     # what tilting brackets would read of gravity: g phi in y, -g theta in x, the same at every bracket
     gravity = (tilting - level).mean(axis=1)
@@ -102,7 +103,7 @@ def test_without_excitation_the_prior_stays_and_a_tilting_frame_is_left_alone():
     still = GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3))
     tilt = learned(still, GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3)))
     assert np.all(np.abs(tilt.shares[:4] - USUAL_SHARES) < 3.0 * np.sqrt(np.diag(tilt.covariance)[:4]))
-    assert not tilt.levelled.any() and not np.any(tilt.swing(still[:100], 1.0 / RATE))
+    assert not tilt.levelled.any() and not np.any(tilt.swing(still[:100], ALL, 1.0 / RATE))
 
 
 def test_a_saved_state_continues_alike():

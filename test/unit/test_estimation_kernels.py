@@ -31,9 +31,9 @@ def test_forces_are_those_of_the_law_corrected_by_equilibrium(rng):
     tension, turn = rng.normal(size=(2, K, M, 3))
     static, support, wrench = rng.normal(size=(M, 3)), rng.normal(size=(K, 6)), rng.normal(size=(6, 3 * M))
     gain, gain_slow, slow, square = rng.normal(size=(3 * M, 6)), rng.normal(size=(3 * M, 6)), rng.normal(size=6), np.zeros(6)
-    state = slow.copy()
+    state, told = slow.copy(), np.ones(K, dtype=bool)
     force, missing = np.empty((K, M, 3)), np.empty((K, 6))
-    balanced_forces(tension, turn, 0.7, static, support, wrench, gain, gain_slow, 0.2, slow, square, missing, force)
+    balanced_forces(tension, turn, 0.7, static, support, told, wrench, gain, gain_slow, 0.2, slow, square, missing, force)
     in_mount_axes = static - tension
     across = np.cross(0.7 * turn, in_mount_axes)
     law = (in_mount_axes - across + 0.5 * np.cross(0.7 * turn, across)).reshape(K, -1)

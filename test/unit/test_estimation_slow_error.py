@@ -72,7 +72,8 @@ def test_deflections_stay_near_while_bracket_sensors_at_an_angle_pull_away():
         )  # fmt: skip
         none = np.zeros((BLOCK, count, 3))
         found = estimator.observe(
-            block, base[part], np.ones((BLOCK, count), dtype=bool), none, none > 0.0, np.full((count, 3), 1e-8), DT
+            block, base[part], np.ones((BLOCK, count), dtype=bool), np.ones(BLOCK, dtype=bool), none, none > 0.0,
+            np.full((count, 3), 1e-8), DT,
         )
         largest = max(largest, float(np.abs(found.deflection[:, :, 2]).max()))
     # nothing moves: what is left is the angle times the acceleration over the square of a corner near 0.4 Hz

@@ -93,7 +93,7 @@ def test_every_share_has_its_process_and_only_complete_work_is_noted(
 ) -> None:
     started: list[list[str]] = []
     processes: list[_Finished] = []
-    own: list[tuple[int, int]] = []
+    said: list[str] = []
 
     def start(command: list[str], **_: object) -> _Finished:
         started.append(command[-2:])
@@ -103,11 +103,41 @@ def test_every_share_has_its_process_and_only_complete_work_is_noted(
     monkeypatch.setattr(compile_ahead, "cache_folder", lambda _: tmp_path)
     monkeypatch.setattr(compile_ahead.os, "sched_getaffinity", lambda _: range(3), raising=False)
     monkeypatch.setattr(compile_ahead.subprocess, "Popen", start)
-    monkeypatch.setattr(compile_ahead, "compile_share", lambda share, shares: own.append((share, shares)))
-    assert compile_ahead.compile_ahead() == 3
-    assert own == [(0, 3)] and started == [["1", "3"], ["2", "3"]]
+    assert compile_ahead.compile_ahead(said.append) == 3
+    assert started == [["0", "3"], ["1", "3"], ["2", "3"]]
+    assert len(said) == 1
+    assert said[0].startswith("compiling for this machine, once: about 20 s")
     assert all(p.killed for p in processes)
-    again = compile_ahead.compile_ahead()
+    again = compile_ahead.compile_ahead(said.append)
     assert again == (0 if code == 0 else 3)
+    assert len(said) == (1 if code == 0 else 2), "nothing to do is nothing to say"
+
+
+@pytest.mark.skipif(not COMPILED, reason="without numba there are no kernels")
+def test_a_cache_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(compile_ahead, "cache_folder", lambda _: tmp_path)
     monkeypatch.setattr(compile_ahead.os, "access", lambda *_: False)
-    assert compile_ahead.compile_ahead() == 0
+    assert compile_ahead.compile_ahead(said.append) == 0
+    assert said[0].startswith(f"compiled code cannot be kept in {tmp_path}: every start compiles anew")
+
+
+@pytest.mark.skipif(not COMPILED, reason="without numba there are no kernels")
+def test_an_interrupt_ends_all_compilers_and_notes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    processes: list[_Finished] = []
+
+    class Interrupted(_Finished):
+        def wait(self, timeout: float) -> int:
+            raise KeyboardInterrupt
+
+    def start(*_: object, **__: object) -> _Finished:
+        processes.append(Interrupted(None))
+        return processes[-1]
+
+    monkeypatch.setattr(compile_ahead, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(compile_ahead.subprocess, "Popen", start)
+    with pytest.raises(KeyboardInterrupt):
+        compile_ahead.compile_ahead(lambda words: None)
+    assert processes
+    assert all(p.killed for p in processes)
+    assert not list(tmp_path.iterdir())

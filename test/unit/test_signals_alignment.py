@@ -198,6 +198,61 @@ def test_bursts_with_right_stamps_lose_nothing() -> None:
     assert [b.values.tobytes() for b in blocks[:n]] == [b.values.tobytes() for b in clean[:n]]
 
 
+@pytest.mark.parametrize("way", ["pushed", "fed"])
+@pytest.mark.parametrize("begin", [0.0, 1.5])
+def test_streams_held_back_and_flushed_one_after_the_other_lose_nothing(begin: float, way: str) -> None:
+    """Up to the latency budget, also at the very start; the ticks are those of a run that came in time."""
+    samples = faults.regular(4, 100.0, 6.0)
+    flushed = faults.held_back(samples, begin, begin + 2.0)
+    assert flushed != samples
+    aligner, blocks = pushed(flushed, 4) if way == "pushed" else fed(flushed, 4)
+    _, clean = pushed(samples, 4)
+    assert not aligner.restarts
+    assert all(h.accepted == 600 and not h.rejected and not h.silent for h in aligner.health().values())
+    assert [b.values.tobytes() for b in blocks] == [b.values.tobytes() for b in clean]
+    assert [b.valid.tobytes() for b in blocks] == [b.valid.tobytes() for b in clean]
+
+
+@pytest.mark.parametrize("way", ["pushed", "fed"])
+@pytest.mark.parametrize("length", [3.4, 5.0])
+def test_streams_held_back_for_longer_than_the_budget_lose_that_time_and_no_more(length: float, way: str) -> None:
+    samples = faults.regular(4, 100.0, 10.0)
+    flushed = faults.held_back(samples, 2.0, 2.0 + length)
+    aligner, blocks = pushed(flushed, 4) if way == "pushed" else fed(flushed, 4)
+    time, _, valid = joined(blocks)
+    assert not aligner.restarts
+    assert np.all(np.diff(time) > 0.0)
+    assert valid[(time > 0.1) & (time < 1.9)].all()
+    assert valid[(time > 2.2 + length) & (time < 9.9)].all()
+    for health in aligner.health().values():
+        assert health.accepted + sum(health.rejected.values()) == 1000
+        assert sum(health.rejected.values()) <= 100 * (length + 0.1)
+
+
+def test_samples_lost_while_streams_were_held_back_make_a_gap_and_no_clock_step() -> None:
+    samples = faults.regular(4, 100.0, 6.0)
+    held = faults.held_back(samples, 2.0, 4.0)
+    rng = np.random.default_rng(1)
+    kept = [s for s in held if not 2.0 <= (s[1] - faults.START_NS) * 1e-9 < 4.0 or rng.random() < 0.6]
+    aligner, _ = pushed(kept, 4)
+    assert not aligner.restarts
+    assert not any(h.rejected for h in aligner.health().values())
+
+
+def test_one_stream_left_of_several_waits_for_the_budget_once_and_goes_on() -> None:
+    samples = [s for s in faults.regular(3, 100.0, 12.0) if s[0] == 0 or s[1] < faults.START_NS + 2 * 10**9]
+    aligner = StampAligner(specs(3), 100.0, block_ticks=5, latency_budget_s=3.0)
+    delays = []
+    for index, stamp, values in samples:
+        delays += [(stamp - int(block.stamps_ns[-1])) * 1e-9 for block in aligner.push(index, stamp, values)]
+    assert 2.9 < max(delays) < 3.1
+    assert max(delays[-100:]) < 0.1
+    shifted = [(index, stamp - 10**9, values) for index, stamp, values in faults.regular(3, 100.0, 14.0) if index == 0]
+    for index, stamp, values in shifted[1150:]:
+        aligner.push(index, stamp, values)
+    assert aligner.restarts == {"stamps jumped back": 1}, "the clock of the only one that speaks is followed"
+
+
 @pytest.mark.parametrize(("value", "reason"), [(np.nan, "not_finite"), (np.inf, "not_finite"), (-np.inf, "not_finite")])
 def test_values_that_are_not_finite_are_refused(value: float, reason: str) -> None:
     samples = faults.regular(3, 500.0, 3.0)
@@ -277,6 +332,19 @@ def test_long_run_with_drifting_clock_of_one_sensor_keeps_rate() -> None:
     assert joined(blocks)[2][5:-5].all()
 
 
+def test_samples_that_a_restart_leaves_unused_are_counted() -> None:
+    samples = faults.without(faults.regular(3, 100.0, 4.0), range(600, 900, 3))  # one stream is behind at the end
+    aligner = StampAligner(specs(3), 100.0)
+    ticks = 0
+    for index, stamp, values in samples[:700]:
+        ticks += sum(len(block.values) for block in aligner.push(index, stamp, values))
+    ticks += sum(len(block.values) for block in aligner.restart("on demand"))
+    found = aligner.health().values()
+    assert sum(h.accepted + sum(h.rejected.values()) for h in found) == 700
+    assert sum(h.rejected["restart"] for h in found if h.rejected) == 700 - sum(h.accepted for h in found) > 0
+    assert max(h.accepted for h in found) <= ticks + 1
+
+
 def test_restart_on_demand_keeps_counters() -> None:
     aligner = StampAligner(specs(1), 500.0)
     for index, stamp, values in faults.regular(1, 500.0, 2.0):
@@ -328,6 +396,12 @@ def test_offline_alignment_of_nothing_is_an_error() -> None:
         align(Recording("r", {"a": one}))
 
 
+def fed(samples: list[faults.Sample], streams: int) -> tuple[StampAligner, list[Block]]:
+    """As :func:`pushed`, as one recording."""
+    _, _, aligner, blocks = batched(samples, streams, 0)
+    return aligner, [*blocks, *aligner.finish()]
+
+
 def batched(samples: list[faults.Sample], streams: int, seed: int) -> tuple[StampAligner, list[Block], StampAligner, list[Block]]:
     """Push samples one by one and as one recording; variances are stated by some messages only."""
     rng = np.random.default_rng(seed)
@@ -359,7 +433,7 @@ def damaged(seed: int) -> list[faults.Sample]:
     rng = np.random.default_rng(seed)
     rates = [500.0, float(rng.choice([500.0, 200.0, 1000.0])), 500.0]
     samples = faults.regular(3, rates, 3.0, seed, jitter_s=5e-5)
-    kinds = rng.permutation(8)[: seed % 5]
+    kinds = rng.permutation(9)[: seed % 5]
     for kind in kinds:
         start = float(rng.uniform(0.6, 2.4))
         stream = int(rng.integers(3))
@@ -378,6 +452,8 @@ def damaged(seed: int) -> list[faults.Sample]:
             samples = faults.in_bursts(samples, stream, int(rng.integers(2, 40)))
         elif kind == 6:
             samples = faults.changed(samples, faults.where(samples, -1, start), faults.shifted(float(rng.choice([-100.0, 50.0]))))
+        elif kind == 7:
+            samples = faults.held_back(samples, start, start + float(rng.choice([0.4, 1.0, 2.0])))
         else:
             samples = faults.without(samples, faults.where(samples, stream, start))
     return samples

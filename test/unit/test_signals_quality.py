@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -14,8 +15,9 @@ from ride_estimation.sensors.consistency import consistency_findings
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.column_checks import derived_findings, drift_findings
-from ride_estimation.signals.quality import gravity_findings, judge_channel
+from ride_estimation.signals.quality import gravity_findings, judge_channel, plausibility_findings
 from ride_estimation.signals.recording import Channel, Recording
 
 G = 9.80665
@@ -74,6 +76,74 @@ def test_clipping_is_found_with_and_without_a_stated_range() -> None:
     assert 50 < clipped <= near
     assert judge_channel(changed(values=values), limit).clipped == near
     assert judge_channel(changed(values=values)).clipped == clipped
+
+
+def test_a_limit_below_the_stated_range_is_found_from_single_samples_at_it() -> None:
+    rng = np.random.default_rng(5)
+    values = rng.normal(0.0, 1.0, (4000, 3))
+    values[:, 1] = np.minimum(values[:, 1], 2.0)  # 90 samples, hardly two in a row
+    values[:, 2] = np.round(values[:, 2], 1)  # a coarse converter, not cut
+    levels = clipping_levels(values)
+    assert levels[1, 1] == 2.0
+    assert np.all(np.isinf(levels[:, [0, 2]])) and np.isinf(levels[0, 1])
+    coarse = np.maximum(np.round(rng.normal(0.0, 1.0, (4000, 1)), 2), -1.8)
+    assert clipping_levels(coarse)[0, 0] == -1.8
+    assert judge_channel(changed(values=values), 50.0).clipped == int(np.sum(values[:, 1] == 2.0))
+    held = np.repeat(rng.normal(0.0, 1.0, (1000, 1)), 4, axis=0)  # a driver that repeats every sample
+    assert np.all(np.isinf(clipping_levels(held)))
+
+
+@pytest.mark.parametrize("step", [0.0, 0.001, 0.02])
+@pytest.mark.parametrize("share", [0.005, 0.03, 0.2])
+def test_clipping_is_found_where_single_samples_meet_the_limit(step: float, share: float) -> None:
+    """Whatever the resolution; no three in a row are needed."""
+    values = np.random.default_rng(3).normal(size=(4000, 3)) * 2.0
+    limit = float(np.quantile(values[:, 0], 1.0 - share))
+    if step:
+        values, limit = np.round(values / step) * step, np.round(limit / step) * step
+    assert judge_channel(changed(values=values)).clipped == 0
+    values[:, 0] = np.minimum(values[:, 0], limit)
+    assert judge_channel(changed(values=values)).clipped == int(np.sum(values[:, 0] == limit))
+
+
+def test_extreme_values_that_repeat_without_a_limit_are_not_clipped() -> None:
+    time = np.arange(4000) / RATE
+    sinusoid = np.round(9.0 * np.sin(2.0 * np.pi * 1.7 * time) / 0.05) * 0.05
+    held = np.repeat(np.random.default_rng(4).normal(size=400), 10)  # ten times slower than it is sent
+    speed = np.maximum(np.sin(0.3 * time), 0.0)  # stands still half of the time
+    assert judge_channel(changed(values=np.column_stack([sinusoid, held, speed]))).clipped == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate", "values", "says"),
+    [
+        ("speed", 0.5, [[1.0], [2.0]], "0.5 Hz is outside 10 Hz to 20 kHz, where ride is measured: is the time in ms?"),
+        ("speed", 125_000.0, [[1.0], [2.0]], "125 kHz is outside .* is the time in s instead of ms?"),
+        ("displacement", 100.0, [[-3.0], [10.0]], "the travel is 13 m, .* look like mm"),
+        ("force", 100.0, [[1.7e6], [0.0]], r"the force reaches 1.7e\+06 N, 619 times the weight .* N that were taken as kN"),
+    ],
+)
+def test_what_cannot_be_is_said_with_the_unit_it_would_be_right_in(kind: str, rate: float, values: list, says: str) -> None:
+    (found,) = plausibility_findings(kind, rate, np.array(values), 280.0 * G)
+    assert re.search(says, found)
+    assert plausibility_findings(kind, 100.0, 1e-4 * np.array(values), 280.0 * G) == ()
+
+
+@pytest.mark.parametrize(("size", "name"), [(1.0, "g"), (1002.0, "milli-g"), (9807.0, "mm/s"), (32.2, "ft/s"), (386.0, "in/s")])
+def test_the_unit_of_gravity_is_guessed(size: float, name: str) -> None:
+    assert name in gravity_findings(np.array([0.0, 0.0, size]), G)[0]
+
+
+def test_the_rate_is_that_of_the_run_and_not_of_most_steps() -> None:
+    steps = np.where(np.arange(3999) % 10 < 7, 10_000_000, 11_000_000)
+    stamps = 10**9 + np.concatenate([[0], np.cumsum(steps)])
+    rate = judge_channel(Channel("a", stamps, clean().values, stamps)).rate_hz
+    assert rate == pytest.approx(3999 / (stamps[-1] - stamps[0]) * 1e9, rel=1e-9) and rate < 98.0
+
+
+def test_constant_columns_are_not_computed_from_each_other() -> None:
+    """The mean of a hundred times 0.01 is not 0.01."""
+    assert derived_findings(np.tile([0.01, 0.02, 0.07], (100, 1))) == []
 
 
 def test_spikes_and_flat_lines_are_found() -> None:

@@ -255,7 +255,9 @@ def test_a_rear_joint_locked_fore_and_aft_adds_the_mass_at_its_height_to_the_pit
         mounts[name] = dataclasses.replace(mounts[name], position=low)
     rear = mounts["rear_mount"]
     mounts["rear_mount"] = dataclasses.replace(rear, elements={**rear.elements, "x": KelvinVoigt(1e10, 0.0)})
-    locked = dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": cab}, mounts=mounts, gravity=0.0)
+    # the document has the seat go up and down only, also while the cab turns: at the height of the joint it does
+    seat = dataclasses.replace(vehicle.bodies["seat"], cg=np.array([-0.382, 0.0, -0.676]))
+    locked = dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": cab, "seat": seat}, mounts=mounts, gravity=0.0)
     found = [m.frequency_hz for m in undamped_modes(linearise(assemble(locked)))]
     np.testing.assert_allclose(found[1:3], [3.86, 20.6], rtol=0.01)  # Hz
 
@@ -266,3 +268,22 @@ def test_a_rear_joint_locked_fore_and_aft_adds_the_mass_at_its_height_to_the_pit
     rotating = dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": heavier})
     same = [m.frequency_hz for m in undamped_modes(linearise(assemble(rotating)))]
     np.testing.assert_allclose(found[1:3], same[1:3], rtol=1e-3)
+
+
+def test_a_seat_that_only_moves_up_and_down_goes_sideways_and_turns_with_its_cab():
+    vehicle = symmetric_cab(0.3)
+    carrier = vehicle.bodies["cab"]
+    place = carrier.cg + np.array([0.2, -0.3, 0.4])
+    body = Body("seat", Prior(90.0), place, np.eye(3), coordinates=("z",))
+    guide = Mount("seat_mount", place, "seat", "cab", {"z": KelvinVoigt(9e3, 400.0)})
+    seated = assemble(dataclasses.replace(
+        vehicle, bodies={**vehicle.bodies, "seat": body}, mounts={**vehicle.mounts, "seat_mount": guide}
+    ))
+    bare = assemble(vehicle)
+    index = [seated.coordinates.index(c) for c in bare.coordinates]
+    added = seated.mass_matrix[np.ix_(index, index)] - bare.mass_matrix
+    sideways = np.zeros((3, 6))  # a point mass 0.4 m above and 0.3 m beside the CG, free along z
+    sideways[0, [0, 4, 5]] = 1.0, 0.4, 0.3
+    sideways[1, [1, 3, 5]] = 1.0, -0.4, 0.2
+    np.testing.assert_allclose(added, 90.0 * sideways.T @ sideways, atol=1e-9)
+    np.testing.assert_allclose(seated.mass_matrix[-1], [0.0] * 6 + [90.0], atol=1e-9)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.lines import white_spectrum
+from ride_estimation.diagnosis.noise import smoothed_power
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -42,13 +42,14 @@ class FlexibleMode(Cause):
             ]
             if len(rows) <= len(scene.plant.coordinate_rows(body)):
                 continue
-            for frequency in residual_peaks(scene):
+            for frequency in compliant_peaks(scene, rows):
                 drive = _drive_weights(scene, rows, frequency)
 
                 def columns(scene: Scene, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
                     f, z = float(shape["frequency"]), float(shape["damping"])
-                    modal = scene.grid.signal(_modal(scene, f, z) @ w)
-                    return [(Effect(Where.OUTPUT, i, modal),) for i in r]
+                    modal = _modal(scene, f, z) @ w
+                    signal = scene.grid.signal(modal)
+                    return [*((Effect(Where.OUTPUT, i, signal),) for i in r), _reaction(scene, modal, w)]
 
                 grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (0.015, 0.05))
                 bounds = (Shape("frequency", frequency, 0.7 * frequency, 1.4 * frequency), Shape("damping", 0.03, 0.004, 0.3))
@@ -58,7 +59,7 @@ class FlexibleMode(Cause):
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
         """Return natural frequency [Hz], damping ratio and the channel that moves most."""
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
-        largest = int(np.argmax(np.abs(fitted.coefficients)))
+        largest = int(np.argmax(np.abs(fitted.coefficients[:-1])))
         (modal,) = fitted.hypothesis.columns(scene, fitted.shape)[largest]
         rms, std = (float(np.std(modal.signal)) * c for c in (abs(fitted.coefficients[largest]), fitted.std(largest)))
         rows = [
@@ -77,31 +78,56 @@ class FlexibleMode(Cause):
         return vehicle, (f"elastic mode of {fitted.hypothesis.location} at {f:.3g} Hz: vehicle files hold rigid bodies only",)
 
 
-def residual_peaks(scene: Scene, count: int = 3) -> list[float]:
-    """Return the frequencies where the whitened residual stands out most, above 4 Hz."""
-    power = np.sum(np.abs(white_spectrum(scene)) ** 2, axis=1)
-    f = scene.grid.frequency
-    step = float(f[1] - f[0])
-    width = max(round(0.6 / step), 1) | 1
-    smooth = np.convolve(power, np.ones(width) / width, mode="same")
-    inside = (f > _LOWEST_HZ) & (scene.grid.band_weight > 0.9)
-    smooth = np.where(inside, smooth, 0.0)
+def compliant_peaks(scene: Scene, rows: list[int], count: int = 4) -> list[float]:
+    """Return the frequencies where a body answers its mounts most beyond rigid motion, above 4 Hz.
+
+    Power of the residual beyond its noise over that of the mount forces: the residual alone has the peaks of the road.
+
+    Parameters
+    ----------
+    rows
+        Channels of the body.
+    """
+    grid = scene.grid
+    f, samples = grid.frequency, grid.samples
+    width = max(round(0.6 / float(f[1] - f[0])), 1) | 1
+    noise = np.real(np.diagonal(scene.noise_covariance, axis1=1, axis2=2))[:, rows]
+    residual = smoothed_power(scene.inside(scene.residual_spectrum[:, rows]), samples, width)
+    force = smoothed_power(_port_forces(scene), samples, width).sum(axis=1)
+    answer = np.sum(np.maximum(residual - noise, 0.0), axis=1) / np.maximum(force, 1e-12 * float(force.max()))
+    answer = np.where((f > _LOWEST_HZ) & (grid.band_weight > 0.9), answer, 0.0)
     out: list[float] = []
     for _ in range(count):
-        if not np.any(smooth > 0.0):
+        if not np.any(answer > 0.0):
             break
-        peak = float(f[int(np.argmax(smooth))])
+        peak = float(f[int(np.argmax(answer))])
         out.append(peak)
-        smooth = np.where(np.abs(f - peak) < 0.2 * peak, 0.0, smooth)
+        answer = np.where(np.abs(f - peak) < 0.2 * peak, 0.0, answer)
     return out
+
+
+def _port_forces(scene: Scene) -> ComplexArray:
+    """Return the forces of springs and dampers along the estimated deflections, shape (F, P)."""
+    stiffness, damping = scene.state.stiffness, scene.state.damping
+    return np.asarray((stiffness + 1j * scene.grid.omega[:, None] * damping) * scene.deflection_spectrum)
 
 
 def _modal(scene: Scene, frequency_hz: float, ratio: float) -> ComplexArray:
     """Return the acceleration of a unit mode driven by every port force, shape (F, P)."""
     omega = scene.grid.omega[:, None]
     w0 = 2.0 * np.pi * frequency_hz
-    force = (scene.state.stiffness + 1j * omega * scene.state.damping) * scene.deflection_spectrum
-    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega) * force)
+    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega) * _port_forces(scene))
+
+
+def _reaction(scene: Scene, modal: ComplexArray, weights: Array) -> Column:
+    """Return the mount forces that the elastic motion of the mounting points causes.
+
+    By reciprocity a mode moves a mounting point by as much as a force there drives the mode.
+    """
+    omega = scene.grid.omega
+    stretch = (-modal / omega**2)[:, None] * weights
+    force = (scene.state.stiffness + 1j * omega[:, None] * scene.state.damping) * stretch
+    return tuple(Effect(Where.PORT, p, scene.grid.signal(force[:, p])) for p in range(len(weights)))
 
 
 def _drive_weights(scene: Scene, rows: list[int], frequency_hz: float) -> Array:

@@ -27,8 +27,6 @@ class HarmonicDisturbance(Cause):
     WOULD_REFUTE = "a line that vanishes with the road excitation: measure standing with the machine running"
     MEASURE_NEXT = "a run standing still with engine and auxiliaries running; engine speed in the recording"
 
-    RUN_BOUND = True
-
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per body and line of the residual."""
         out: list[Hypothesis] = []
@@ -45,7 +43,8 @@ class HarmonicDisturbance(Cause):
 
                 # the phase was drawn from the data: two numbers per second of track bandwidth
                 bandwidth = 2.0 * line.half_width_hz * float(scene.time_s[-1])
-                out.append(Hypothesis(self.ID, body, "", columns, ({"frequency": line.frequency_hz},), complexity=bandwidth))
+                grid = ({"frequency": line.frequency_hz},)
+                out.append(Hypothesis(self.ID, body, "", columns, grid, complexity=bandwidth, run_bound=True))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:

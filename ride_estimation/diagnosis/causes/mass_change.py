@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""A mass that changes during the run."""
+"""A load that the vehicle file does not know, there from the start or taken on during the run."""
 
 from __future__ import annotations
 
@@ -8,34 +8,42 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
-from ride_estimation.diagnosis.effect import Column, Shape
+from ride_estimation.diagnosis.baseline import mean_table, static_means
+from ride_estimation.diagnosis.body_wrench import balanced_acceleration, six_of, wrench_column
+from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import step_window
+from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
 from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
 #: instants on the grid, and distance of two of them over which more are tried around the best
 _INSTANTS, _NEIGHBOURS = 20, 1.5
+#: a load from the start: standard deviation of a mass that the file states without one, standard deviations that a load is
+#: beyond, its largest share of the body and its largest distance from the CG [m]
+_WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 3.0
+_CONSTANT = "from the start"
 
 
 @final
 class MassChange(Cause):
-    """Payload taken on or off during the run."""
+    """Payload that the vehicle file does not hold."""
 
     ID = "mass_change"
-    QUESTION = "Does the mass of a body change at some moment of the run?"
-    NEEDS = "excitation before and after the change"
+    QUESTION = "Does a body carry a load that the vehicle file does not know, or does its mass change at some moment of the run?"
+    NEEDS = "displacement transducers, a load off the CG, or excitation before and after a change"
     RIVALS = ("parameter_drift", "cg_offset")
-    WOULD_REFUTE = "a damping over stiffness ratio that changes at the same moment"
-    MEASURE_NEXT = "log payload or air-spring pressure; mark loading in the recording"
-
-    RUN_BOUND = True
+    WOULD_REFUTE = "the weight of the body on a scale as the vehicle file has it; a damping over stiffness ratio that changes too"
+    MEASURE_NEXT = "weigh the body, or log payload or air-spring pressure; mark loading in the recording"
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per body, the instant on a grid between the middles of the first and the last block."""
+        """Return two hypotheses per body: a load from the start, and one from an instant of a grid on."""
         first, last = (float(t) for t in scene.blocks.time_s[[0, -1]])
         grid = tuple({"at": float(t)} for t in np.linspace(first, last, _INSTANTS))
         # how the body bounces after a sudden load tells the instant to a twentieth of a second, and only there
@@ -44,51 +52,145 @@ class MassChange(Cause):
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
 
-            def columns(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
-                return _columns(scene, b, float(shape["at"]))
+            def changing(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
+                window, gravity = step_window(scene.time_s, float(shape["at"])), scene.plant.vehicle.gravity
+                columns = (*_load(scene, b, window, six_of(scene, b)[1], gravity), *_inertia(scene, b, window))
+                return [column for column in columns if column]
 
-            out.append(Hypothesis(self.ID, body, "", columns, grid, bounds))
+            def constant(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
+                return [column for column in _with_sag(scene, b, _constant_load(scene, b)) if column]
+
+            mass = scene.plant.vehicle.bodies[body].mass
+            known = _BEYOND * (mass.std or _WEIGHED * mass.value)
+            out.append(Hypothesis(self.ID, body, "", changing, grid, bounds, run_bound=True))
+
+            def plausible(coefficients: Array, least: float = known) -> bool:
+                size = abs(float(coefficients[0]))
+                return size >= least and bool(np.all(np.abs(coefficients[1:]) <= _REACH * size))
+
+            out.append(Hypothesis(
+                self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
+                shows_in_means=True,
+            ))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return added mass [kg] and the instant [s]."""
-        return (
-            Reported("added mass", float(fitted.coefficients[0]), fitted.std(0), "kg"),
-            Reported("instant", float(fitted.shape["at"]), 0.02 * float(scene.time_s[-1]), "s"),
-        )
+        """Return the added mass [kg], its place from the CG [m] and, of a change, the instant [s]."""
+        added = float(fitted.coefficients[0])
+        out = [Reported("added mass", added, fitted.std(0), "kg")]
+        for number, axis in enumerate(_moments(scene, fitted), start=1):
+            place = float(fitted.coefficients[number]) / (added or 1.0)
+            spread = np.array([-place, 1.0]) / (added or 1.0)
+            pick = np.ix_([0, number], [0, number])
+            std = float(np.sqrt(max(float(spread @ fitted.covariance[pick] @ spread), 0.0)))
+            out.append(Reported(f"place from the CG {AXES[axis]}", place, std, "m"))
+        if fitted.hypothesis.variant != _CONSTANT:
+            out.insert(1, Reported("instant", float(fitted.shape["at"]), 0.02 * float(scene.time_s[-1]), "s"))
+        return tuple(out)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Write mass and CG after the change."""
+        """Write mass and CG with the load."""
         name = fitted.hypothesis.location
         body = vehicle.bodies[name]
-        added = float(fitted.coefficients[0])
-        mass = body.mass.value + added
+        mass = body.mass.value + float(fitted.coefficients[0])
         moments = np.zeros(3)
-        used = [i for i in range(3) if len(fitted.coefficients) > 1 + i]
-        moments[used] = fitted.coefficients[1 : 1 + len(used)]
+        for number, axis in enumerate(_moments(scene, fitted), start=1):
+            moments[axis] = fitted.coefficients[number]
         changed = dataclasses.replace(
             body, mass=dataclasses.replace(body.mass, value=mass), cg=np.asarray(body.cg) + moments / mass
         )
+        when = "with the load" if fitted.hypothesis.variant == _CONSTANT else "after the change"
         return dataclasses.replace(vehicle, bodies={**vehicle.bodies, name: changed}), (
-            "mass and CG are those after the change; the inertia is left as it was",
+            f"mass and CG of {name} are those {when}; the inertia is left as it was",
         )
 
 
-def _columns(scene: Scene, body: str, at_s: float) -> list[Column]:
-    """Return added mass, its three first moments and three inertias, each from an instant on."""
-    window = step_window(scene.time_s, at_s)[:, None]
+def _moments(scene: Scene, fitted: Fitted) -> list[int]:
+    """Return the axes of the first moments among the coefficients, in order."""
+    columns = _constant_load(scene, fitted.hypothesis.location)
+    return [axis for axis, column in enumerate(columns[1:]) if column]
+
+
+def _constant_load(scene: Scene, body: str) -> list[Column]:
+    # the weight of a load that is always there has no part in the band, and its edges must not leak into it
+    columns = _load(scene, body, np.ones(len(scene.time_s)), balanced_acceleration(scene, body), 0.0)
+    turned = _turned_weights(scene, body)
+    return [
+        (*column, *(Effect(Where.WRENCH, i, signal[:, i]) for i in range(signal.shape[1]) if np.any(signal[:, i])))
+        if column else () for column, signal in zip(columns, turned)
+    ]
+
+
+def _turned_weights(scene: Scene, body: str) -> list[Array]:
+    """Return the wrenches of the mount forces that carry a load, per unit of mass and first moments, as they turn, (N, n) each.
+
+    They turn with the bases of the mounts and attack at points that turn with the body.
+    """
+    plant, grid = scene.plant, scene.grid
+    known, vehicle = plant.vehicle.bodies[body], plant.vehicle
+    heavier = dataclasses.replace(known.mass, value=known.mass.value + 1.0)
+    changed = [dataclasses.replace(known, mass=heavier)]
+    changed += [dataclasses.replace(known, cg=known.cg + np.eye(3)[i] / known.mass.value) for i in range(3)]
+    out = []
+    for other in changed:
+        loaded = dataclasses.replace(vehicle, bodies={**vehicle.bodies, body: other})
+        names = tuple(dict.fromkeys(b for b, _ in plant.coordinates))
+        force = static_forces(loaded, plant.mounts, names) - static_forces(vehicle, plant.mounts, names)
+        tilt = dataclasses.replace(plant, static_force=force).static_tilt()
+        wrench = (scene.input_spectrum / (-grid.omega**2)[:, None]) @ tilt.T
+        stiffness = gravity_stiffness_of(vehicle, plant.mounts, force, plant.coordinates)
+        out.append(grid.signal(wrench - scene.coordinate_spectrum @ stiffness.T))
+    return out
+
+
+def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> list[Column]:
+    """Return added mass and its three first moments, four columns, empty where nothing tells them.
+
+    A body that does not turn by itself does not tell where on it a load lies.
+
+    Parameters
+    ----------
+    window
+        Share of the load that is there, shape (N,).
+    a
+        Acceleration of the six coordinates of the body, shape (N, 6).
+    weight
+        Gravity whose onset shows [m/s^2].
+    """
+    window = window[:, None]
     gravity = scene.plant.vehicle.gravity
-    q, a = six_of(scene, body)
-    zero = np.zeros_like(a[:, :3])
-    load = a[:, :3] + gravity * _UP
-    out = [wrench_column(scene, body, -window * load, zero)]
+    q = six_of(scene, body)[0]
+    load = a[:, :3] + weight * _UP
+    out = [wrench_column(scene, body, -window * load, np.zeros_like(load))]
     for i in range(3):
+        if not any(c in scene.plant.vehicle.bodies[body].coordinates for c in COORDINATES[3:] if c != COORDINATES[3 + i]):
+            out.append(())
+            continue
         arm = np.eye(3)[i]
         force = -np.cross(a[:, 3:], arm)
         moment = -np.cross(arm, load) - gravity * np.cross(np.cross(q[:, 3:], arm), _UP)
         out.append(wrench_column(scene, body, window * force, window * moment))
+    return out
+
+
+def _inertia(scene: Scene, body: str, window: Array) -> list[Column]:
+    """Return three added moments of inertia, empty where the body does not turn."""
+    _, a = six_of(scene, body)
+    out = []
     for i in range(3):
-        moment = zero.copy()
+        moment = np.zeros_like(a[:, :3])
         moment[:, i] = -a[:, 3 + i]
-        out.append(wrench_column(scene, body, zero, window * moment))
-    return [column for column in out if column]
+        out.append(wrench_column(scene, body, np.zeros_like(moment), window[:, None] * moment))
+    return out
+
+
+def _with_sag(scene: Scene, body: str, columns: list[Column]) -> list[Column]:
+    """Return the columns of a load with what its weight does to the mean readings of transducers."""
+    table, gravity = mean_table(scene), scene.plant.vehicle.gravity
+    weight = [np.concatenate([-gravity * _UP, np.zeros(3)])]
+    weight += [np.concatenate([np.zeros(3), -gravity * np.cross(np.eye(3)[i], _UP)]) for i in range(3)]
+    out = []
+    for column, six in zip(columns, weight):
+        sag = static_means(scene, table, six @ scene.plant.body_map(body))
+        out.append((*column, *(Effect(Where.MEAN, row, np.array([value])) for row, value in sag.items())) if column else ())
+    return out

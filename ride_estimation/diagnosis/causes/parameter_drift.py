@@ -26,8 +26,6 @@ class ParameterDrift(Cause):
     WOULD_REFUTE = "equal parameters from the first and the last third of the run"
     MEASURE_NEXT = "repeat the run with the mounts warm; log the air-spring pressure"
 
-    RUN_BOUND = True
-
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site; at ``all`` every mount changes by the same share."""
         out: list[Hypothesis] = []
@@ -45,7 +43,7 @@ class ParameterDrift(Cause):
                     result.append(tuple(effects))
                 return result
 
-            out.append(Hypothesis(self.ID, site.location, site.axis, columns))
+            out.append(Hypothesis(self.ID, site.location, site.axis, columns, run_bound=True))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:

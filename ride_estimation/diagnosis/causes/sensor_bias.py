@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""An accelerometer with an offset beyond its tolerance."""
+"""An accelerometer or a transducer with an offset beyond its tolerance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ride_estimation.diagnosis.baseline import mean_table
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sensor_column import axis_name
+from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer
 from ride_estimation.diagnosis.sensor_extension import offset_sensor
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -20,29 +20,33 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 @final
 class SensorBias(Cause):
-    """A constant added to one axis of one accelerometer."""
+    """A constant added to one axis of one accelerometer or to a transducer."""
 
     ID = "sensor_bias"
     QUESTION = "Does one axis of an accelerometer carry an offset that the others do not share?"
     NEEDS = "two or more DC accelerometers on a body, or a body that stands level on average"
-    RIVALS = ("sensor_misalignment",)
+    RIVALS = ("sensor_misalignment", "mass_change")
     WOULD_REFUTE = "moving parts that are turned by the angle the offset would mean"
     MEASURE_NEXT = "turn the sensor over: half the sum of the two readings is the offset"
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per channel that sees gravity."""
+        """Return one hypothesis per channel whose mean reading is known: gravity, or a mount at rest."""
         out: list[Hypothesis] = []
         for row, signal in enumerate(mean_table(scene).signals):
 
             def columns(scene: Scene, shape: Shapes, r: int = row) -> list[Column]:
                 return [(Effect(Where.MEAN, r, np.array([1.0])),)]
 
-            out.append(Hypothesis(self.ID, signal.sensor, axis_name(signal.component), columns))
+            # one transducer alone cannot tell its zero from a load, and loads change more often
+            doubt = 1.0 if signal.kind == "displacement" else 0.0
+            axis = axis_name(signal.component)
+            out.append(Hypothesis(self.ID, signal.sensor, axis, columns, complexity=doubt, shows_in_means=True))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return the offset [m/s^2]."""
-        return (Reported("offset", float(fitted.coefficients[0]), fitted.std(0), "m/s^2"),)
+        """Return the offset [m/s^2], of a transducer [m]."""
+        unit = "m/s^2" if is_accelerometer(scene, fitted.hypothesis.location) else "m"
+        return (Reported("offset", float(fitted.coefficients[0]), fitted.std(0), unit),)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the offset into the correction of the sensor."""

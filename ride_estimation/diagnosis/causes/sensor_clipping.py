@@ -17,15 +17,28 @@ from ride_estimation.diagnosis.sensor_column import axis_name
 from ride_estimation.diagnosis.sensor_extension import limit_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
 
+Array = NDArray[np.float64]
 
-def flat_tops(values: np.ndarray, noise_std: float) -> list[tuple[float, float]]:
-    """Return (side, level) where many samples lie within the noise of an extreme value, as a clipped signal has.
 
-    A Gaussian-tailed signal has few samples within a few noise widths of its extreme; a clipped one has a heap.
+def flat_tops(values: np.ndarray, limits: np.ndarray) -> list[tuple[float, float]]:
+    """Return (side, level) where readings are cut.
+
+    At a level that the raw samples show, or where many samples lie near an extreme value as those of a signal do that was cut
+    before it was filtered: one with a Gaussian tail has few samples within a few noise widths of its extreme.
+
+    Parameters
+    ----------
+    values
+        Samples of one channel, shape (N,).
+    limits
+        Lower and upper level of the raw samples, infinite where there is none, shape (2,).
     """
     out = []
     spread = float(np.std(values))
-    for side in (1.0, -1.0):
+    for side, limit in ((1.0, float(limits[1])), (-1.0, float(limits[0]))):
+        if np.isfinite(limit):
+            out.append((side, side * limit))
+            continue
         level = float(np.max(side * values))
         width = max(0.02 * spread, 1e-9)
         near = int(np.count_nonzero(side * values > level - width))
@@ -33,6 +46,17 @@ def flat_tops(values: np.ndarray, noise_std: float) -> list[tuple[float, float]]
         if near >= 8 and near > 2 * below:
             out.append((side, level))
     return out
+
+
+def _channels(scene: Scene, sensor: str) -> list[tuple[bool, int, Array, Array]]:
+    """Return (whether input, row, samples, limits) of the acceleration channels of a sensor."""
+    plant, data = scene.plant, scene.data
+    groups = ((False, plant.outputs, data.outputs, data.output_limits), (True, plant.inputs, data.inputs, data.input_limits))
+    return [
+        (from_input, i, values[:, i], limits[:, i])
+        for from_input, signals, values, limits in groups
+        for i, s in enumerate(signals) if s.sensor == sensor and s.kind == "acceleration"
+    ]
 
 
 @final
@@ -46,20 +70,15 @@ class SensorClipping(Cause):
     WOULD_REFUTE = "single samples beyond the level"
     MEASURE_NEXT = "repeat with a larger measuring range"
 
-    #: what was cut belongs to the run; another run needs its own height of the peaks
-    RUN_BOUND = True
-
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor with a channel that has a heap of samples at an extreme."""
         out: list[Hypothesis] = []
         plant = scene.plant
         for sensor in plant.sensors:
-            hits: list[tuple[bool, int, float, float]] = []
-            groups = ((False, plant.outputs, scene.data.outputs), (True, plant.inputs, scene.data.inputs))
-            for from_input, signals, data in groups:
-                for i, s in enumerate(signals):
-                    if s.sensor == sensor and s.kind == "acceleration":
-                        hits += [(from_input, i, side, level) for side, level in flat_tops(data[:, i], s.noise_std)]
+            hits = [
+                (from_input, i, side, level)
+                for from_input, i, values, limits in _channels(scene, sensor) for side, level in flat_tops(values, limits)
+            ]
             if not hits:
                 continue
 
@@ -71,18 +90,16 @@ class SensorClipping(Cause):
             axis = axis_name(component) if len({hit[1] for hit in hits}) == 1 else ""
             height, free = _drawn(scene, hits)
             out.append(
-                Hypothesis(self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free)
+                Hypothesis(
+                    self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free, run_bound=True
+                )
             )
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the level at which readings are cut [m/s^2] and the share of the predicted excess that is missing."""
         location = fitted.hypothesis.location
-        levels = []
-        for signals, data in ((scene.plant.outputs, scene.data.outputs), (scene.plant.inputs, scene.data.inputs)):
-            for i, s in enumerate(signals):
-                if s.sensor == location:
-                    levels += [abs(level) for _, level in flat_tops(data[:, i], s.noise_std)]
+        levels = [abs(level) for _, _, values, limits in _channels(scene, location) for _, level in flat_tops(values, limits)]
         level = float(max(levels, default=float("nan")))
         out = [Reported("missing share of the peaks", float(fitted.coefficients[0]), fitted.std(0), "-")]
         return (Reported("clipping level", level, 0.01 * level, "m/s^2"), *out) if levels else tuple(out)

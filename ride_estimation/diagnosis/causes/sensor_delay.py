@@ -16,6 +16,8 @@ from ride_estimation.diagnosis.sensor_extension import delay_sensors
 from ride_estimation.vehicles.vehicle import Vehicle
 
 _LONGEST = 0.06  # reference of the search [s]
+#: references of the screening: a delay that is long against a period is no derivative [s]
+_STARTS = (1e-4, 4e-3, 0.015, 0.035, -0.015)
 
 
 @final
@@ -40,7 +42,7 @@ class SensorDelay(Cause):
                 return [tuple(e for s in g for e in _delayed(scene, s, float(shape["delay"])))]
 
             location = group[0] if len(group) == 1 else "all"
-            grid = tuple({"delay": d} for d in (1e-4, 4e-3))
+            grid = tuple({"delay": d} for d in _STARTS)
             # the coefficient is the delay; the reference only says at which delay its column is exact and costs nothing
             shapes = (Shape("delay", 4e-3, -_LONGEST, _LONGEST, step=2e-3),)
             out.append(Hypothesis(self.ID, location, "", columns, grid, shapes, complexity=-1.0))

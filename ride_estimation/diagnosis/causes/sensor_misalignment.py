@@ -8,12 +8,16 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, sensor_column
+from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, turned_column
 from ride_estimation.diagnosis.sensor_extension import turn_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
+
+_LARGEST = 0.8  # reference of the search; what is turned further is mounted on another side [rad]
+#: references of the screening: a rotation that is no small one shortens the axes it turns [rad]
+_STARTS = (1e-3, 0.2, -0.2)
 
 
 @final
@@ -36,10 +40,14 @@ class SensorMisalignment(Cause):
             for component in range(3):
 
                 def columns(scene: Scene, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
-                    column = sensor_column(scene, s, "misalignment", c)
+                    column = turned_column(scene, s, c, float(shape["angle"]))
                     return [column] if column else []
 
-                out.append(Hypothesis(self.ID, sensor, axis_name(component, rotation=True), columns))
+                # the coefficient is the angle; the reference only says at which angle its column is exact and costs nothing
+                grid = tuple({"angle": a} for a in _STARTS)
+                shapes = (Shape("angle", 0.0, -_LARGEST, _LARGEST, step=0.1),)
+                axis = axis_name(component, rotation=True)
+                out.append(Hypothesis(self.ID, sensor, axis, columns, grid, shapes, complexity=-1.0))
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:

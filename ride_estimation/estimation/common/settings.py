@@ -19,6 +19,8 @@ class PipelineSettings:
         Ticks of the common time base per second; None takes the fastest accelerometer, found while aligning.
     block_ticks
         Ticks processed together. Ticks and blocks are defined by stamps, so live and offline agree bit by bit.
+    latency_budget
+        Longest time [s] for which samples may be held back, by a gateway for example, and come sensor by sensor without loss.
     tilt_acceleration_std
         Typical horizontal acceleration [m/s^2] that the tilt estimate must not mistake for tilt.
     tilt_correlation_time
@@ -45,6 +47,7 @@ class PipelineSettings:
 
     rate_hz: float | None = None
     block_ticks: int = 10
+    latency_budget: float = 3.0
     tilt_acceleration_std: float = 1.0
     tilt_correlation_time: float = 0.3
     parameter_corner_hz: float = 0.4
@@ -61,11 +64,11 @@ class PipelineSettings:
     def __post_init__(self) -> None:
         problems = []
         ranges = {
-            "block_ticks": (1, 1000), "tilt_acceleration_std": (1e-3, 100.0), "tilt_correlation_time": (1e-3, 100.0),
-            "parameter_corner_hz": (0.05, 5.0), "parameter_interval": (0.05, 10.0), "parameter_memory": (5.0, 3600.0),
-            "noise_scale": (0.1, 100.0), "excitation_accel": (0.0, 10.0),
-            "prior_stiffness_std": (1e-3, 3.0), "prior_damping_std": (1e-3, 3.0), "largest_ratio": (1.1, 100.0),
-            "largest_step": (1e-3, 2.0),
+            "block_ticks": (1, 1000), "latency_budget": (0.5, 60.0), "tilt_acceleration_std": (1e-3, 100.0),
+            "tilt_correlation_time": (1e-3, 100.0), "parameter_corner_hz": (0.05, 5.0),
+            "parameter_interval": (0.05, 10.0), "parameter_memory": (5.0, 3600.0), "noise_scale": (0.1, 100.0),
+            "excitation_accel": (0.0, 10.0), "prior_stiffness_std": (1e-3, 3.0), "prior_damping_std": (1e-3, 3.0),
+            "largest_ratio": (1.1, 100.0), "largest_step": (1e-3, 2.0),
         }  # fmt: skip
         for name, (low, high) in ranges.items():
             value = getattr(self, name)

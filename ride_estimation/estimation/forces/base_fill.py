@@ -23,6 +23,8 @@ BoolArray = NDArray[np.bool_]
 
 #: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
 _UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
+#: doubt where a sensor that is used may be wrong: its error adds to what is unknown without it
+_WRONG = 2.0
 #: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
 _UNKNOWN_FORCE = 1.0
 
@@ -54,16 +56,20 @@ class BaseFill:
         self._doubt, self._age = np.zeros(count), 0.0
 
     def _map(self, there: BoolArray) -> Array:
-        """Return weights of the sensors that speak on every mount, shape (3, M, M)."""
+        """Return weights of the sensors that speak on every mount, shape (3, M, M).
+
+        Their mean and the slopes they tell, of those the least: what all have in common, gravity above all, goes over whole
+        however few speak.
+        """
         key = there.tobytes()
         found = self._maps.get(key)
         if found is None:
-            count = len(there)
-            x, y, one = self._place[:, 0], self._place[:, 1], np.ones(count)
+            count, speak = len(there), int(there.sum())
+            place = self._place - self._place[there].mean(axis=0)
             found = np.zeros((3, count, count))
-            for axis, columns in enumerate(([one, y], [one, x], [one, x, y])):
-                design = np.column_stack(columns)
-                found[axis][:, there] = design @ np.linalg.pinv(design[there], rcond=1e-3)
+            for axis, columns in enumerate(([1], [0], [0, 1])):
+                slopes = np.linalg.pinv(place[there][:, columns], rcond=1e-3)
+                found[axis][:, there] = 1.0 / speak + place[:, columns] @ (slopes - slopes.mean(axis=1, keepdims=True))
             self._maps[key] = found
         return found
 
@@ -90,6 +96,10 @@ class BaseFill:
             filled_ok[lost, m] = True
             self._doubt[m] = 1.0
         return filled, filled_ok
+
+    def doubt(self) -> None:
+        """Say that the base motion of any mount may be wrong."""
+        self._doubt[:] = _WRONG
 
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""

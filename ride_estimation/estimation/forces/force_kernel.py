@@ -93,8 +93,8 @@ def follow_scaled(signals: Array, scale: Array, gain: float, square: Array) -> N
 
 @compile_kernel
 def balanced_forces(
-    tension: Array, turn: Array, follow: float, static: Array, support: Array, wrench: Array, gain: Array, gain_slow: Array,
-    share: float, slow: Array, square: Array, missing: Array, force: Array,
+    tension: Array, turn: Array, follow: float, static: Array, support: Array, told: BoolArray, wrench: Array, gain: Array,
+    gain_slow: Array, share: float, slow: Array, square: Array, missing: Array, force: Array,
 ) -> None:  # fmt: skip
     """Correct the forces of the mount law by equilibrium.
 
@@ -108,6 +108,8 @@ def balanced_forces(
         Static force on the body, shape (M, 3) [N].
     support
         Wrench the mounts together carry, shape (K, 6).
+    told
+        Whether the wrench is more than a guess, shape (K,); forces stay those of the law and of the slow residual where not.
     wrench
         Wrench of unit forces, shape (6, 3 M).
     gain, gain_slow
@@ -140,6 +142,9 @@ def balanced_forces(
                 for r in range(6):
                     missing[k, r] -= wrench[r, 3 * i + a] * force[k, i, a]
         for r in range(6):
+            if not told[k]:
+                missing[k, r], fast[r] = 0.0, 0.0
+                continue
             square[r] += missing[k, r] * missing[k, r]
             slow[r] += share * (missing[k, r] - slow[r])
             fast[r] = missing[k, r] - slow[r]

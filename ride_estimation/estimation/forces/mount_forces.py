@@ -20,7 +20,7 @@ from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
-from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
+from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, Equilibrium
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.frames import AXES
 
@@ -207,7 +207,13 @@ class MountForceEstimator:
         self._open_share = np.eye(3 * self._count) - share_by_stiffness(self._g, vertical) @ self._g
 
     def observe(
-        self, deflection: DeflectionBlock, support: Array, load_covariance: Array, turn_rate: Array, dt: float
+        self,
+        deflection: DeflectionBlock,
+        support: Array,
+        told: NDArray[np.bool_],
+        load_covariance: Array,
+        turn_rate: Array,
+        dt: float,
     ) -> ForceBlock:
         """Estimate the forces at the ticks of a block.
 
@@ -217,6 +223,8 @@ class MountForceEstimator:
             From the deflection estimator, cab axes.
         support
             Wrench the mounts together carry, shape (K, 6) [N, N m].
+        told
+            Whether it is more than a guess, shape (K,).
         load_covariance
             Of the wrench for the given mass, shape (6, 6).
         turn_rate
@@ -230,15 +238,16 @@ class MountForceEstimator:
         turned_motion(value, rate, deflection.turn, turn_rate, self.follow, self.known, x, v)
         tension = self.law.tension(x, v, dt)
         static_force = self.static_force
-        self._watch(x, v, support, dt)
+        if told.all():
+            self._watch(x, v, support, dt)
         if self._time >= self._until:
             self._update_gains(deflection, load_covariance)
         force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
         balanced_forces(
-            tension, deflection.turn, self.follow, static_force, support, self.arrangement.wrench, self._gain, self._gain_slow,
-            1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
+            tension, deflection.turn, self.follow, static_force, support, told, self.arrangement.wrench, self._gain,
+            self._gain_slow, 1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
         )  # fmt: skip
-        self._count_square += ticks
+        self._count_square += int(np.count_nonzero(told))
         std, spread = np.broadcast_to(self._std[:, None], (3, ticks, count, 3)), deflection.std
         if not self._all_known:
             x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
@@ -280,15 +289,17 @@ class MountForceEstimator:
             self._shared = support, self._gain_slow, self.mass, found
         return found
 
-    def missing_deflection(self) -> Array | None:
-        """Return the rigid deflection that equilibrium asked for beyond the estimated one in the last block, shape (M, 3) [m].
+    def equilibrium(self, support: Array) -> Equilibrium | None:
+        """Return what equilibrium says of the rigid deflections for the wrench the mounts carry, shape (K, 6).
 
         None where not every mount has a deflection from sensors: what the others carry is not known there.
         """
         if not (self._all_known and len(self.missing)):
             return None
+        stiffness = self._stiffness.reshape(self._count, 3)
         force = self._gain_slow @ self.missing.mean(axis=0)
-        return np.asarray(-(force / self._stiffness).reshape(self._count, 3))
+        missing = np.asarray(-(force / self._stiffness).reshape(self._count, 3))
+        return Equilibrium(-self.shared(support) / stiffness, self.law.damping / stiffness, missing)
 
     def _judge(self) -> None:
         """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.

@@ -138,20 +138,25 @@ def take_readings(base: Array, body: Array, fit: Array, slopes: Array, horizonta
 
 
 @compile_kernel
-def integrate_slope(slopes: Array, corner: float, memory: float, dt: float, state: Array, angle: Array, rate: Array) -> None:
+def integrate_slope(
+    slopes: Array, told: BoolArray, corner: float, memory: float, dt: float, state: Array, angle: Array, rate: Array
+) -> None:
     """Integrate angular accelerations (K, 2) twice without their running mean, leaking at ``corner`` [rad/s].
 
-    ``state`` (2, 4): mean over ``memory`` [s], rate, angle, age; in place. ``angle``, ``rate`` (K, 2) out.
+    They count as their mean where nothing tells them, ``told`` (K,). ``state`` (2, 4): mean over ``memory`` [s], rate, angle,
+    age; in place. ``angle``, ``rate`` (K, 2) out.
     """
     leak = np.exp(-corner * dt)
     for n in range(len(slopes)):
         for i in range(2):
-            state[i, 3] += dt
-            state[i, 0] += min(1.0, dt / min(memory, state[i, 3])) * (slopes[n, i] - state[i, 0])
+            if told[n]:
+                state[i, 3] += dt
+                state[i, 0] += min(1.0, dt / min(memory, state[i, 3])) * (slopes[n, i] - state[i, 0])
+            push = slopes[n, i] - state[i, 0] if told[n] else 0.0
             # leap frog: the rate is kept half a tick late
             early = state[i, 1]
             state[i, 2] = leak * state[i, 2] + dt * early
-            state[i, 1] = leak * early + dt * (slopes[n, i] - state[i, 0])
+            state[i, 1] = leak * early + dt * push
             angle[n, i] = state[i, 2]
             rate[n, i] = 0.5 * (early + state[i, 1]) - corner * state[i, 2]
 
@@ -237,7 +242,8 @@ class BracketTilt:
             slopes - self._offset[:_SLOPES], horizontal - self._offset[_SLOPES:], ok,
             2.0 * np.pi * _BAND[0], 2.0 * np.pi * _BAND[1], dt, self._state, moments,
         )  # fmt: skip
-        self._started += added * dt
+        # what was before a gap and what comes after it do not fit together: the filters need their time again
+        self._started = self._started + added * dt if added == len(base) else 0.0
         if self._started < _SETTLED or not np.isfinite(moments).all():
             return False
         # per second, so that the answer does not depend on the tick
@@ -248,13 +254,15 @@ class BracketTilt:
         self._next = self._time + _EVERY
         return self._learn()
 
-    def swing(self, base: Array, dt: float) -> tuple[Array, Array]:
+    def swing(self, base: Array, told: BoolArray, dt: float) -> tuple[Array, Array]:
         """Return the rotation of the frame that its brackets do not make, and its rate, shape (K, 3) each [rad, rad/s].
 
         Parameters
         ----------
         base
             Specific force of the brackets, shape (K, M, 3).
+        told
+            Whether all of them were measured, shape (K,).
         dt
             Tick [s].
         """
@@ -266,7 +274,7 @@ class BracketTilt:
         corner = (self._slope_variance * dt / (4.0 * _ANGLE_NOISE**2)) ** (1.0 / 3.0)
         corner = min(max(corner, 2.0 * np.pi * _CORNERS[0]), 2.0 * np.pi * _CORNERS[1])
         whole, whole_rate = np.empty_like(plane), np.empty_like(plane)
-        integrate_slope(plane, corner, _MEMORY, dt, self._angle, whole, whole_rate)
+        integrate_slope(plane, told, corner, _MEMORY, dt, self._angle, whole, whole_rate)
         if not (self.levelled.any() or self._applied.any()):
             return angle, rate
         fade = np.exp(-dt / _FADE * np.arange(1, len(base) + 1))[:, None]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.kinematics.deflection_kernel import deflection_block
 from ride_estimation.estimation.motion.cg_motion import MotionBlock
-from ride_estimation.estimation.motion.motion_kernel import deflection_block
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.frames import AXES
 
@@ -38,6 +38,30 @@ _RENEWAL = 0.05
 _MARGIN = np.array([0.2, 0.2, 0.05])
 #: smallest deflection assumed [m]
 _LEAST = np.array([1e-4, 1e-4, 2e-4])
+#: largest deflection of a mount [m]: no suspension of a cab, seat or axle travels a metre
+LARGEST_TRAVEL = 1.0
+#: corner of the filter times how late the equilibrium of the last block is, up to which it may be fed back: the loop stays stable
+#: to three times that for any ratio of damping to stiffness, and for a law twice as stiff as its tangent
+_FED_BACK = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Equilibrium:
+    """What the forces on the body say of rigid deflections.
+
+    Attributes
+    ----------
+    now
+        Deflection plus ``lag`` times its rate that spring and damper of every mount need for its share, shape (K, M, 3) [m].
+    lag
+        Damping over stiffness, shape (M, 3) [s].
+    missing
+        Deflection that the whole mount law asked for beyond the estimated one in the last block, shape (M, 3) [m].
+    """
+
+    now: Array
+    lag: Array
+    missing: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,18 +131,19 @@ class DeflectionEstimator:
         self._mean_square = np.tile(_DEFLECTION_STD**2, (m, 1))
         self._started = False
         self._lasting = LastingAcceleration()
-        self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 4))
+        self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 5))
 
     def observe(
         self,
         motion: MotionBlock,
         base: Array,
         base_ok: BoolArray,
+        measured: BoolArray,
         displaced: Array,
         displaced_ok: BoolArray,
         expected_square: Array,
         dt: float,
-        missing: Array | None = None,
+        equilibrium: Equilibrium | None = None,
     ) -> DeflectionBlock:
         """Integrate over the ticks of a block.
 
@@ -127,15 +152,16 @@ class DeflectionEstimator:
         motion
             CG motion at the ticks.
         base, base_ok
-            Specific force of the brackets in bracket axes (K, M, 3), finite; which spoke (K, M).
+            Specific force of the brackets in bracket axes (K, M, 3), finite; which spoke or could be made up for (K, M).
+        measured
+            Whether all of them spoke, shape (K,).
         displaced, displaced_ok
             Transducers (K, M, 3); which spoke.
         expected_square
             Mean squared deflection that the forces on the body and the stiffness let expect, shape (M, 3): it cannot drift.
         dt
             Tick [s].
-        missing
-            Rigid deflection that equilibrium asked for beyond the estimated one in the last block, shape (M, 3) [m];
+        equilibrium
             None where it tells nothing.
         """
         ticks = len(base)
@@ -145,23 +171,36 @@ class DeflectionEstimator:
             self._begin(motion, base)
             self._mean_square = _MARGIN * expected_square
         self._lasting.observe(motion.motion[:, :3], ticks * dt)
-        swing, swing_rate = self._tilting.swing(base, dt)
+        swing, swing_rate = self._tilting.swing(base, measured, dt)
         noise = self._noise_now(motion.covariance, ticks, dt)
-        # rigid motion is drawn to where equilibrium has it, deformation of the frame to nothing
-        target = np.zeros((self._count, 3))
-        if missing is not None:
-            target = (self._rigid @ self._state[0].ravel()).reshape(self._count, 3) + missing
-        drawn = np.where(self.has_transducer, displaced, target)
-        drawn_variance = np.where(self.has_transducer, self._transducer_variance, noise[:, :, 2])
+        drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base].all()), ticks, dt)
         deflection_block(
-            motion.motion, motion.rate, np.ascontiguousarray(base), base_ok, self.arrangement.arms, self._tilting.maps,
-            swing, self.arrangement.vehicle.gravity, dt, self._state,
-            self._p, noise, drawn, displaced_ok | ~self.has_transducer, drawn_variance,
+            motion.motion, motion.rate, motion.valid, np.ascontiguousarray(base), base_ok, self.arrangement.arms,
+            self._tilting.maps, swing, self.arrangement.vehicle.gravity, dt, self._state, self._p, noise,
+            displaced, displaced_ok, self._transducer_variance, drawn, lag, LARGEST_TRAVEL,
             deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
         return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
+
+    def _drawn(
+        self, equilibrium: Equilibrium | None, noise: Array, whole: bool, ticks: int, dt: float
+    ) -> tuple[Array, Array]:
+        """Return what deflections are drawn to (K, M, 3) and its lag (M, 3): rigid motion to equilibrium, deformation to nothing.
+
+        The whole law is known to the residual of the last block only, and feeding that back makes a loop: it grows, faster and
+        faster, where the filter follows quicker than a block, as it does while bases or the body are silent. Then spring and
+        damper stand for the law, at once and without feedback.
+        """
+        lag = np.zeros((self._count, 3))
+        if equilibrium is None:
+            return np.zeros((ticks, self._count, 3)), lag
+        late = ticks * dt + equilibrium.lag
+        if whole and bool((noise[:, :, 0] * late**4 <= _FED_BACK**4 * noise[:, :, 2]).all()):
+            target = (self._rigid @ self._state[0].ravel()).reshape(self._count, 3) + equilibrium.missing
+            return np.ascontiguousarray(np.broadcast_to(target, (ticks, self._count, 3))), lag
+        return np.ascontiguousarray(equilibrium.now), equilibrium.lag
 
     def _follow_size(self, square: Array, duration: float) -> None:
         """Follow the mean squared deflection, quickly up and slowly down: at rest the deflection is known to be small."""
@@ -189,8 +228,8 @@ class DeflectionEstimator:
         return self._held_noise
 
     def _noise(self, covariance: Array, dt: float) -> Array:
-        """Return acceleration variance, bias density, pseudo variance and variance without base sensor, shape (M, 3, 4)."""
-        noise = np.empty((self._count, 3, 4))
+        """Return the noise that :func:`deflection_block` takes, shape (M, 3, 5)."""
+        noise = np.empty((self._count, 3, 5))
         for a in range(3):
             noise[:, a, 0] = self._base_variance + covariance[a, a]
         noise[:, :, 1] = _BIAS_DENSITY
@@ -208,6 +247,8 @@ class DeflectionEstimator:
             noise[:, a, 0] += gravity**2 * tilt_variance * 2.0 / (corner * dt)
         # white in continuous time, so that the answer does not depend on the tick
         noise[:, :, 3] = _UNKNOWN_RELATIVE**2 * 0.002 / dt
+        # nothing tells the deflection then: it is as large as usual
+        noise[:, :, 4] = noise[:, :, 2] / _MARGIN
         return noise
 
     def save(self) -> dict[str, Any]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.arrangement import channel_geometry
 from ride_estimation.estimation.common.block_math import stretches
 from ride_estimation.estimation.common.settings import PipelineSettings
@@ -55,40 +54,15 @@ _TEST_MEMORY, _HOLD = 60.0, 0.5
 _LEAST_SUMS, _ACROSS = 50.0, 0.1
 #: time after which a sensor that does not speak or is refused counts as left out [s]
 _LEFT_OUT = 2.0
+#: time in which attitude and rates are lost while the sensors that speak do not determine the motion [s]: a quarter of the period
+#: of a cab that rolls or pitches
+_COASTS = 0.2
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
 _CENTRIPETAL = 0.08
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 #: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
 _LASTING = 10.0
-
-
-def b_matrix(sensors: Sequence[tuple[Array, str]]) -> Array:
-    """Return B of document 000 eq. (3): rows ``[e, r x e]`` of single channels, shape (C, 6).
-
-    Parameters
-    ----------
-    sensors
-        Per channel the place relative to the CG [m] and the axis ``x``, ``y`` or ``z``.
-
-    Raises
-    ------
-    ConfigurationError
-        Six channels that do not determine the six accelerations (document 000: three sensors on one line in plan, or
-        sensors 2 and 3 with equal x).
-    """
-    rows = []
-    for place, axis in sensors:
-        e = np.eye(3)["xyz".index(axis)]
-        rows.append(np.concatenate([e, np.cross(np.asarray(place, dtype=float), e)]))
-    matrix = np.array(rows)
-    singular = np.linalg.svd(matrix, compute_uv=False)
-    if len(matrix) < 6 or singular[-1] < 1e-9 * singular[0]:
-        raise ConfigurationError(
-            f"{len(matrix)} channels of rank {int(np.sum(singular > 1e-9 * singular[0]))} do not determine the six "
-            "accelerations of a body; place three triaxial sensors off one line", where="sensor layout",
-        )  # fmt: skip
-    return matrix
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,15 +159,18 @@ class CgMotionEstimator:
         self._last_gyro: Array | None = None
         #: residuals while the angular rate is not known yet
         self._early = ResidualSums.empty(3 * len(self.sensors))
-        self._last_good, self._slow = np.zeros(6), np.zeros(4)
+        self._last_good, self._slow = np.array([0.0, 0.0, self._gravity, 0.0, 0.0, 0.0]), np.zeros(4)
         s, self._lasting = self._settings, LastingAcceleration()
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def _begin_attitude(self) -> None:
         """Begin attitude and rates anew from the next specific force."""
         self._state, self._rate_known, self._rate_variance = np.zeros((5, 3)), False, np.zeros(3)
-        self._p_tilt = np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
-        self._p_yaw = self._p_tilt.copy()
+        self._p_tilt, self._p_yaw = self._first_covariance(), self._first_covariance()
+
+    def _first_covariance(self) -> Array:
+        """Return the covariance of angle, rate and bias of an attitude that nothing is known of yet."""
+        return np.diag([0.1**2, 0.0, _GYRO_BIAS**2] if self._gyro_fit.any() else [0.1**2, 0.2**2, _ALPHA_BIAS**2])
 
     def set_variance(self, sensor: int, variance: Array) -> None:
         """Use the variance that the messages of a sensor state [(m/s^2)^2], shape (3,)."""
@@ -202,15 +179,16 @@ class CgMotionEstimator:
             self._cache.clear()
             self._faults.set_variance(self.variance)
 
-    def leave_out_gyro(self, gyro: int) -> None:
+    def leave_out_gyros(self, gyros: Iterable[int]) -> None:
         """Take angular rates from the other gyros or else from the accelerometers; attitude and rates begin anew."""
-        self._gyro_fit[gyro] = False
-        self._cache.clear()
-        points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
-        self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
-        self._faults.set_variance(self.variance)
-        self._sums = ResidualSums.empty(3 * len(self.sensors))
-        self.reset()
+        for gyro in gyros:
+            self._gyro_fit[gyro] = False
+            self._cache.clear()
+            points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
+            self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
+            self._faults.set_variance(self.variance)
+            self._sums = ResidualSums.empty(3 * len(self.sensors))
+            self.reset()
 
     def weights(self, mask: BoolArray, dt: float) -> Weights:
         """Return the least squares for the channels that speak.
@@ -292,10 +270,9 @@ class CgMotionEstimator:
         """Estimate over ticks with the same channels; write into ``out`` and return the covariance."""
         weights = self.weights(mask, dt)
         needed = self._needed
-        if weights.rank == 0:
-            out.motion[where] = self._last_good
-            out.tilt[where] = self._state[0]
-            out.valid[where] = False
+        if weights.rank < self._determined(dt):
+            out.motion[where], out.tilt[where], out.valid[where] = self._last_good, self._state[0], False
+            self._coast(len(y) * dt)
             self._faults.interrupt()
             return weights.covariance
         gyro_mask = mask[list(self.gyros)] & self._gyro_fit if self.gyros else np.zeros(0, dtype=bool)
@@ -342,6 +319,24 @@ class CgMotionEstimator:
         else:
             self._faults.interrupt()
         return weights.covariance + self._rate_doubt(weights, rate, use_gyro)
+
+    def _determined(self, dt: float) -> int:
+        """Return the rank from which on the motion is no guess: that of all coordinates, or of all sensors where it is less."""
+        return min(self._needed, max(self.weights(np.ones(len(self.sensors), dtype=bool), dt).rank, 1))
+
+    def _coast(self, duration: float) -> None:
+        """Let attitude and rates go on without sensors: a body on mounts comes to rest, and what was known of it is lost.
+
+        A centripetal term of a guessed rate would feed the guess of the next.
+        """
+        left = math.exp(-duration / _COASTS)
+        p_tilt, p_yaw = self._first_covariance(), self._first_covariance()
+        for own, first in ((self._p_tilt, p_tilt), (self._p_yaw, p_yaw)):
+            first[2, 2] = own[2, 2]  # biases do not move
+            own[:] = left * own + (1.0 - left) * first
+        self._state[1] *= left
+        self._state[3] = self._state[2] if not self._gyro_fit.any() else 0.0
+        self._last_gyro = None
 
     def _tells(self, mask: BoolArray, duration: float) -> bool:
         """Return whether the residuals of a set of sensors say something: all of them, or since long the same ones."""

@@ -25,9 +25,9 @@ from ride_estimation.estimation.forces.mount_forces import ForceBlock, MountForc
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
+from ride_estimation.estimation.kinematics.deflection_kernel import LARGEST_TURN
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.estimation.motion.loads import InertialLoads
-from ride_estimation.estimation.motion.motion_kernel import LARGEST_TURN
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
 from ride_estimation.estimation.smoothing.smoothed_deflection import DeflectionSmoother, SmoothedDeflection
@@ -343,7 +343,8 @@ class _Stretch:
             value.reshape(shape), rate.reshape(shape), value.reshape(shape), turn, swing, swing_rate, spread, rate_spread,
             value.reshape(shape),
         )  # fmt: skip
-        return forces.observe(block, self._support(piece.model, model, at), piece.load_covariance, turn_rate, self._dt)
+        told = np.ones(len(value), dtype=bool)
+        return forces.observe(block, self._support(piece.model, model, at), told, piece.load_covariance, turn_rate, self._dt)
 
     def _support(self, then: ForceModel, now: ForceModel, at: slice) -> Array:
         """Return the wrench the mounts carry with mass and inertia known later."""

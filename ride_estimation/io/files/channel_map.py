@@ -4,7 +4,7 @@
 A map is a YAML file::
 
     schema: ride_estimation/channels/1
-    time: {channel: Time, rate_hz: 500}        # only for files that do not know their time
+    time: {channel: Time_1, unit: ms}          # where the file does not say it; {rate_hz: 500}: a file without time
     channels:
       cab_front_left.x: AccFL_X                # unit as the file states it
       cab_front_left.y: {channel: AccFL_Y, unit: g, factor: -1.0}
@@ -23,7 +23,7 @@ from typing import Any
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES
 from ride_estimation.io.document import Section, read_yaml, shown
-from ride_estimation.io.files.channels import unit_factor
+from ride_estimation.io.files.channels import TIME_UNITS, TimeSource, unit_factor
 from ride_estimation.sensors.sensor import Sensor
 
 SCHEMA = "ride_estimation/channels/1"
@@ -59,8 +59,7 @@ class ChannelMap:
     """Sources by component name, and the time of files that do not know theirs."""
 
     sources: Mapping[str, Source]
-    time_channel: str = ""
-    rate_hz: float = 0.0
+    time: TimeSource = dataclasses.field(default_factory=TimeSource)
 
 
 def components(sensor: Sensor) -> tuple[tuple[str, str], ...]:
@@ -96,7 +95,8 @@ def load_channel_map(path: Path, sensors: Mapping[str, Sensor]) -> ChannelMap:
     top = Section(read_yaml(path), "", problems)
     top.text("schema", None, allowed=(SCHEMA,), meaning=f"must be {SCHEMA}")
     time = Section(top.raw("time") or {}, "time", problems)
-    time_channel, rate = time.text("channel", "") or "", time.number("rate", "Hz", lower=1e-3, upper=1e6)
+    unit = time.text("unit", "", allowed=TIME_UNITS) or ""
+    source_of_time = TimeSource(time.text("channel", "") or "", unit, time.plain("rate_hz", lower=1e-3, upper=1e6) or 0.0)
     time.finish()
     entries = top.raw("channels")
     top.finish()
@@ -119,7 +119,7 @@ def load_channel_map(path: Path, sensors: Mapping[str, Sensor]) -> ChannelMap:
             problems.append(f"channels: {', '.join(missing)} missing; sensor {sensor.name!r} needs all of its components")
     if problems:
         raise ConfigurationError(problems, where=str(path))
-    return ChannelMap(sources, time_channel, rate or 0.0)
+    return ChannelMap(sources, source_of_time)
 
 
 def _source(name: str, entry: Any, unit: str, problems: list[str]) -> Source | None:

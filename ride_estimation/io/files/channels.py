@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,33 @@ Array = NDArray[np.float64]
 
 #: stamp of the first sample where a file does not say when it was recorded [ns]; zero would count as "no stamp"
 UNKNOWN_START_NS = 1_000_000_000
+#: latest start of a file that is believed [ns]: the year 2096
+LATEST_START_NS = 4 * 10**18
 #: other spellings of the units of the package, lower case
 _ALIASES = {
     "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "m/s**2": "m/s^2", "ms-2": "m/s^2", "gn": "g", "g0": "g",
     "°/s": "deg/s", "dps": "deg/s", "°": "deg", "kph": "km/h", "kmh": "km/h", "sec": "s", "seconds": "s", "newton": "N",
     "bar(g)": "bar",
 }  # fmt: skip
-_TIME_NAMES = ("time", "t", "timestamp", "time_s", "stamp", "zeit", "timestamps")
-_TIME_FACTORS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+#: units that files write and keys of this package do not have, lower case -> (SI unit, factor)
+_OF_FILES = {
+    "mg": ("m/s^2", 9.80665e-3), "milli-g": ("m/s^2", 9.80665e-3), "cm/s^2": ("m/s^2", 0.01), "mm/s^2": ("m/s^2", 1e-3),
+    "in/s^2": ("m/s^2", 0.0254), "ft/s^2": ("m/s^2", 0.3048), "cm": ("m", 0.01), "um": ("m", 1e-6), "µm": ("m", 1e-6),
+    "in": ("m", 0.0254), "inch": ("m", 0.0254), "ft": ("m", 0.3048), "mph": ("m/s", 0.44704), "ft/s": ("m/s", 0.3048),
+    "lbf": ("N", 4.4482216152605), "kip": ("N", 4448.2216152605), "kips": ("N", 4448.2216152605), "kgf": ("N", 9.80665),
+    "dan": ("N", 10.0), "psi": ("Pa", 6894.757293168), "kpa": ("Pa", 1e3), "mpa": ("Pa", 1e6), "mbar": ("Pa", 100.0),
+    "mv": ("V", 1e-3), "v": ("V", 1.0),
+}  # fmt: skip
+_TIME_NAMES = ("time", "t", "timestamp", "stamp", "zeit", "timestamps", "x_value")
+_TIME_FACTORS = {
+    "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+}  # fmt: skip
+#: largest time of a sample [s]: a century from the start of the file or from 1970; more does not fit a clock in nanoseconds
+_LONGEST_S = 3.2e9
+#: units a time may be in
+TIME_UNITS = tuple(unit for unit in _TIME_FACTORS if unit)
+#: share of the steps between stamps that may be zero because the file rounds them
+_MOST_ROUNDED = 0.9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,11 +80,33 @@ class MeasurementFile:
         Unix time of ``time_s`` zero [ns], :data:`UNKNOWN_START_NS` where the file does not tell.
     channels
         In the order of the file.
+    unreadable
+        Columns that hold no numbers: name -> what stands there.
     """
 
     name: str
     start_ns: int
     channels: tuple[FileChannel, ...]
+    unreadable: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class TimeSource:
+    """Where the time of a table comes from.
+
+    Attributes
+    ----------
+    channel
+        Its column; empty: the one called time, t, timestamp, ...
+    unit
+        Of that column; empty: as its heading says, seconds where that says nothing.
+    rate_hz
+        Samples per second of a table without time, zero where there is one.
+    """
+
+    channel: str = ""
+    unit: str = ""
+    rate_hz: float = 0.0
 
 
 def unit_factor(unit: str) -> tuple[str, float] | None:
@@ -76,11 +118,18 @@ def unit_factor(unit: str) -> tuple[str, float] | None:
     ('m/s^2', 1.0)
     """
     plain = unit.strip().strip("[]()").strip()
+    if plain.lower() in _OF_FILES:
+        return _OF_FILES[plain.lower()]
     printed = _ALIASES.get(plain.lower(), plain)
     for known, factor in SUFFIXES.values():
         if known == printed or known.lower() == printed.lower():
             return si_unit(known), factor
     return None
+
+
+def not_read(unreadable: Mapping[str, str]) -> str:
+    """Return the end of a sentence that names columns without numbers, nothing where there are none."""
+    return "; not read: " + "; ".join(f"column {name}, {why}" for name, why in unreadable.items()) if unreadable else ""
 
 
 def split_heading(heading: str) -> tuple[str, str]:
@@ -94,7 +143,7 @@ def split_heading(heading: str) -> tuple[str, str]:
 
 
 def table_channels(
-    path: Path, headings: list[tuple[str, str]], columns: list[Array], time_name: str = "", rate_hz: float = 0.0
+    path: Path, headings: list[tuple[str, str]], columns: list[Array], time: TimeSource
 ) -> tuple[FileChannel, ...]:
     """Return the channels of a table whose columns share one time base.
 
@@ -106,38 +155,107 @@ def table_channels(
         (name, unit) per column.
     columns
         Shape (N,) each.
-    time_name
-        Column with the time; by default the first one called time, t, timestamp, ...
-    rate_hz
-        Samples per second of a table without time column.
+    time
+        Where the time comes from.
 
     Raises
     ------
     InputDataError
-        No time, or a time that does not rise.
+        No time, a time that does not rise, or several clocks.
     """
     names = [name for name, _ in headings]
-    wanted = [n for n in names if n == time_name] if time_name else [n for n in names if n.lower() in _TIME_NAMES]
-    if not wanted and time_name:
-        raise InputDataError(f"{path}: no column {time_name!r} for the time; it has {', '.join(names)}")
-    if wanted:
-        place = names.index(wanted[0])
-        unit = headings[place][1]
-        if unit not in _TIME_FACTORS:
-            raise InputDataError(f"{path}: the time {wanted[0]!r} is in {unit!r}; allowed: s, ms, us, ns")
-        time = columns[place] * _TIME_FACTORS[unit]
-    elif rate_hz > 0.0:
-        place, time = -1, np.arange(len(columns[0])) / rate_hz
+    if time.channel:
+        found = [i for i, name in enumerate(names) if name == time.channel]
+    else:
+        found = [i for i, heading in enumerate(headings) if _time_unit(*heading) is not None]
+    if not found and time.channel:
+        raise InputDataError(f"{path}: no column {time.channel!r} for the time; it has {', '.join(names)}")
+    if found:
+        place = found[0]
+        seconds = _seconds(path, headings[place], columns[place], time.unit)
+        _check_one_clock(path, headings, columns, found)
+    elif time.rate_hz > 0.0:
+        place, seconds = -1, np.arange(len(columns[0])) / time.rate_hz
     else:
         raise InputDataError(
             f"{path}: no time column (called {', '.join(_TIME_NAMES[:3])}); name it in the channel map (time: {{channel: ...}}) "
             f"or give rate_hz there. Columns: {', '.join(names)}"
         )
-    check_time(path, wanted[0] if wanted else "time", time)
+    name = names[place] if found else "time"
+    check_time(path, name, seconds)
     return tuple(
-        FileChannel(name, unit, time, values)
+        FileChannel(name, unit, seconds, values)
         for i, ((name, unit), values) in enumerate(zip(headings, columns, strict=True)) if i != place
     )  # fmt: skip
+
+
+def _time_unit(name: str, unit: str) -> str | None:
+    """Return the unit of a column that by its name is a time (``Time``, ``time_ms``, ``t [us]``), None for another column."""
+    plain = name.strip().lower()
+    if plain in _TIME_NAMES:
+        return unit.strip().lower()
+    base, _, suffix = plain.replace(" ", "_").rpartition("_")
+    return suffix if base in _TIME_NAMES and suffix in _TIME_FACTORS and unit.strip().lower() in ("", suffix) else None
+
+
+def _seconds(path: Path, heading: tuple[str, str], values: Array, said: str) -> Array:
+    """Return a time column in seconds; equal stamps of an even clock that the file rounds are spread out again."""
+    name, given = heading
+    unit = said or _time_unit(name, given) or given.strip().lower()
+    if unit not in _TIME_FACTORS:
+        allowed = ", ".join(TIME_UNITS)
+        raise InputDataError(f"{path}: the time {name!r} is in {unit!r}; allowed: {allowed} (channel map, time: {{unit: ...}})")
+    seconds = values * _TIME_FACTORS[unit]
+    steps = np.diff(seconds)
+    equal = steps == 0.0
+    if len(seconds) < 3 or not np.all(steps >= 0.0) or not equal.any() or np.mean(equal) > _MOST_ROUNDED:
+        return seconds
+    number = np.arange(len(seconds), dtype=np.float64)
+    even = np.polynomial.Polynomial.fit(number, seconds, 1)(number)
+    resolution = float(steps[~equal].min())
+    # an even clock is never farther from its rounded stamps than one step of the rounding
+    return even if np.max(np.abs(even - seconds)) <= resolution else seconds
+
+
+def _check_one_clock(path: Path, headings: list[tuple[str, str]], columns: list[Array], found: list[int]) -> None:
+    """Refuse a table whose columns belong to several clocks: other time columns run differently, or the time ends early."""
+    first = columns[found[0]]
+    there = int(np.sum(np.isfinite(first)))
+    what = f"{path}: two clocks in one table"
+    todo = "make a file of each, with its own columns"
+    for place in found[1:]:
+        both = np.isfinite(first) & np.isfinite(columns[place])
+        if int(np.sum(both)) != there or not _same_clock(first[both], columns[place][both]):
+            raise InputDataError(f"{what} ({headings[found[0]][0]!r}, {headings[place][0]!r}); {todo}")
+    longest = max(int(np.sum(np.isfinite(column))) for column in columns)
+    if 2 <= there < longest and np.all(np.isfinite(first[:there])):
+        raise InputDataError(
+            f"{what}: the time {headings[found[0]][0]!r} has {there} values, other columns have {longest}; {todo}"
+        )
+
+
+def _same_clock(first: Array, second: Array) -> bool:
+    """Return whether two time columns are one clock in units a thousand apart, from any beginning."""
+    passed, other = first - first[:1], second - second[:1]
+    if len(passed) < 2 or passed[-1] <= 0.0 or other[-1] <= 0.0:
+        return False
+    ratio = other[-1] / passed[-1]
+    thousands = np.log10(ratio) / 3.0
+    apart = float(np.max(np.abs(other / ratio - passed)))
+    return bool(abs(thousands - round(thousands)) < 2e-3 and apart < 0.01 * passed[-1])
+
+
+def even_time(path: Path, name: str, start: float, step: float, count: int) -> Array:
+    """Return the time of evenly sampled values [s].
+
+    Raises
+    ------
+    InputDataError
+        A start or step that no clock has.
+    """
+    if not (abs(start) <= _LONGEST_S and step > 0.0 and step * count <= _LONGEST_S):
+        raise InputDataError(f"{path}: {name!r} begins at {start:g} s with a step of {step:g} s, {count} samples: no time base")
+    return np.asarray(start + step * np.arange(count), dtype=np.float64)
 
 
 def check_time(path: Path, name: str, time: Array) -> None:
@@ -146,14 +264,24 @@ def check_time(path: Path, name: str, time: Array) -> None:
     Raises
     ------
     InputDataError
-        Fewer than two samples, not finite, or not rising.
+        See :func:`no_time`.
     """
+    reason = no_time(time)
+    if reason:
+        raise InputDataError(f"{path}: {name!r}: {reason}")
+
+
+def no_time(time: Array) -> str:
+    """Return why a time base [s] cannot be one, nothing where it can: too short, not finite, beyond a century, not rising."""
     if len(time) < 2:
-        raise InputDataError(f"{path}: {name!r} has {len(time)} samples; at least two are needed")
+        return f"{len(time)} samples; at least two are needed"
     if not np.all(np.isfinite(time)):
-        raise InputDataError(f"{path}: {name!r}: sample {int(np.argmin(np.isfinite(time)))} of the time is not finite")
+        return f"sample {int(np.argmin(np.isfinite(time)))} of the time is not finite"
+    if np.max(np.abs(time)) > _LONGEST_S:
+        return f"the time reaches {np.max(np.abs(time)):.3g} s, more than a century: it is in another unit"
     if np.any(np.diff(time) <= 0.0):
-        raise InputDataError(f"{path}: {name!r}: the time does not rise at sample {int(np.argmax(np.diff(time) <= 0.0)) + 1}")
+        return f"the time does not rise at sample {int(np.argmax(np.diff(time) <= 0.0)) + 1}"
+    return ""
 
 
 def require(module: str, what: str) -> Any:

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.io.files.channel_map import ChannelMap, components
-from ride_estimation.io.files.channels import FileChannel, MeasurementFile, unit_factor
+from ride_estimation.io.files.channels import (
+    LATEST_START_NS,
+    UNKNOWN_START_NS,
+    FileChannel,
+    MeasurementFile,
+    no_time,
+    unit_factor,
+)
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Channel, Recording
@@ -52,6 +59,7 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
     by_name: dict[str, list[FileChannel]] = {}
     for channel in file.channels:
         by_name.setdefault(channel.name, []).append(channel)
+    start_ns = file.start_ns if 0 < file.start_ns < LATEST_START_NS else UNKNOWN_START_NS
     problems: list[str] = []
     ignored: Counter[str] = Counter()
     found: dict[str, Channel] = {}
@@ -61,13 +69,16 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
         if not wanted:
             continue
         names = [channels.sources[name].channel for name, _ in wanted]
+        problems += [f"{sensor.name}: column {name}, {file.unreadable[name]}" for name in names if name in file.unreadable]
+        if any(name in file.unreadable for name in names):
+            continue
         if not any(name in by_name for name in names):
             problems.append(f"{sensor.name}: the file has no channel {', '.join(repr(n) for n in names)}")
             continue
         parts = [_component(name, unit, channels, by_name, problems) for name, unit in wanted]
         used.update(names)
         if all(part is not None for part in parts):
-            channel_ = _sensor_channel(sensor, [p for p in parts if p is not None], file.start_ns, ignored, problems)
+            channel_ = _sensor_channel(sensor, [p for p in parts if p is not None], start_ns, ignored, problems)
             if channel_ is not None:
                 found[sensor.name] = channel_
     there = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in file.channels)
@@ -78,6 +89,7 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
             f"{file.name}: no channel belongs to a sensor of the vehicle; a channel map is needed. Channels: {there}"
         )
     ignored.update({f"channel {name}: belongs to no sensor": len(c[0].values) for name, c in by_name.items() if name not in used})
+    ignored.update({f"column {name}: holds text ({why})": 1 for name, why in file.unreadable.items()})
     return Recording(file.name, found, ignored=dict(ignored))
 
 
@@ -96,7 +108,8 @@ def _component(
         what = f"unit {given!r} of channel {source.channel!r} is not for {unit}" if given else f"{source.channel!r} has no unit"
         problems.append(f"{name}: {what}; say it in the channel map (unit: ...)")
         return None
-    values = known[1] * (source.factor * there[0].values + source.offset)
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged value; what is not finite is left out and counted
+        values = known[1] * (source.factor * there[0].values + source.offset)
     return FileChannel(name, unit, there[0].time_s, values)
 
 
@@ -107,8 +120,9 @@ def _sensor_channel(
     if any(not np.array_equal(part.time_s, first) for part in parts[1:]):
         problems.append(f"{sensor.name}: its components are on different time bases")
         return None
-    if np.any(np.diff(first) <= 0.0) or not np.all(np.isfinite(first)):
-        problems.append(f"{sensor.name}: its time does not rise")
+    reason = no_time(first)
+    if reason:
+        problems.append(f"{sensor.name}: {reason}")
         return None
     values = np.column_stack([part.values for part in parts])
     good = np.all(np.isfinite(values), axis=1)

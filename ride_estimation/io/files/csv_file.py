@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.io.document import shown
 from ride_estimation.io.files.channels import (
     UNKNOWN_START_NS,
     FileChannel,
     MeasurementFile,
+    TimeSource,
+    not_read,
     split_heading,
     table_channels,
-    unit_factor,
 )
 from ride_estimation.io.text_table import TextTable, read_text_table
 from ride_estimation.text import table_cell
@@ -24,20 +26,21 @@ from ride_estimation.text import table_cell
 Array = NDArray[np.float64]
 
 
-def read_csv(path: Path, time_name: str = "", rate_hz: float = 0.0) -> MeasurementFile:
+def read_csv(path: Path, time: TimeSource) -> MeasurementFile:
     """Read a CSV file.
 
     Parameters
     ----------
     path
-        Text file; a second line of units is understood.
-    time_name, rate_hz
+        Text file; a line of units below the header is understood. A column with a cell that is no number (status, marker,
+        comment) is no channel.
+    time
         See :func:`~ride_estimation.io.files.channels.table_channels`.
 
     Raises
     ------
     InputDataError
-        No table, unequal rows, a cell that is no number (row and column are named).
+        No table, unequal rows, no time.
     """
     found = read_text_table(path)
     rows = found.rows
@@ -45,17 +48,26 @@ def read_csv(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measureme
         raise InputDataError(f"{path}: {'a header and at least two rows are needed' if rows else 'the file is empty'}")
     headings = [split_heading(cell) for cell in rows[0]]
     first = 1
-    if not any(_is_number(cell, found) for cell in rows[1]):
+    if not any(_is_number(cell, found) for cell in rows[1]) and any(cell.strip() for cell in rows[1]):
         headings = [(name, unit or cell.strip().strip("[]()")) for (name, unit), cell in zip(headings, rows[1])]
         first = 2
-    table = np.empty((len(rows) - first, len(headings)))
-    for number, row in enumerate(rows[first:]):
+    kept: list[tuple[str, str]] = []
+    columns: list[Array] = []
+    unreadable: dict[str, str] = {}
+    for heading, cells in zip(headings, zip(*rows[first:], strict=True), strict=True):
         try:
-            table[number] = [found.number(cell) if cell.strip() else np.nan for cell in row]
+            columns.append(np.array([found.number(cell) if cell.strip() else np.nan for cell in cells]))
+            kept.append(heading)
         except ValueError:
-            table[number] = [_number(found, number + first, headings[i][0], cell) for i, cell in enumerate(row)]
-    columns = [np.ascontiguousarray(column) for column in table.T]
-    return MeasurementFile(str(path), UNKNOWN_START_NS, table_channels(path, headings, columns, time_name, rate_hz))
+            row = next(i for i, cell in enumerate(cells) if cell.strip() and not _is_number(cell, found))
+            unreadable[heading[0]] = f"row {found.lines[row + first]}: {shown(cells[row])} is not a number"
+    if not columns:
+        raise InputDataError(f"{path}: no column of numbers{not_read(unreadable)}")
+    try:
+        channels = table_channels(path, kept, columns, time)
+    except InputDataError as error:
+        raise InputDataError(f"{error}{not_read(unreadable)}") from error
+    return MeasurementFile(str(path), UNKNOWN_START_NS, channels, unreadable)
 
 
 def write_csv(path: Path, channels: tuple[FileChannel, ...]) -> None:
@@ -71,14 +83,5 @@ def _is_number(cell: str, table: TextTable) -> bool:
     try:
         table.number(cell)
     except ValueError:
-        return unit_factor(cell) is None and not cell.strip()
+        return False
     return True
-
-
-def _number(table: TextTable, row: int, name: str, cell: str) -> float:
-    if not cell.strip():
-        return float("nan")
-    try:
-        return table.number(cell)
-    except ValueError as error:
-        raise InputDataError(f"{table.path}: row {table.lines[row]}, column {name}: {cell!r} is not a number") from error

@@ -10,7 +10,7 @@ from ride_estimation.errors import InputDataError, RideEstimationError
 from ride_estimation.io.atomic import replacing
 from ride_estimation.io.bag_source import READER_ERRORS
 from ride_estimation.io.bounded import TooLargeError
-from ride_estimation.io.files.channels import FileChannel, MeasurementFile
+from ride_estimation.io.files.channels import FileChannel, MeasurementFile, TimeSource, not_read
 from ride_estimation.io.files.csv_file import read_csv, write_csv
 from ride_estimation.io.files.mdf_file import read_mdf, write_mdf
 from ride_estimation.io.files.parquet_file import read_parquet, write_parquet
@@ -23,14 +23,14 @@ READ_SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".mf4", ".mdf", ".dat", ".t
 WRITE_SUFFIXES = (".csv", ".parquet", ".mf4", ".rpc")
 
 
-def read_measurement_file(path: Path, time_name: str = "", rate_hz: float = 0.0) -> MeasurementFile:
+def read_measurement_file(path: Path, time: TimeSource | None = None) -> MeasurementFile:
     """Read a measurement file; its ending says the format.
 
     Parameters
     ----------
     path
         The file.
-    time_name, rate_hz
+    time
         For files without time base of their own, see :func:`~ride_estimation.io.files.channels.table_channels`.
 
     Raises
@@ -49,11 +49,11 @@ def read_measurement_file(path: Path, time_name: str = "", rate_hz: float = 0.0)
         raise InputDataError(f"{path}: the file is empty")
     try:
         if suffix in (".csv", ".txt", ".tsv"):
-            found = read_csv(path, time_name, rate_hz)
+            found = read_csv(path, time or TimeSource())
         elif suffix == ".parquet":
-            found = read_parquet(path, time_name, rate_hz)
+            found = read_parquet(path, time or TimeSource())
         elif suffix == ".tdms":
-            found = read_tdms(path, time_name, rate_hz)
+            found = read_tdms(path, time or TimeSource())
         elif suffix in (".rpc", ".rsp", ".drv"):
             found = read_rpc(path)
         else:
@@ -66,7 +66,7 @@ def read_measurement_file(path: Path, time_name: str = "", rate_hz: float = 0.0)
         words = " ".join(str(error).split()) or type(error).__name__
         raise InputDataError(f"{path}: cannot be read as {suffix[1:].upper()} ({words}): damaged or of another kind") from error
     if not found.channels:
-        raise InputDataError(f"{path}: no numeric channel in it")
+        raise InputDataError(f"{path}: no numeric channel in it{not_read(found.unreadable)}")
     return found
 
 

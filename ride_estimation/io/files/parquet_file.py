@@ -14,13 +14,14 @@ from ride_estimation.io.files.channels import (
     UNKNOWN_START_NS,
     FileChannel,
     MeasurementFile,
+    TimeSource,
     require,
     split_heading,
     table_channels,
 )
 
 
-def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> MeasurementFile:
+def read_parquet(path: Path, time: TimeSource) -> MeasurementFile:
     """Read the numeric columns of a Parquet file; parameters as :func:`~ride_estimation.io.files.csv_file.read_csv`."""
     require("pyarrow", "Parquet")
     parquet = require("pyarrow.parquet", "Parquet")
@@ -28,7 +29,8 @@ def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measu
     fields = [field for field in file.schema_arrow if _is_number(field.type)]
     limit = allowance(path.stat().st_size)
     # as doubles, and once more where the numbers of the time are compared
-    if 8 * file.metadata.num_rows * (len(fields) + 1) > limit:
+    parts = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
+    if 8 * sum(part.num_rows for part in parts) * (len(fields) + 1) > limit:
         raise TooLargeError(limit)
     headings, columns = [], []
     for field in fields:
@@ -39,7 +41,7 @@ def read_parquet(path: Path, time_name: str = "", rate_hz: float = 0.0) -> Measu
         columns.append(values)
     if not columns:
         raise InputDataError(f"{path}: no numeric column")
-    return MeasurementFile(str(path), UNKNOWN_START_NS, table_channels(path, headings, columns, time_name, rate_hz))
+    return MeasurementFile(str(path), UNKNOWN_START_NS, table_channels(path, headings, columns, time))
 
 
 def _is_number(kind: Any) -> bool:

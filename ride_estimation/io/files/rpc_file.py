@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ride_estimation.io.files.channels import UNKNOWN_START_NS, FileChannel, MeasurementFile, require
+from ride_estimation.io.files.channels import UNKNOWN_START_NS, FileChannel, MeasurementFile, even_time, require
 
 
 def read_rpc(path: Path) -> MeasurementFile:
@@ -19,8 +19,9 @@ def read_rpc(path: Path) -> MeasurementFile:
     channels = []
     for channel in found or ():
         values = np.asarray(channel.data, dtype=float)
-        time = np.asarray(float(channel.x0) + float(channel.dt) * np.arange(len(values)), dtype=np.float64)
-        channels.append(FileChannel(str(channel.name).strip(), str(channel.unit).strip(), time, values))
+        name = str(channel.name).strip()
+        time = even_time(path, name, float(channel.x0), float(channel.dt), len(values))
+        channels.append(FileChannel(name, str(channel.unit).strip(), time, values))
     return MeasurementFile(str(path), UNKNOWN_START_NS, tuple(channels))
 
 

@@ -1,0 +1,156 @@
+# Copyright 2026 ride_estimation contributors
+"""What an extended model gains where nothing was fitted, and what it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit, tolerance_of
+from ride_estimation.diagnosis.prediction import (
+    Prediction,
+    block_squares,
+    bootstrap_interval,
+    noise_floor,
+    pooled_nrmse,
+    predict,
+)
+from ride_estimation.diagnosis.result import Gain, ValidationGain
+from ride_estimation.diagnosis.scene import measurement
+from ride_estimation.diagnosis.splits import LEAST_BLOCKS
+from ride_estimation.diagnosis.verdict import MISSED, shows_elsewhere
+from ride_estimation.diagnosis.work import Work, within_tolerance
+from ride_estimation.signals.recording import UniformRun
+
+_METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
+#: share to which the noise floor itself is known: less above it is nothing that remains
+FLOOR = 0.1
+_AS_GOOD = 1.02  # error over another one up to which both count as the same
+
+
+def refusal(work: Work, base: Prediction, extended: Prediction) -> str:
+    """Return why causes that were accepted are not named, empty where nothing speaks against them."""
+    if not _confirmed(work, base, extended):
+        return "fitted the run but did not predict the judge blocks better"
+    if not noticeable(work, base, extended):
+        return (
+            f"fitted the run better, by less than the {100 * work.settings.adequacy:.1f} % of any channel that count as right"
+        )
+    return ""
+
+
+def _in_band(accepted: FullFit | None) -> bool:
+    return accepted is not None and accepted.in_band
+
+
+def _confirmed(work: Work, base: Prediction, extended: Prediction) -> bool:
+    """Return whether the extended model predicts the judge blocks better, or no worse where means are the evidence."""
+    judge = work.splits.judge
+    (before, signal), (after, _) = block_squares(base), block_squares(extended)
+    tolerated = 1.0 if _in_band(work.selection.accepted) else _AS_GOOD
+    return pooled_nrmse(after, signal, judge) < tolerated * pooled_nrmse(before, signal, judge)
+
+
+def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
+    """Return whether the accepted causes explain more of some channel than a model that counts as right may miss.
+
+    With little noise and a long run the score tests see errors of a thousandth, which every model has. Judged where nothing
+    was fitted.
+    """
+    if not _in_band(work.selection.accepted):
+        return True
+    inside = base.scene.block_window(work.splits.judge)[:, None]
+    parts = (base.residual(), extended.residual(), base.measured())
+    before, after, signal = (np.sum((part * inside) ** 2, axis=0) for part in parts)
+    # a channel near a node is the small difference of two motions, each of which the model may miss by so much
+    return bool(np.any(before - after > work.settings.adequacy**2 * base.scene.gross_ratio * signal))
+
+
+def measured_gain(
+    work: Work, base: Prediction, extended: Prediction, validation: Sequence[UniformRun]
+) -> tuple[Gain, list[str]]:
+    """Return the errors of the calibrated and the extended model where nothing was fitted, and warnings.
+
+    On the validation runs, on the judge blocks of the run itself where there are none.
+    """
+    settings, scene = work.settings, work.calibrated.scene
+    warnings: list[str] = []
+    base_squares, ext_squares = block_squares(base), block_squares(extended)
+    results = []
+    for other in validation:
+        try:
+            data = measurement(work.plant, other)
+        except KeyError as error:
+            warnings.append(f"validation run {other.name}: sensor {error} is missing; not used")
+            continue
+        probe = predict(scene, data, work.baseline, settings)
+        count = probe.scene.blocks.count
+        if count < LEAST_BLOCKS:
+            warnings.append(f"validation run {other.name}: too short; not used")
+            continue
+        bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
+        refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
+        judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
+        better = predict(scene, data, work.extended, settings, refit) if work.extended.fitted else probe
+        if not better.settled:
+            warnings.append(
+                f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
+            )
+            continue
+        (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
+        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > _AS_GOOD * pooled_nrmse(e0, s0, judged):
+            warnings.append(
+                f"validation run {other.name}: the extended model is worse there than the calibrated one; "
+                "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
+            )
+        before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
+        results.append(ValidationGain(
+            other.name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
+            min(noise_floor(probe.scene, s0, judged), before, left),
+        ))
+    judge = work.splits.judge
+    baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
+    # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
+    floor = min(noise_floor(base.scene, base_squares[1], judge), baseline, after)
+    if not results:
+        results.append(ValidationGain(
+            f"{work.data.name} (judge blocks)", baseline, after,
+            bootstrap_interval(
+                base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
+            ), floor,
+        ))
+    if after > baseline * _AS_GOOD and work.extended.fitted:
+        warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
+    return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
+
+
+def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, float]:
+    """Return the residual energy above the floor that remains, per degree of freedom, and its share of what there was.
+
+    Without causes both are zero unless the calibrated model misses more than one that counts as right, here and elsewhere.
+    """
+    dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
+    excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
+    accepted = work.selection.accepted
+    if accepted is None:
+        errors, signal = block_squares(base)
+        nrmse = pooled_nrmse(errors, signal, work.splits.train)
+        floor = noise_floor(base.scene, signal, work.splits.train)
+        missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
+        wrong = excess > FLOOR and missed > MISSED * work.settings.adequacy and shows_elsewhere(gain, work.settings)
+        return (excess, 1.0) if wrong else (0.0, 0.0)
+    # a calibration strained far beyond a tolerance hides the fault and leaves no residual that the cause could remove
+    excess = max(_misfit_within_tolerance(work, accepted) / dof - 1.0, excess)
+    inherent = inherent_misfit(accepted, work.splits.train, work.settings.seed) / dof
+    left = max(accepted.misfit / dof - 1.0 - inherent, 0.0)
+    return left, (left / max(excess - inherent, left, 1e-9) if excess > 0.02 else 0.0)
+
+
+def _misfit_within_tolerance(work: Work, accepted: FullFit) -> float:
+    """Return the misfit of the calibrated model whose tolerances that the accepted causes stand for are cut at their limits."""
+    cal = work.calibrated
+    named = {tolerance_of(f.hypothesis) for f in accepted.fitted}
+    stands = [(a.kind, a.place, a.axis) in named for a in cal.adjustables]
+    coefficients = np.where(stands, within_tolerance(cal.adjustables, cal.fit.coefficients), cal.fit.coefficients)
+    return cal.regression.misfit(cal.regression.grams, work.splits.train, coefficients)

@@ -1,0 +1,67 @@
+# Copyright 2026 ride_estimation contributors
+"""What a search for causes leaves: the calibrated and the extended model of a run, and all it takes to judge them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.baseline import Adjustable
+from ride_estimation.diagnosis.calibration import Calibrated
+from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.prediction import Model
+from ride_estimation.diagnosis.scene import Measurement, ModelState
+from ride_estimation.diagnosis.selection import Selection, Selector
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.splits import Splits
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+def within_tolerance(adjustables: Sequence[Adjustable], coefficients: Array) -> Array:
+    """Return coefficients with installation tolerances cut at three standard deviations.
+
+    What lies beyond is a fault and not calibration: the plain model that the gain is measured against may not hide it.
+    """
+    limit = np.array([
+        3.0 * a.prior_std if a.kind in ("gain", "misalignment", "position", "delay", "bandwidth", "cg", "inertia") else np.inf
+        for a in adjustables
+    ])
+    # a coefficient is what comes on top of the part that the plant already holds, its offset with the sign turned
+    held = np.array([a.offset if np.isfinite(b) else 0.0 for a, b in zip(adjustables, limit)])
+    return np.asarray(np.clip(coefficients, held - limit, held + limit))
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """Everything the conclusion needs."""
+
+    vehicle: Vehicle
+    plant: Plant
+    data: Measurement
+    calibrated: Calibrated
+    splits: Splits
+    selector: Selector
+    selection: Selection
+    settings: Settings
+
+    @property
+    def baseline(self) -> Model:
+        """Return the calibrated model."""
+        scene = self.calibrated.scene
+        state = ModelState(scene.state.stiffness, scene.state.damping)
+        adjustables = self.calibrated.adjustables
+        return Model(state, adjustables, within_tolerance(adjustables, self.calibrated.fit.coefficients))
+
+    @property
+    def extended(self) -> Model:
+        """Return the extended model, the calibrated one where nothing was accepted."""
+        fit = self.selection.accepted
+        if fit is None:
+            return self.baseline
+        state = ModelState(fit.scene.state.stiffness, fit.scene.state.damping, held=fit.scene.state.held)
+        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.scene.scales)

@@ -1,0 +1,177 @@
+# Copyright 2026 ride_estimation contributors
+"""What an answer may say: verdict, causes, sentence and extended vehicle agree, nothing proven is hidden."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from diagnosis_runs import GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis.baseline import mean_table
+from ride_estimation.diagnosis.calibration import file_parameters
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.effect import Where
+from ride_estimation.diagnosis.kinematics import rotation_matrices
+from ride_estimation.diagnosis.noise import missing_forces
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.result import (
+    EXPLAINED,
+    INSUFFICIENT,
+    NO_DISCREPANCY,
+    Diagnosis,
+    Gain,
+    ValidationGain,
+)
+from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.sensor_column import turned_column
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.sites import sites
+from ride_estimation.diagnosis.verdict import gained_nothing, left_elsewhere, proven, unexplained_run
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+def gain_of(*runs: tuple[float, float, float, tuple[float, float]]) -> Gain:
+    rows = tuple(ValidationGain(f"run{i}", before, after, ci, floor) for i, (before, after, floor, ci) in enumerate(runs))
+    return Gain("", 0.1, 0.1, 0.01, rows)
+
+
+def agree(answer: Diagnosis, stated: Vehicle) -> None:
+    """Check that the parts of an answer say the same."""
+    if answer.verdict in (NO_DISCREPANCY, INSUFFICIENT):
+        assert not answer.causes
+    if answer.verdict == EXPLAINED:
+        assert answer.causes
+    for cause in answer.causes:
+        assert 0.0 <= cause.confidence <= 1.0
+        assert cause.location in answer.sentence
+    laws = {c.id for c in answer.causes} - {"mass_change", "cg_offset", "sensor_clipping", "sensor_bias"}
+    plain = all(isinstance(e, KelvinVoigt) for m in answer.extended.mounts.values() for e in m.elements.values())
+    assert plain == (not laws), answer.sentence
+    moved = answer.extended.bodies["body_mass"].mass.value != stated.bodies["body_mass"].mass.value
+    assert moved == any(c.id == "mass_change" for c in answer.causes)
+    for run in answer.gain.validation if answer.gain is not None else ():
+        assert (run.extended == run.baseline) or answer.causes
+
+
+def friction(x: float, v: float) -> float:
+    return 160.0 * float(np.tanh(v / 0.01))
+
+
+@pytest.mark.parametrize("law", [None, friction, lambda x, v: -3e5 * max(-x - 0.012, 0.0)], ids=["clean", "friction", "stop"])
+def test_verdict_causes_and_extended_vehicle_agree(law):
+    vehicle = quarter_car()
+    answer = diagnose(vehicle, quarter_car_run(3, law=law), [quarter_car_run(4, law=law)])
+    agree(answer, vehicle)
+    assert (answer.verdict == NO_DISCREPANCY) == (law is None)
+
+
+def test_a_short_run_is_insufficient_and_changes_nothing():
+    vehicle = quarter_car()
+    answer = diagnose(vehicle, quarter_car_run(3, seconds=8.0))
+    assert answer.verdict == INSUFFICIENT and answer.extended is vehicle
+    agree(answer, vehicle)
+
+
+def test_a_load_that_the_file_does_not_know_is_told_by_how_far_it_makes_the_mount_sink():
+    vehicle = quarter_car()
+    travel = Sensor("travel", "displacement", "/travel", "body_mass", mount="strut", axis="z", noise_std=1e-4)
+    body = vehicle.bodies["body_mass"]
+    lighter = dataclasses.replace(body, mass=dataclasses.replace(body.mass, value=MASS - 50.0, std=2.0))
+    stated = dataclasses.replace(
+        vehicle, bodies={"body_mass": lighter}, sensors={**vehicle.sensors, "travel": travel}
+    )
+    sag = -50.0 * GRAVITY / STIFFNESS
+    answer = diagnose(stated, quarter_car_run(3, sag=sag), [quarter_car_run(4, sag=sag)])
+    agree(answer, stated)
+    assert [c.id for c in answer.causes] == ["mass_change"] and answer.verdict == EXPLAINED
+    added = answer.causes[0].parameters[0]
+    assert added.name == "added mass" and abs(added.value - 50.0) < 2.0 * added.std < 25.0
+    empty = diagnose(stated, quarter_car_run(3, sag=-5e-4), [quarter_car_run(4, sag=-5e-4)])
+    assert empty.verdict == NO_DISCREPANCY  # half a millimetre is the zero of the transducer
+
+
+def test_a_fault_of_the_validation_run_alone_is_found_there():
+    vehicle, run, other = quarter_car(), quarter_car_run(3), quarter_car_run(4)
+    values = other.data["body"].copy()
+    limit = GRAVITY + 1.2 * float(np.std(values[:, 2]))
+    values[:, 2] = np.minimum(values[:, 2], limit)
+    cut = dataclasses.replace(
+        other, name="other", data={**other.data, "body": values},
+        clipped_at={"body": np.array([[-np.inf] * 3, [np.inf, np.inf, limit]])},
+    )
+    answer = diagnose(vehicle, run, [cut])
+    agree(answer, vehicle)
+    assert [c.id for c in answer.causes] == ["sensor_clipping"]
+    assert "other does" in answer.sentence and any("validation run other" in w for w in answer.warnings)
+
+
+def test_a_gain_whose_interval_is_wide_is_not_called_nothing():
+    settings = Settings()
+    assert gained_nothing(gain_of((0.899, 0.649, 0.02, (-0.05, 0.4))), settings) == ""
+    assert "gained nothing" in gained_nothing(gain_of((0.30, 0.29, 0.02, (-0.02, 0.05))), settings)
+
+
+def test_only_a_gain_beyond_doubt_on_every_run_is_proven():
+    settings = Settings()
+    assert proven(gain_of((0.82, 0.55, 0.01, (0.22, 0.32))), settings)
+    assert not proven(gain_of((0.82, 0.55, 0.01, (0.22, 0.32)), (0.8, 0.7, 0.01, (-0.01, 0.2))), settings)
+    assert not proven(gain_of((0.82, 0.80, 0.01, (0.01, 0.03))), settings)  # no relevant share
+
+
+def test_what_is_left_elsewhere_is_a_share_of_what_could_be_removed():
+    assert left_elsewhere(gain_of((0.2, 0.1, 0.0, (0.0, 0.2)))) == pytest.approx(0.25)
+    assert left_elsewhere(gain_of((0.02, 0.02, 0.019, (0.0, 0.0)))) is None
+
+
+def test_a_validation_run_far_above_its_floor_is_unexplained_whatever_the_fitted_run_says():
+    settings = Settings()
+    assert unexplained_run(gain_of((0.02, 0.02, 0.019, (0.0, 0.0)), (0.101, 0.101, 0.019, (0.0, 0.0))), settings) == "run1"
+    assert unexplained_run(gain_of((0.04, 0.04, 0.019, (0.0, 0.0))), settings) == ""
+
+
+def test_a_wild_model_asks_for_finite_forces():
+    rng = np.random.default_rng(2)
+    transfer = rng.normal(size=(5, 3, 4)) + 1j * rng.normal(size=(5, 3, 4))
+    residual = rng.normal(size=(5, 3)).astype(complex)
+    noise = np.tile(1e-8 * np.eye(3, dtype=complex), (5, 1, 1))
+    wild = missing_forces(residual, transfer, np.full((5, 4), 1e18), noise)
+    np.testing.assert_allclose(np.einsum("fij,fj->fi", transfer, wild), residual, rtol=1e-6)
+    usual = missing_forces(residual, transfer, np.full((5, 4), 1e-4), noise)
+    shaped = 1e-4 * np.conj(np.swapaxes(transfer, 1, 2))
+    expected = shaped @ np.linalg.solve(transfer @ shaped + noise, residual[:, :, None])
+    np.testing.assert_allclose(usual, expected[:, :, 0], rtol=1e-6)
+
+
+def test_a_sensor_turned_by_far_is_seen_as_the_rotation_that_it_is():
+    vehicle, run = quarter_car(), quarter_car_run(3)
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    scene = Scene(plant, measurement(plant, run), ModelState(*file_parameters(plant)), Settings())
+    angle = np.radians(-18.0)
+    column = turned_column(scene, "base", 0, angle)
+    reading = scene.grid.signal(scene.input_spectrum)
+    turn = rotation_matrices(angle * np.eye(3)[:1])[0]
+    for effect in (e for e in column if e.where is Where.INPUT):
+        expected = reading @ (turn - np.eye(3))[effect.index]
+        np.testing.assert_allclose(angle * effect.signal, expected, atol=1e-9 * np.abs(reading).max())
+    means = {e.index: angle * float(e.signal[0]) for e in column if e.where is Where.MEAN}
+    gravity = np.array([0.0, 0.0, GRAVITY])
+    rows = [i for i, s in enumerate(mean_table(scene).signals) if s.sensor == "base"]
+    np.testing.assert_allclose([means.get(r, 0.0) for r in rows], turn.T @ gravity - gravity, atol=1e-9)
+
+
+def test_the_mounts_of_an_axle_and_of_a_side_are_places_of_a_law():
+    vehicle = load_vehicle(Path("config/vehicles/truck_cab.yaml"))
+    ports = [p for p in build_plant(vehicle, dict.fromkeys(vehicle.sensors, 3)).ports if p.axis == "z"]
+    scene = SimpleNamespace(
+        plant=SimpleNamespace(vehicle=vehicle, ports=ports), deflection=np.random.default_rng(0).normal(size=(50, len(ports)))
+    )
+    found = {s.location: {ports[p].mount for p in s.ports} for s in sites(scene)}
+    assert found["rear"] == {"rear_left", "rear_right"} and found["left"] == {"front_left", "rear_left"}
+    assert set(found) == {"front", "rear", "left", "right", "all", *(p.mount for p in ports)}
