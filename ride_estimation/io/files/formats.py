@@ -14,13 +14,13 @@ from ride_estimation.io.files.channels import FileChannel, MeasurementFile, Time
 from ride_estimation.io.files.csv_file import read_csv, write_csv
 from ride_estimation.io.files.mdf_file import read_mdf, write_mdf
 from ride_estimation.io.files.parquet_file import read_parquet, write_parquet
-from ride_estimation.io.files.rpc_file import read_rpc
+from ride_estimation.io.files.rpc_file import read_rpc, write_rpc
 from ride_estimation.io.files.tdms_file import read_tdms
 
 #: endings that can be read
 READ_SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".mf4", ".mdf", ".dat", ".tdms", ".rpc", ".rsp", ".drv")
 #: endings that can be written
-WRITE_SUFFIXES = (".csv", ".parquet", ".mf4")
+WRITE_SUFFIXES = (".csv", ".parquet", ".mf4", ".rpc")
 
 
 def read_measurement_file(path: Path, time: TimeSource | None = None) -> MeasurementFile:
@@ -99,6 +99,8 @@ def write_measurement_file(path: Path, groups: Sequence[Sequence[FileChannel]], 
         with replacing(path) as new:
             if suffix == ".mf4":
                 write_mdf(new, chosen, start_ns)
+            elif suffix == ".rpc":
+                write_rpc(new, chosen[0])
             elif suffix == ".csv":
                 write_csv(new, chosen[0])
             else:
