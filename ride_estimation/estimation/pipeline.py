@@ -38,7 +38,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, DeflectionEstimator
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
 from ride_estimation.estimation.motion.loads import InertialLoads
-from ride_estimation.estimation.motion.motion_kernel import motion_at
+from ride_estimation.estimation.motion.motion_kernel import force_at
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
@@ -244,6 +244,10 @@ class Pipeline:
         def learn() -> None:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
+            if self._checks.weighs:
+                shared = self._forces.shared(support)[:, :, :2] / self._factor
+                body = force_at(motion.motion, motion.rate, self.arrangement.arms)[:, :, 2]
+                self._checks.weigh(support / self._factor, shared, body)
             self._checks.learn(dt)
 
         self._due = learn
@@ -276,11 +280,7 @@ class Pipeline:
             self._motion.leave_out_gyros(gyros)
             self._begin_anew("a gyro was left out")
         self._checks.watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
-        verdict, lasting = self._checks.judged(block, self._rate, self._force, dt)
-        if lasting:
-            self._parameters.restart()
-            self._deflection.reset()
-            self._forget()
+        verdict = self._checks.judged(block, self._rate, self._force, dt)
         if verdict.valid is not block.valid:
             block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
@@ -346,19 +346,15 @@ class Pipeline:
         spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.arrangement.mounts)))
-        calm = self._copies.deflections() if spoiled else None
-        if calm is not None:
-            self._deflection.load(restarted(self._deflection.save(), calm, spoiled))
+        copies = self._copies.take(self._run_time, verdict.spoiled)
+        if copies is not None and spoiled:
+            self._deflection.load(restarted(self._deflection.save(), copies[1], spoiled))
         self._parameters.restart()
-        learned = self._copies.take(self._run_time)
-        if learned is not None:
-            self._go_back_to(learned)
-
-    def _motion_at_mounts(self, motion: MotionBlock) -> Array:
-        """Return the specific force of the body at its mounts, shape (K, M, 3)."""
-        result = np.empty((len(motion.motion), len(self.arrangement.mounts), 3))
-        motion_at(motion.motion, motion.rate, self.arrangement.arms, result)
-        return result
+        if copies is not None:
+            self._go_back_to(copies[0])
+        elif verdict.spoiled:
+            self._deflection.reset()
+            self._forget()
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
@@ -367,8 +363,12 @@ class Pipeline:
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
-        if self.tilting.learns and self.tilting.observe(base, self._motion_at_mounts(motion), measured, dt):
-            self._forces.take_tilt()
+        if self._checks.bases_in_doubt:
+            self._fill.doubt()
+        if self.tilting.learns:
+            body = force_at(motion.motion, motion.rate, self.arrangement.arms)
+            if self.tilting.observe(base, body, measured, dt):
+                self._forces.take_tilt()
         displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
         for i, axis, stream, start in self._layout.transducers:
             displaced[:, i, axis] = block.values[:, start]

@@ -1,17 +1,17 @@
 # Copyright 2026 ride_estimation contributors
-"""Copies of what was learned one to two seconds ago: a sensor is found to be faulty later than it became so."""
+"""Copies of what was learned some time ago: a sensor is found to be faulty later than it became so."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-#: distance of two copies [s]; the older is taken when a sensor turns out to be faulty
-_DISTANCE = 1.0
+#: distance of two copies, and how far they go back [s]; the newest that is older than the fault is taken
+_DISTANCE, _DEPTH = 1.0, 30.0
 
 
 class LearnedCopies:
-    """The last two copies of what was learned and of the deflections."""
+    """Copies of what was learned and of the deflections, one a second."""
 
     def __init__(self) -> None:
         #: how often what was learned was taken back
@@ -21,8 +21,8 @@ class LearnedCopies:
 
     def clear(self) -> None:
         """Forget the copies."""
-        self._learned: list[dict[str, Any]] = []
-        self._calm: list[dict[str, Any]] = []
+        #: time, what was learned, deflections
+        self._kept: list[tuple[float, dict[str, Any], dict[str, Any]]] = []
 
     def keep(self, now: float, learned: Callable[[], dict[str, Any]], deflections: Callable[[], dict[str, Any]]) -> None:
         """Take new copies where they are due.
@@ -36,19 +36,23 @@ class LearnedCopies:
         """
         if now >= self._next:
             self._next = now + _DISTANCE
-            self._learned = [*self._learned[-1:], learned()]
-            self._calm = [*self._calm[-1:], deflections()]
+            self._kept = [*(c for c in self._kept if c[0] > now - _DEPTH), (now, learned(), deflections())]
 
-    def deflections(self) -> dict[str, Any] | None:
-        """Return the older copy of the deflections, None without one; the newer is dropped."""
-        self._calm = self._calm[:1]
-        return self._calm[0] if self._calm else None
+    def take(self, now: float, spoiled: float) -> tuple[dict[str, Any], dict[str, Any]] | None:
+        """Return what was learned, and the deflections, before a fault; None without a copy of then. Newer ones are dropped.
 
-    def take(self, now: float) -> dict[str, Any] | None:
-        """Return the older copy of what was learned, None without one; the newer is dropped."""
-        self._learned = self._learned[:1]
-        if not self._learned:
+        Parameters
+        ----------
+        now
+            Time of the run [s].
+        spoiled
+            How long ago the fault may have begun [s]; the oldest copy serves where that is not known to be more than a second.
+        """
+        before = now - max(spoiled, _DISTANCE)
+        older = [c for c in self._kept if c[0] <= before]
+        self._kept = older or (self._kept[:1] if spoiled <= _DISTANCE else [])
+        if not self._kept:
             return None
         self._next = now + _DISTANCE
         self.taken += 1
-        return self._learned[0]
+        return self._kept[-1][1:]
