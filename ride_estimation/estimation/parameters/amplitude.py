@@ -5,8 +5,8 @@ A linear law has one stiffness at every amplitude. Friction, play, relaxation an
 (and damping) that changes with the rms deflection (rate) a of an interval, in first order as a power of it:
 ``log k_j = log k + beta log a_j``. The exponents beta are estimated jointly with the parameters from the gradients g_j and the
 information A_j of the intervals, ``T_j = [I, diag(log a_j)]``,
-``sum T_j^T A_j T_j (theta, beta) = sum T_j^T (g_j + A_j theta_j)``, with a covariance from the scatter of the gradients (sandwich,
-each interval with its neighbour). A linear law has beta = 0; Coulomb friction alone has beta = -1.
+``sum T_j^T A_j T_j (theta, beta) = sum T_j^T (g_j + A_j theta_j)``, with a covariance from their scatter (sandwich, each
+interval with its neighbour). A linear law has beta = 0; Coulomb friction alone has beta = -1.
 """
 
 from __future__ import annotations
