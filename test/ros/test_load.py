@@ -6,9 +6,9 @@ from __future__ import annotations
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from ride_estimation.estimation.numerical_guard import MOST_FAULTS, OTHER_FAULTS
 from ride_estimation.nodes.backpressure import DROP_S
 from ride_estimation.nodes.estimator_node import EstimatorNode
-from ride_estimation.nodes.session import MOST_FAULTS, OTHER_FAULTS
 from ros.conftest import Ros
 from ros.drive import drive
 

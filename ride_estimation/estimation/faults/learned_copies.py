@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ride_estimation.estimation.common.saved_state import all_finite
+
 #: distance of two copies [s]; the older is taken when a sensor turns out to be faulty
 _DISTANCE = 1.0
 
@@ -33,10 +35,17 @@ class LearnedCopies:
             Time of the run [s].
         learned, deflections
             Give what is copied.
+
+        Raises
+        ------
+        FloatingPointError
+            What was learned is not finite.
         """
         if now >= self._next:
-            self._next = now + _DISTANCE
-            self._learned = [*self._learned[-1:], learned()]
+            self._next, found = now + _DISTANCE, learned()
+            if not all_finite(found):
+                raise FloatingPointError("what was learned is not finite")
+            self._learned = [*self._learned[-1:], found]
             self._calm = [*self._calm[-1:], deflections()]
 
     def deflections(self) -> dict[str, Any] | None:
@@ -44,11 +53,16 @@ class LearnedCopies:
         self._calm = self._calm[:1]
         return self._calm[0] if self._calm else None
 
-    def take(self, now: float) -> dict[str, Any] | None:
+    def checkpoint(self, now: float) -> dict[str, Any] | None:
         """Return the older copy of what was learned, None without one; the newer is dropped."""
         self._learned = self._learned[:1]
         if not self._learned:
             return None
         self._next = now + _DISTANCE
-        self.taken += 1
         return self._learned[0]
+
+    def take(self, now: float) -> dict[str, Any] | None:
+        """Return the :meth:`checkpoint` to go back to for a faulty sensor, and count that."""
+        found = self.checkpoint(now)
+        self.taken += found is not None
+        return found
