@@ -18,7 +18,7 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.faults.gate_kernel:median_root", "f1C i"),
     ("estimation.faults.gate_kernel:remember", "f2C f2C b1C f f2C f1C f1C"),
     ("estimation.faults.gate_kernel:residual_ratio", "f2C i1C f1C f2C f2C f2C f f1C"),
-    ("estimation.faults.gate_kernel:scan_block", "f3C b2F f2C b f2C f1C i1C i2C f2C f2C f2C"),
+    ("estimation.faults.gate_kernel:scan_block", "f3C b2F f2C b f2C f1C i1C i2C f3C i2C f2C f2C f2C"),
     ("estimation.faults.gate_kernel:slow_means", "f2C f3C b1C b1C f f3C"),
     ("estimation.forces.force_kernel:balanced_forces", "f3C f3C f f2C f2C b1C f2C f2C f2C f f1C f1C f2C f3C"),
     ("estimation.forces.force_kernel:follow_scaled", "f3C f2C f f2C"),

@@ -38,6 +38,7 @@ from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, De
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.motion.motion_block import MotionBlock
+from ride_estimation.estimation.motion.motion_kernel import force_at
 from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT, NumericalGuard, count_fault, fault_messages
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameters.anchors import MassAnchor
@@ -210,7 +211,7 @@ class Pipeline:
 
     def _begin_from_checkpoint(self) -> None:
         """Begin anew after a numerical fault, with what was learned before it."""
-        learned, self._due = self._copies.checkpoint(self._run_time) or self._begin, None
+        learned, self._due = self._copies.checkpoint() or self._begin, None
         self._new_body()
         self._agree()
         self._restart(NUMERICAL_FAULT)
@@ -250,7 +251,8 @@ class Pipeline:
         forces = self._fill.widen_forces(forces, ticks * dt)
         lost, whole = ticks - int(np.count_nonzero(motion.valid)), bool(block.valid.all())
         if not lost:
-            self._observe_cells(block, forces.force, ticks * dt)
+            for name, i, cell in layout.cell_readings(block, self._sensors):
+                self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
         seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
@@ -258,6 +260,10 @@ class Pipeline:
         def learn() -> bool:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
+            if self._checks.weighs:
+                shared = self._forces.shared(support)[:, :, :2] / self._factor
+                body = force_at(motion.motion, motion.rate, self.arrangement.arms)[:, :, 2]
+                self._checks.weigh(support / self._factor, shared, body)
             self._checks.learn(dt)
             return True
 
@@ -279,16 +285,10 @@ class Pipeline:
             self._motion.leave_out_gyros(gyros)
             self._begin_anew("a gyro was left out")
         self._checks.watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
-        verdict, lasting = self._checks.judged(block, self._rate, self._force, dt)
-        if lasting:
-            self._parameters.restart()
-            self._deflection.reset()
-            self._forget()
-        if verdict.valid is not block.valid:
-            block = dataclasses.replace(block, valid=verdict.valid)
+        verdict = self._checks.judged(block, self._rate, self._force, dt)
         if verdict.began:
             self._take_back(verdict)
-        return block, verdict
+        return block if verdict.valid is block.valid else dataclasses.replace(block, valid=verdict.valid), verdict
 
     def _load_covariance(self, motion: MotionBlock) -> Array:
         """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
@@ -301,22 +301,14 @@ class Pipeline:
         self._forces.constant_load, self._forces.turning = whole - own, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + self._factor**2 * self._carried.covariance)
 
-    def _observe_cells(self, block: Block, force: Array, duration: float) -> None:
-        """Compare load cells with the estimated forces (K, M, 3)."""
-        for name, i, stream, start in self._layout.cells:
-            if block.valid[:, stream].all():
-                cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
-                self._anchor.observe_cell(name, cell, force[:, i] / self._factor, duration)
-
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
         if self._run_time >= self._next_look:
             self._next_look = self._run_time + _LOOK
             self._disagreement = self._motion.disagreement(self._dt)
         lasting, added, self._constant = self._disagreement
-        self._excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
-        if self._excess < 1.01:
-            self._excess = 1.0
+        excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
+        self._excess = excess if excess >= 1.01 else 1.0
         if self._excess == 1.0 and not self._constant.any():
             return motion
         return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added + self._constant)
@@ -348,13 +340,15 @@ class Pipeline:
         spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.arrangement.mounts)))
-        calm = self._copies.deflections() if spoiled else None
-        if calm is not None:
-            self._deflection.load(restarted(self._deflection.save(), calm, spoiled))
+        copies = self._copies.take(self._run_time, verdict.spoiled)
+        if copies is not None and spoiled:
+            self._deflection.load(restarted(self._deflection.save(), copies[1], spoiled))
         self._parameters.restart()
-        learned = self._copies.take(self._run_time)
-        if learned is not None:
-            self._go_back_to(learned)
+        if copies is not None:
+            self._go_back_to(copies[0])
+        elif verdict.spoiled:
+            self._deflection.reset()
+            self._forget()
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
@@ -362,8 +356,12 @@ class Pipeline:
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
-        if self.tilting.learns and self.tilting.observe(base, motion.at(self.arrangement.arms), measured, dt):
-            self._forces.take_tilt()
+        if self._checks.bases_in_doubt:
+            self._fill.doubt()
+        if self.tilting.learns:
+            body = force_at(motion.motion, motion.rate, self.arrangement.arms)
+            if self.tilting.observe(base, body, measured, dt):
+                self._forces.take_tilt()
         expected, rest = np.zeros((count, 3)), self._forces.equilibrium(support)
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
         found = self._deflection.observe(motion, base, base_ok, spoke, *self._layout.travels(block, count), expected, dt, rest)

@@ -138,8 +138,8 @@ def open_bag(path: Path, *, salvage: bool = False) -> BagSource:
                 unreadable[topic] = f"its messages are of several types ({types[topic]}, {kind})"
     feeds = [feed for part in opened for feed in part.feeds]
     if packed:
-        budget = allowance(sum(file.stat().st_size for file in files))
-        feeds = [functools.partial(_unpacked_feed, feeds=feeds, budget=budget)]
+        size = sum(file.stat().st_size for file in files)
+        feeds = [functools.partial(_unpacked_feed, feeds=feeds, size=size)]
     return dataclasses.replace(opened[0], types=types, counts=counts, unreadable=unreadable, feeds=feeds)
 
 
@@ -244,8 +244,10 @@ def _damaged(path: Path, reason: str, collector: Collector, allowed: bool) -> st
     return f"the file is truncated or corrupt ({reason}); used are the {what} before the damage"
 
 
-def _unpacked_feed(collector: Collector, feeds: Sequence[Feed], budget: int) -> None:
+def _unpacked_feed(collector: Collector, feeds: Sequence[Feed], size: int) -> None:
     """Hand over messages that are compressed one by one."""
+    collector.allow(size)
+    budget = allowance(size)
     packed = Collector(dict.fromkeys(collector.topics))
     damage: Exception | None = None
     for feed in feeds:
@@ -257,6 +259,7 @@ def _unpacked_feed(collector: Collector, feeds: Sequence[Feed], budget: int) -> 
         raw = unpack(data, "zstd", budget)
         budget -= len(raw)
         collector.add(topic, arrival, raw)
+    collector.flush()
     if damage is not None:
         raise damage
 
@@ -317,7 +320,7 @@ def _open_db3(source: BagSource, file: Path) -> BagSource:
         unreadable={
             t.name: f"its messages are encoded as {t.encoding!r}; only {_CDR!r} can be read" for t in topics if t.encoding != _CDR
         },
-        feeds=(lambda collector: _take_all(collector, sqlite_messages(file)),),
+        feeds=(lambda collector: _take_all(collector, file, sqlite_messages(file)),),
     )
 
 
@@ -325,7 +328,7 @@ def _open_ros1(source: BagSource, file: Path) -> BagSource:
     types, counts = dict[str, str](), Counter[str]()
 
     def feed(collector: Collector) -> None:
-        _take_all(collector, ((m.topic, m.arrival_ns, m.raw) for m in ros1_messages(file)))
+        _take_all(collector, file, ((m.topic, m.arrival_ns, m.raw) for m in ros1_messages(file)))
 
     def scan(collector: Collector) -> None:
         for message in ros1_messages(file):
@@ -346,12 +349,14 @@ def _open_ros1(source: BagSource, file: Path) -> BagSource:
 _OPENERS: Mapping[str, Callable[[BagSource, Path], BagSource]] = {".mcap": _open_mcap, ".db3": _open_db3, ".bag": _open_ros1}
 
 
-def _take_all(collector: Collector, messages: Iterable[RawMessage]) -> None:
+def _take_all(collector: Collector, file: Path, messages: Iterable[RawMessage]) -> None:
+    collector.allow(file.stat().st_size)
     for topic, arrival, raw in messages:
         if topic in collector.topics:
             collector.add(topic, arrival, raw)
         else:
             collector.pass_over(arrival)
+    collector.flush()
 
 
 def _cdr_reader(raw: bytes, kind: str) -> Any:

@@ -160,7 +160,7 @@ def _bulk_channel(
     """Return the channel of the messages decoded in bulk."""
     fields = decoded.fields
     variance: Array | None = None
-    keep = decoded.decoded.copy()
+    keep = np.ones(len(fields), dtype=np.bool_)
     if message_type == _IMU:
         linear = fields[:, -12:]
         values = linear[:, :3]
@@ -173,7 +173,7 @@ def _bulk_channel(
             refused[GYRO_NOT_PROVIDED] = (why == 1) & (reasons == 0)
             refused[INVALID_COVARIANCE] = refused[INVALID_COVARIANCE] | ((why == 2) & (reasons == 0))
         for reason, mask in refused.items():
-            count = int(np.sum(mask & decoded.decoded))
+            count = int(np.sum(mask))
             if count:
                 ignored[f"{sensor.name}: {reason}"] += count
             keep &= ~mask
@@ -183,10 +183,10 @@ def _bulk_channel(
         name=sensor.name,
         stamp_ns=decoded.stamp_ns[keep],
         values=np.ascontiguousarray(values[keep]),
-        arrival_ns=entry.arrival[keep],
+        arrival_ns=entry.arrival[decoded.decoded][keep],
         variance=None if variance is None else np.ascontiguousarray(variance[keep]),
         frame_id=decoded.frame_id,
-        order=entry.order[keep],
+        order=entry.order[decoded.decoded][keep],
     )
 
 

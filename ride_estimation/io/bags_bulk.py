@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.io.bounded import TooLargeError, allowance
 from ride_estimation.io.cdr import DecodedTopic, decode_at, rows_at
 from ride_estimation.io.mcap_records import (
     CHANNEL,
@@ -34,7 +35,7 @@ RawMessage = tuple[str, int, bytes]
 
 #: from the beginning of a message record to its data [bytes]
 _BEFORE_DATA = RECORD.size + MESSAGE_HEAD.size
-#: messages that came one by one and are taken together, and what each needs beside its own bytes [bytes]
+#: messages that came one by one and are taken together, and what a message needs beside its own bytes [bytes]
 _BATCH, _PER_MESSAGE = 1 << 20, 200
 
 
@@ -144,6 +145,12 @@ class Collector:
         self._waiting: dict[str, list[tuple[int, int, bytes]]] = {topic: [] for topic in topics}
         self._waiting_bytes = 0
         self._count, self._first, self._last = 0, LATEST, 0
+        self.allow(0)
+
+    def allow(self, size: int) -> None:
+        """Say how large the file is that is taken next [bytes]: what is kept of it may need no more than its allowance."""
+        self.flush()
+        self._allowed = self._left = allowance(size)
 
     @property
     def extent(self) -> tuple[int, float]:
@@ -166,6 +173,7 @@ class Collector:
             Where damage is met; what stands before it is taken.
         """
         self.contents, before = Contents(), self._count
+        self.allow(path.stat().st_size)
         for records in record_runs(path, ending):
             self.take(records)
         if ending is not None and ending.messages not in (None, self._count - before):
@@ -232,10 +240,10 @@ class Collector:
         self._waiting_bytes += _PER_MESSAGE + len(memoryview(raw))
         self._waiting[topic].append((self._count, arrival, raw))
         if self._waiting_bytes > _BATCH:
-            self._flush()
+            self.flush()
 
-    def _flush(self) -> None:
-        """Take the messages that came one by one together."""
+    def flush(self) -> None:
+        """Take the messages that came one by one together; the last of a file before the next is allowed."""
         for topic, messages in self._waiting.items():
             if messages:
                 place, arrival = np.array([m[:2] for m in messages], dtype=np.int64).T
@@ -250,6 +258,9 @@ class Collector:
         self._first, self._last = min(self._first, first), max(self._last, last)
 
     def _part(self, data: bytes, topic: str, place: IntArray, arrival: IntArray, at: IntArray, lengths: IntArray) -> _Part:
+        self._left -= int(lengths.sum()) + _PER_MESSAGE * len(at)
+        if self._left < 0:
+            raise TooLargeError(self._allowed)
         layout, decoded, left = self.topics[topic], None, np.arange(len(at))
         # by arrival: the first name of a frame is the one that arrived first
         by = np.argsort(arrival, kind="stable")
@@ -264,7 +275,7 @@ class Collector:
 
     def finished(self) -> dict[str, TopicMessages]:
         """Return what was collected by topic, in order of arrival."""
-        self._flush()
+        self.flush()
         place = _joined(p.place for parts in self._parts.values() for p in parts)
         arrival = _joined(p.arrival for parts in self._parts.values() for p in parts)
         order = np.empty(len(place), dtype=np.int64)
@@ -281,17 +292,18 @@ class Collector:
 def _sorted(parts: list[_Part], order: IntArray, arrival: IntArray) -> TopicMessages:
     """Return the parts of a topic as one, in order of arrival."""
     by = np.argsort(order)
-    known = [p.decoded for p in parts if p.decoded is not None]
-    decoded = None
-    if known:
-        done = np.concatenate([d.decoded for d in known])[by]
-        named = [(int(p.arrival[0]), d.frame_id) for p, d in zip(parts, known) if d.frame_id]
-        frame = min(named, key=lambda entry: entry[0], default=(0, ""))[1]
-        stamps, fields = np.concatenate([d.stamp_ns for d in known]), np.concatenate([d.fields for d in known])
-        decoded = DecodedTopic(done, stamps[by], fields[by], frame)
     number = np.empty(len(by), dtype=np.int64)
     number[by] = np.arange(len(by))
     starts = np.cumsum([0, *(len(p.place) for p in parts)])
+    decoded = None
+    known = [p.decoded for p in parts if p.decoded is not None]
+    if known:
+        done = np.concatenate([d.decoded for d in known])
+        rows = np.argsort(number[done])
+        named = [(int(p.arrival[0]), d.frame_id) for p, d in zip(parts, known) if d.frame_id]
+        frame = min(named, key=lambda entry: entry[0], default=(0, ""))[1]
+        stamps, fields = np.concatenate([d.stamp_ns for d in known]), np.concatenate([d.fields for d in known])
+        decoded = DecodedTopic(done[by], stamps[rows], fields[rows], frame)
     left = number[_joined(start + p.left for start, p in zip(starts, parts))]
     piece = np.repeat(np.arange(len(parts)), [len(p.left) for p in parts])
     first = np.argsort(left)

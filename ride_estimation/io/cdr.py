@@ -42,9 +42,9 @@ class DecodedTopic:
     decoded
         Which of the messages, shape (N,) bool.
     stamp_ns
-        Header stamps, shape (N,) [ns]; zero where not decoded.
+        Header stamps of those that were, shape (D,) [ns].
     fields
-        Doubles after the header from the first one wanted on, shape (N, K); zero where not decoded.
+        Their doubles after the header from the first one wanted on, shape (D, K).
     frame_id
         The first that is not empty.
     """
@@ -74,9 +74,7 @@ def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, f
     first
         First of the doubles after the header that is wanted.
     """
-    count, doubles = len(at), _DOUBLES[message_type]
-    decoded, stamps = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
-    fields = np.zeros((count, doubles - first))
+    doubles, decoded = _DOUBLES[message_type], np.zeros(len(at), dtype=np.bool_)
     whole = np.flatnonzero(lengths >= _HEAD)
     head = rows_at(data, at[whole], _HEAD)
     text = head[:, 12:16].copy().view("<u4")[:, 0].astype(np.int64)
@@ -87,8 +85,8 @@ def decode_at(message_type: str, data: bytes, at: IntArray, lengths: IntArray, f
     chosen = np.flatnonzero(fit)[readable]
     members, head = whole[chosen], head[chosen]
     seconds = head[:, 4:8].copy().view("<i4")[:, 0].astype(np.int64)
-    stamps[members] = seconds * 1_000_000_000 + head[:, 8:12].copy().view("<u4")[:, 0]
-    fields[members] = rows_at(data, at[members] + start[chosen] + 8 * first, 8 * (doubles - first)).view("<f8")
+    stamps = seconds * 1_000_000_000 + head[:, 8:12].copy().view("<u4")[:, 0]
+    fields = rows_at(data, at[members] + start[chosen] + 8 * first, 8 * (doubles - first)).view("<f8")
     decoded[members] = True
     return DecodedTopic(decoded, stamps, fields, frame)
 

@@ -150,7 +150,8 @@ class Session:
             Longest silence that is nothing unusual [s].
         """
         changed = [state.silence.look(state.arrived, passed_s, limit_s) for state in self.states.values()]
-        return any([*changed, self._silence.look(self._ticks - self._unpublished, passed_s, limit_s)])
+        # twice as long: estimates follow their inputs, and where those have stopped it is they who are named
+        return any([*changed, self._silence.look(self._ticks - self._unpublished, passed_s, 2.0 * limit_s)])
 
     def listen(self) -> None:
         """Begin to listen for silence, after a time in which nobody was subscribed."""

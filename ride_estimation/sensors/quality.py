@@ -26,8 +26,9 @@ LOW_RATE_HZ = 60.0
 
 
 def judge_sensors(
-    recording: Recording, sensors: Mapping[str, Sensor], gravity: float, *, weight: float = 0.0
-) -> dict[str, ChannelQuality]:
+    recording: Recording, sensors: Mapping[str, Sensor], gravity: float, *, weight: float = 0.0,
+    left_out: Mapping[str, Mapping[str, int]] | None = None,
+) -> dict[str, ChannelQuality]:  # fmt: skip
     """Judge every channel of a recording.
 
     Parameters
@@ -40,13 +41,17 @@ def judge_sensors(
         [m/s^2].
     weight
         Of all bodies together [N]; zero where it is not known.
+    left_out
+        Per sensor the ticks at which the estimator did not use it, by reason; None where nothing was estimated.
     """
     judged: dict[str, ChannelQuality] = {}
     twins = _twins(recording.channels)
     spans = _span_findings(recording.channels)
     for name, channel in recording.channels.items():
         sensor = sensors[name]
-        quality = judge_channel(channel, sensor.full_scale, sensor.largest)
+        quality = judge_channel(
+            channel, sensor.full_scale, None if left_out is None else left_out.get(name), largest=sensor.largest
+        )
         extra = [*spans[name], *twins.get(name, ())]
         finite = channel.values[np.all(np.abs(channel.values) <= sensor.largest[: channel.values.shape[1]], axis=1)]
         extra += plausibility_findings(sensor.kind, quality.rate_hz, finite, weight)

@@ -254,11 +254,17 @@ class StampAligner:
         reason
             Why, in words; the next block carries it.
         """
+        self._begin_anew(reason)
+        return self._take()
+
+    def _begin_anew(self, reason: str) -> None:
+        """Emit what can be emitted, count the samples that then remain as not used, and wait for a new time base."""
         self._drain()
+        for s in self._streams:
+            s.discard(self._floor)
         self.restarts[reason] += 1
         self._restart = reason
         self._clear()
-        return self._take()
 
     # -- admission of one sample ------------------------------------------------------------------------------------------
 
@@ -347,11 +353,7 @@ class StampAligner:
             other.candidates == 0 and other.accepted > before for other, before in zip(self._streams, self._snapshot)
         )
         if there > here and together:
-            self._drain()
-            words = "stamps jumped ahead" if reason == "clock_ahead" else "stamps jumped back"
-            self.restarts[words] += 1
-            self._restart = words
-            self._clear()
+            self._begin_anew("stamps jumped ahead" if reason == "clock_ahead" else "stamps jumped back")
 
     def _set_limit(self, s: Stream) -> None:
         s.limit = min(int(self._gap_periods * s.period), self._wait) if self._step else 0

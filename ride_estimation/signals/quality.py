@@ -8,7 +8,7 @@ belongs to a vehicle.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,13 @@ class ChannelQuality:
     findings: tuple[str, ...]
 
 
-def judge_channel(channel: Channel, full_scale: float = float("inf"), largest: Sequence[float] = ()) -> ChannelQuality:
+def judge_channel(
+    channel: Channel,
+    full_scale: float = float("inf"),
+    left_out: Mapping[str, int] | None = None,
+    *,
+    largest: Sequence[float] = (),
+) -> ChannelQuality:
     """Judge the samples of one sensor.
 
     Parameters
@@ -100,6 +106,8 @@ def judge_channel(channel: Channel, full_scale: float = float("inf"), largest: S
         Samples in order of arrival.
     full_scale
         Largest magnitude the first three values can have [unit of the sensor].
+    left_out
+        Ticks at which the estimator did not use the sensor, by reason; None where nothing was estimated from it.
     largest
         Largest magnitude any sensor of the kind can give, per value; empty: :data:`~ride_estimation.signals.streams.LARGEST`.
     """
@@ -132,10 +140,10 @@ def judge_channel(channel: Channel, full_scale: float = float("inf"), largest: S
         std=values.std(axis=0) if len(values) else np.zeros(width),
         findings=(),
     )
-    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, good, period)))
+    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, good, period, _done(left_out))))
 
 
-def _findings(q: ChannelQuality, channel: Channel, good: NDArray[np.bool_], period: float) -> list[str]:
+def _findings(q: ChannelQuality, channel: Channel, good: NDArray[np.bool_], period: float, done: str) -> list[str]:
     found: list[tuple[str, str]] = []
     if q.not_finite:
         found.append((f"{q.not_finite} samples are not finite", LEFT_OUT))
@@ -158,17 +166,26 @@ def _findings(q: ChannelQuality, channel: Channel, good: NDArray[np.bool_], peri
         found.append((text, "samples are interpolated at their own stamps"))
     if q.clipped:
         text = f"{q.clipped} samples ({100.0 * q.clipped / q.samples:.2g} %) are clipped"
-        found.append((text, "those at the full scale of the vehicle file are not used; below it, all are"))
+        found.append((text, done))
     if q.flat_s > FLAT_SECONDS:
-        found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", "not used while the other sensors move"))
+        found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", done))
     if q.spikes:
-        found.append((f"{q.spikes} isolated spikes", "not used, with their neighbours, where no other sensor sees them"))
+        found.append((f"{q.spikes} isolated spikes", done))
     stamps, places = _ascending(channel.stamp_ns[good])
     values = channel.values[good][places]
     if len(stamps):
         found += [(t, "none: used as it is") for t in drift_findings(values, (stamps - stamps[0]) * 1e-9)]
     found += [(t, NOTHING) for t in derived_findings(values)]
     return [with_action(text, done) for text, done in found]
+
+
+def _done(left_out: Mapping[str, int] | None) -> str:
+    """Return what the estimator did with a sensor, in words."""
+    if left_out is None:
+        return "none: nothing was estimated from it"
+    if not left_out:
+        return "none: used as it is"
+    return "not used during " + ", ".join(f"{ticks} ticks ({reason})" for reason, ticks in sorted(left_out.items()))
 
 
 def _rate(steps: Array, period: float) -> float:

@@ -9,6 +9,7 @@ import sqlite3
 import struct
 import threading
 import time
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,10 +17,12 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from fuzz.measurements import channels
 from fuzz.recordings import START, STORE, VEHICLE, mcap_files, packed, ros1_files
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.files.formats import read_measurement_file
+from ride_estimation.io.files.channels import UNKNOWN_START_NS
+from ride_estimation.io.files.formats import read_measurement_file, write_measurement_file
 
 #: what reading any of these files may add to the memory; the limit for the largest of them is 100 MiB [bytes]
 MOST = 500 << 20
@@ -109,6 +112,21 @@ def test_a_forged_index_is_not_followed(tmp_path: Path) -> None:
     refused(folder, "no message could be recovered", salvage=True)
 
 
+def test_messages_without_content_are_counted_by_what_they_need_in_memory(tmp_path: Path) -> None:
+    """Two million of 31 bytes each, in 7 kB."""
+    words = (b"sensor_msgs/msg/Imu", b"ros2msg", b"", b"/accel", b"cdr", b"", b"zstd")
+    text = [struct.pack("<I", len(word)) + word for word in words]
+    empty = struct.pack("<BQHIQQ", 5, 22, 1, 0, START, START) * (1 << 18)
+    body = packed(empty, "zstd")
+    chunk = struct.pack("<QQQI", START, START, len(empty), 0) + text[6] + struct.pack("<Q", len(body)) + body
+    parts = [(3, struct.pack("<H", 1) + b"".join(text[:3])), (4, struct.pack("<HH", 1, 1) + b"".join(text[3:6]))]
+    parts += [(6, chunk)] * 8 + [(15, bytes(4)), (2, bytes(20))]
+    magic = b"\x89MCAP0\r\n"
+    data = magic + b"".join(struct.pack("<BQ", code, len(part)) + part for code, part in parts) + magic
+    (tmp_path / "run.mcap").write_bytes(data)
+    refused(tmp_path / "run.mcap", "unpacks to more than")
+
+
 def test_a_ros1_bag_is_not_read_beyond_a_damaged_record(tmp_path: Path) -> None:
     (tmp_path / "seed").mkdir()
     data = ros1_files(tmp_path / "seed")[0]
@@ -183,3 +201,31 @@ def test_a_parquet_file_of_many_equal_rows_is_refused(tmp_path: Path) -> None:
             writer.write_table(zeros)
     with pytest.raises(RideEstimationError, match="which is refused"):
         read_measurement_file(tmp_path / "run.parquet")
+
+
+@pytest.mark.parametrize(("stated", "times"), [(1000, 1), (ZEROS, 40)])
+def test_compressed_blocks_of_an_mdf_file_share_one_budget(stated: int, times: int, tmp_path: Path) -> None:
+    """A block that states less than it unpacks to, and many that state it."""
+    pytest.importorskip("asammdf", reason="needs asammdf (extra 'files')")
+    file = tmp_path / "run.mf4"
+    write_measurement_file(file, [channels()], UNKNOWN_START_NS)
+    body = zlib.compress(bytes(ZEROS))
+    block = struct.pack("<4s4xQQ2sBxIQQ", b"##DZ", 48 + len(body), 0, b"DT", 0, 0, stated, len(body)) + body
+    file.write_bytes(file.read_bytes() + block * times)
+    with pytest.raises(RideEstimationError, match="unpacks to more than"):
+        read_measurement_file(file)
+
+
+def test_a_group_of_an_mdf_file_cannot_claim_more_samples_than_the_file_can_hold(tmp_path: Path) -> None:
+    pytest.importorskip("asammdf", reason="needs asammdf (extra 'files')")
+    file = tmp_path / "run.mf4"
+    write_measurement_file(file, [channels()], UNKNOWN_START_NS)
+    data = bytearray(file.read_bytes())
+    group = data.index(b"##CG")
+    links = struct.unpack_from("<Q", data, group + 16)[0]
+    place = group + 24 + 8 * links + 8  # behind the number of the record: the number of cycles
+    assert struct.unpack_from("<Q", data, place)[0] == len(channels()[0].values)
+    data[place : place + 8] = struct.pack("<Q", 10**9)
+    file.write_bytes(bytes(data))
+    with pytest.raises(RideEstimationError, match="unpacks to more than"):
+        read_measurement_file(file)

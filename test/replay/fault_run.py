@@ -17,13 +17,13 @@ from types import SimpleNamespace
 
 import numpy as np
 from worlds.adapters import START_NS, believed_vehicle
-from worlds.cab import CabSensor, Measurement, drive, measure, random_sensors, random_vehicle
+from worlds.cab import CabSensor, CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle, rotation_of_degrees
 from worlds.roads import Road
 
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.io.messages import make_converter
+from ride_estimation.io.messages import Converter, make_converter
 from ride_estimation.vehicles.vehicle import Vehicle
 
 #: rate of every sensor [Hz], length of the drive, and the time in which a passing fault is there [s]: the drive before it is long
@@ -36,6 +36,8 @@ KNOWN = 0.005
 MOVING, STANDING = 1.0, 25.0
 #: the sensor that measures angular rates too, in worlds that have one
 IMU = "cab_front_left"
+#: sensors that are turned about z, in worlds that have such
+TURNED = ("cab_rear_left", "chassis_front_right")
 #: distance of two looks at what the estimator says [s], five times that when a second is over
 LOOK = 0.05
 #: window in which forces are called recovered [s]
@@ -53,7 +55,9 @@ class Message:
     covariance: float = 0.0
 
 
-#: a world by number, and what is different in it: nothing, ``standing`` for half of the run, an ``imu`` on the cab
+#: a world by number, and what is different in it: nothing, ``standing`` for half of the run, an ``imu`` on the cab, or another
+#: layout: ``turned`` (five sensors on the cab, one there and one at the bases turned by 90 degrees), ``transducers`` (vertical
+#: ones at all mounts), ``three`` mounts
 Key = tuple[int, str]
 Plant = Callable[["World", list[Message], np.random.Generator], list[Message]]
 
@@ -92,15 +96,30 @@ def world(key: Key) -> World:
     seed, kind = key
     rng = np.random.default_rng(seed)
     cab = random_vehicle(rng, "air")
+    if kind == "three":
+        cab = with_one_rear_mount(cab)
     road = Road.random(rng)
     if kind == "standing":
         road = dataclasses.replace(road, standing_s=STANDING)
     run = drive(cab, road, LENGTH, seed, step=1e-3)
-    sensors = random_sensors(cab, rng)
+    travel = tuple((name, "z") for name in cab.mount_names) if kind == "transducers" else ()
+    sensors = random_sensors(cab, rng, cab_sensors=5 if kind == "turned" else 4, displacement=travel)
+    if kind == "turned":
+        turn = rotation_of_degrees(np.array([0.0, 0.0, 90.0]))
+        sensors = tuple(dataclasses.replace(s, rotation=turn) if s.name in TURNED else s for s in sensors)
     if kind == "imu":
         sensors = tuple(dataclasses.replace(s, kind="imu") if s.name == IMU else s for s in sensors)
     data = measured(run, sensors, seed)
     return World(key, data, believed_vehicle(data, seed=seed))
+
+
+def with_one_rear_mount(cab: CabVehicle) -> CabVehicle:
+    """Return the cab with its two rear mounts as one, a little off the middle; it keeps the name of the left one."""
+    rear = np.array([cab.mounts[2, 0], 0.05, cab.mounts[2, 2]])
+    stiffness, damping = (np.vstack([v[:2], v[2:].sum(axis=0)]) for v in (cab.stiffness, cab.damping))
+    return dataclasses.replace(
+        cab, mount_names=cab.mount_names[:3], mounts=np.vstack([cab.mounts[:2], rear]), stiffness=stiffness, damping=damping
+    )
 
 
 def as_messages(data: Measurement) -> list[Message]:
@@ -162,11 +181,10 @@ def beginning(key: Key) -> Beginning:
     """Return the clean run of a world until a second before passing faults begin."""
     w = world(key)
     pipeline, blocks, arrived = Pipeline(w.vehicle), [], []
-    converters = {name: make_converter("sensor_msgs/msg/Imu", (sensor,)) for name, sensor in w.vehicle.sensors.items()}
+    converters = _converters(w.vehicle)
     count = sum(m.arrival_s < BEGIN - 1.0 for m in w.messages)
     for m in w.messages[:count]:
-        for sample in converters[m.sensor](_as_imu(m)):  # type: ignore[misc]
-            blocks += pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
+        blocks += _observed(pipeline, converters, m, Counter())
         arrived += [m.arrival_s] * (len(blocks) - len(arrived))
     pipeline.parameters()  # what was put off is learned; what is left can be copied
     return Beginning(pipeline, w.messages, count, tuple(blocks), tuple(arrived))
@@ -200,18 +218,14 @@ def behaviour(
     pipeline, before = Pipeline(vehicle), 0
     if given is not None and all(m is own for m, own in zip(messages[: given.count], given.messages)):
         pipeline, before = copy.deepcopy(given.pipeline), given.count
-    converters = {name: make_converter("sensor_msgs/msg/Imu", (sensor,)) for name, sensor in vehicle.sensors.items()}
+    converters = _converters(vehicle)
     refused: Counter[str] = Counter()
     blocks: list[OutputBlock] = list(given.blocks) if before and given is not None else []
     arrived: list[float] = list(given.arrived) if before and given is not None else []
     flagged, said, look = np.inf, "", from_s
     pattern = re.compile(expected) if expected else None
     for m in messages[before:]:
-        for sample in converters[m.sensor](_as_imu(m)):  # type: ignore[misc]
-            if sample.rejection:
-                refused[f"{sample.sensor}: {sample.rejection}"] += 1
-            else:
-                blocks += pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
+        blocks += _observed(pipeline, converters, m, refused)
         arrived += [m.arrival_s] * (len(blocks) - len(arrived))
         if pattern is not None and not said and m.arrival_s >= look:
             look = m.arrival_s + (LOOK if m.arrival_s < from_s + 1.0 else 5.0 * LOOK)
@@ -236,6 +250,26 @@ def sentences(pipeline: Pipeline, refused: Counter[str]) -> list[str]:
         *health.messages, *(f"restart: {reason}: {count}" for reason, count in health.restarts.items()),
         *(f"{what}: {count}" for what, count in refused.items()),
     ]  # fmt: skip
+
+
+def _converters(vehicle: Vehicle) -> dict[str, Converter]:
+    kinds = ("accelerometer", "imu")
+    return {name: make_converter("sensor_msgs/msg/Imu", (s,)) for name, s in vehicle.sensors.items() if s.kind in kinds}
+
+
+def _observed(
+    pipeline: Pipeline, converters: dict[str, Converter], m: Message, refused: Counter[str]
+) -> list[OutputBlock]:
+    """Hand one message over through its converter (a transducer has none of its own); refused samples are counted."""
+    if m.sensor not in converters:
+        return list(pipeline.observe(m.sensor, m.stamp_ns, m.values))
+    blocks: list[OutputBlock] = []
+    for sample in converters[m.sensor](_as_imu(m)):  # type: ignore[arg-type]
+        if sample.rejection:
+            refused[f"{sample.sensor}: {sample.rejection}"] += 1
+        else:
+            blocks += pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
+    return blocks
 
 
 def _as_imu(m: Message) -> SimpleNamespace:

@@ -61,6 +61,8 @@ class Fault:
         When it is there [s]; negative: from the start of the motion and to the end where it is constant, else the usual time.
     kind
         Of the world, see :data:`replay.fault_run.Key`.
+    within_s
+        Longest time to the sentence [s] where it is not the usual one.
     true_time
         Seconds since the start from stamps, where stamps change.
     """
@@ -73,6 +75,7 @@ class Fault:
     end: float = -1.0
     true_time: Callable[[np.ndarray], np.ndarray] = _same
     kind: str = ""
+    within_s: float = 0.0
 
     @property
     def time(self) -> tuple[float, float]:
@@ -83,7 +86,7 @@ class Fault:
     @property
     def limit_s(self) -> float:
         """Return the longest time to the sentence [s]."""
-        return 10.0 if self.constant else 0.5
+        return self.within_s or (10.0 if self.constant else 0.5)
 
 
 def run_fault(fault: Fault, seed: int) -> tuple[Outcome, Behaviour]:

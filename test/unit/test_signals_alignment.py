@@ -332,6 +332,19 @@ def test_long_run_with_drifting_clock_of_one_sensor_keeps_rate() -> None:
     assert joined(blocks)[2][5:-5].all()
 
 
+def test_samples_that_a_restart_leaves_unused_are_counted() -> None:
+    samples = faults.without(faults.regular(3, 100.0, 4.0), range(600, 900, 3))  # one stream is behind at the end
+    aligner = StampAligner(specs(3), 100.0)
+    ticks = 0
+    for index, stamp, values in samples[:700]:
+        ticks += sum(len(block.values) for block in aligner.push(index, stamp, values))
+    ticks += sum(len(block.values) for block in aligner.restart("on demand"))
+    found = aligner.health().values()
+    assert sum(h.accepted + sum(h.rejected.values()) for h in found) == 700
+    assert sum(h.rejected["restart"] for h in found if h.rejected) == 700 - sum(h.accepted for h in found) > 0
+    assert max(h.accepted for h in found) <= ticks + 1
+
+
 def test_restart_on_demand_keeps_counters() -> None:
     aligner = StampAligner(specs(1), 500.0)
     for index, stamp, values in faults.regular(1, 500.0, 2.0):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,12 @@ class ChannelLayout:
         spoke = np.zeros((len(block.values), mounts), dtype=bool)
         turn_channels(block.values, block.valid, *self.base_arrays, base, spoke)
         return base, spoke
+
+    def cell_readings(self, block: Block, sensors: Sequence[Sensor]) -> Iterator[tuple[str, int, Array]]:
+        """Return name, mount and force in body axes (K, 3) of every load cell that spoke throughout."""
+        for name, i, stream, start in self.cells:
+            if block.valid[:, stream].all():
+                yield name, i, block.values[:, start : start + 3] @ sensors[stream].rotation.T
 
     def travels(self, block: Block, mounts: int) -> tuple[Array, BoolArray]:
         """Return what displacement transducers say (K, M, 3) and which spoke (K, M, 3)."""

@@ -99,6 +99,11 @@ class BaseCheck:
         self.refused: int | None = None
         self.unusual = False
 
+    @property
+    def in_doubt(self) -> bool:
+        """Return whether the sensors disagree and nothing tells which is wrong."""
+        return self.unusual and self.refused is None
+
     def judged(self, block: Block, verdict: GateVerdict, dt: float) -> GateVerdict:
         """Return the verdict on a block with what the bases add to it.
 
@@ -201,6 +206,6 @@ class BaseCheck:
         for n, ticks in sorted(self.ticks.items()):
             now = " (now)" if n == self.refused else ""
             found.append(f"{self._sensors[n].name} was not used{now}: {ticks} ticks {DISAGREES}")
-        if self.unusual and self.refused is None:
+        if self.in_doubt:
             found.append("the sensors at the mount bases disagree clearly more than before: nothing is learned meanwhile")
         return found

@@ -6,6 +6,8 @@ Whether something is to be decided is found here; what is decided then stays in 
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +21,28 @@ IntArray = NDArray[np.int64]
 LARGEST, DEVIATION, STEP_SQUARE, PEAK = 0, 1, 2, 3
 
 
+@dataclasses.dataclass(frozen=True)
+class Scan:
+    """What :func:`scan_block` found: repetitions and step sizes per tick (K, A), figures (4, A), mean (A, 3), the longest
+    repetition of a sample and of an axis, whether a value is at full scale.
+    """
+
+    runs: IntArray
+    sizes: Array
+    figures: Array
+    mean: Array
+    longest: int
+    longest_axis: int
+    full: bool
+
+
 @compile_kernel
 def scan_block(
-    values: Array, valid: BoolArray, last: Array, started: bool, mean: Array, limit: Array, run: IntArray, runs: IntArray,
-    sizes: Array, figures: Array, block_mean: Array,
-) -> tuple[int, bool]:  # fmt: skip
-    """Gather what the tests of single sensors need; return the longest repetition and whether a value reaches its limit.
+    values: Array, valid: BoolArray, last: Array, started: bool, mean: Array, limit: Array, run: IntArray, axis_run: IntArray,
+    held: Array, runs: IntArray, sizes: Array, figures: Array, block_mean: Array,
+) -> tuple[int, int, bool]:  # fmt: skip
+    """Gather what the tests of single sensors need; return the longest repetition of a sample, the longest that one
+    of its axes makes at the end of the block, and whether a value reaches its limit.
 
     Parameters
     ----------
@@ -40,8 +58,13 @@ def scan_block(
         Value that counts as full scale, shape (A,).
     run
         Ticks the last value has repeated, shape (A,), in place.
+    axis_run
+        The same of every axis, shape (A, 3), in place.
+    held
+        Of every axis the last value that it repeated, the least distance of two such values that follow each other and how
+        many values there were; shape (3, A, 3), in place.
     runs
-        Output, the same at every tick, shape (K, A).
+        Output, ticks the whole sample has repeated at every tick, shape (K, A).
     sizes
         Output, largest step of the three channels at every tick, 0 where not valid, shape (K, A).
     figures
@@ -50,7 +73,7 @@ def scan_block(
         Output, shape (A, 3).
     """
     ticks, count = values.shape[0], values.shape[1]
-    longest, full = 0, False
+    longest, longest_axis, full = 0, 0, False
     for a in range(count):
         largest, deviation, square, peak = 0.0, 0.0, 0.0, 0.0
         repeated = run[a]
@@ -63,12 +86,20 @@ def scan_block(
                 before = values[k - 1, a, c] if k > 0 else (last[a, c] if started else value)
                 change = abs(value - before)
                 step = max(step, change)
-                same = same and change <= 1e-9 * (1.0 + abs(value))
+                if valid[k, a] and (started or k > 0) and change <= 1e-9 * (1.0 + abs(value)):
+                    if axis_run[a, c] == 0 and value != held[0, a, c]:
+                        if held[2, a, c] > 0.0:
+                            held[1, a, c] = min(held[1, a, c], abs(value - held[0, a, c]))
+                        held[0, a, c] = value
+                        held[2, a, c] += 1.0
+                    axis_run[a, c] += 1
+                else:
+                    axis_run[a, c], same = 0, False
                 peak = max(peak, abs(value))
                 block_mean[a, c] += value
                 deviation += (value - mean[a, c]) * (value - mean[a, c])
             square += step * step
-            repeated = repeated + 1 if same and (started or k > 0) else 0
+            repeated = repeated + 1 if same else 0
             runs[k, a] = repeated
             longest = max(longest, repeated)
             sizes[k, a] = step if valid[k, a] else 0.0
@@ -76,10 +107,11 @@ def scan_block(
         run[a] = repeated
         for c in range(3):
             block_mean[a, c] /= ticks
+            longest_axis = max(longest_axis, axis_run[a, c])
         figures[LARGEST, a], figures[DEVIATION, a] = largest, deviation / ticks
         figures[STEP_SQUARE, a], figures[PEAK, a] = square / ticks, peak
         full = full or peak >= limit[a]
-    return longest, full
+    return longest, longest_axis, full
 
 
 @compile_kernel

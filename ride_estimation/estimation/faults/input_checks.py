@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,8 +15,10 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.channel_layout import ChannelLayout
-from ride_estimation.estimation.faults.base_check import BaseCheck
+from ride_estimation.estimation.faults.base_balance import BaseBalance
+from ride_estimation.estimation.faults.base_check import DISAGREES, BaseCheck
 from ride_estimation.estimation.faults.base_faults import BaseFaults
+from ride_estimation.estimation.faults.base_noise import BaseNoise
 from ride_estimation.estimation.faults.gyro_check import GyroCheck
 from ride_estimation.estimation.faults.health import SensorHealth, sensor_health
 from ride_estimation.estimation.faults.input_watch import InputWatch
@@ -60,12 +65,19 @@ class InputChecks:
         check = RigidCheck(motion.rows[:n], motion.directions[:n], motion.points[:n], [s.noise_std for s in a.body_sensors])
         self._gate = SensorGate(
             sensors, starts, layout.body_streams.tolist(), [stream for _, stream, _, _ in layout.base],
-            [stream for _, _, stream, _ in layout.transducers], check,
+            [stream for _, _, stream, _ in layout.transducers], check, a.vehicle.gravity,
         )  # fmt: skip
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)
-        self.base_faults = BaseFaults(base, base_streams, base_starts, a.vehicle.gravity)
+        self._new_base_faults = functools.partial(BaseFaults, base, base_streams, base_starts, a.vehicle.gravity)
+        self.base_faults = self._new_base_faults()
         self._left_out: frozenset[int] = frozenset()
+        self._balance = BaseBalance(a)
+        self._noise = BaseNoise(base)
+        #: readings of base sensors and transducers of the last block, None where one of them is not fit
+        self._readings: tuple[Array, Array] | None = None
+        #: stream -> reason -> ticks at which a base sensor was left out against the others
+        self._lost: dict[int, Counter[str]] = {}
 
     def reset(self) -> None:
         """Begin a new time base; what was found out about the sensors stays."""
@@ -74,6 +86,9 @@ class InputChecks:
         self.gyros.reset()
         self._bases.reset()
         self.base_faults.reset()
+        self._noise.reset()
+        if self._balance.possible:
+            self._balance.reset()
 
     def put_right(self, block: Block, dt: float) -> tuple[Block, str]:
         """Exchange the readings of sensors whose topics are exchanged; words where an exchange was found or ended just now.
@@ -87,6 +102,11 @@ class InputChecks:
         """
         values, valid = self._swaps.exchange(block.values, block.valid)
         found = self._swaps.observe(values, valid, dt)
+        if self._balance.exchanged is not None:
+            found = found or self._swaps.toggle(*(self._swaps.bodies + n for n in self._balance.exchanged))
+            self._balance.exchanged = None
+            # what was said of them was said of each other's readings
+            self.base_faults = self._new_base_faults()
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
             self.watch.look_again()
@@ -101,8 +121,8 @@ class InputChecks:
         measured = np.take(block.values, layout.body_columns, axis=1)
         return self.gyros.observe(measured, rates, np.take(block.valid, layout.body_streams, axis=1), dt)
 
-    def judged(self, block: Block, rate: Array, force: Array, dt: float) -> tuple[GateVerdict, bool]:
-        """Return which samples may be used, and whether a base sensor that was wrong since long is left out from now on.
+    def judged(self, block: Block, rate: Array, force: Array, dt: float) -> GateVerdict:
+        """Return which samples may be used, and for how long what was learned is spoiled by a sensor found to be wrong just now.
 
         Parameters
         ----------
@@ -113,13 +133,72 @@ class InputChecks:
         dt
             Tick [s].
         """
-        verdict = self._bases.judged(block, self._gate.judge(block, rate, dt), dt)
+        gate = self._gate.judge(block, rate, dt)
+        verdict = self._bases.judged(block, gate, dt)
         before, self._left_out = self._left_out, frozenset(self.base_faults.refused)
-        return self.base_faults.judged(block, verdict, force, dt), bool(self._left_out - before)
+        verdict = self.base_faults.judged(block, verdict, force, dt)
+        if self._left_out - before:
+            verdict = dataclasses.replace(verdict, began=True, spoiled=math.inf)
+        if self._noise.possible:
+            streams = self._layout.base_arrays[0]
+            self._keep_readings(block, gate)
+            verdict = self._balance.judged(self._noise.judged(verdict, streams), streams)
+        if verdict.valid is not gate.valid:
+            self._count(gate, verdict)
+        return verdict
+
+    def _keep_readings(self, block: Block, verdict: GateVerdict) -> None:
+        # sensors that only disagree with others are weighed on: that may be the fault of one of those
+        layout = self._layout
+        columns = (layout.base_arrays[1][:, None] + np.arange(3)).ravel()
+        displaced = [column for _, _, _, column in layout.transducers]
+        streams = [*layout.base_arrays[0].tolist(), *(stream for _, _, stream, _ in layout.transducers)]
+        fit = bool(verdict.valid[:, streams].all()) and not verdict.suspects
+        self._readings = (np.take(block.values, columns, axis=1), np.take(block.values, displaced, axis=1)) if fit else None
+        if self._readings is None:
+            self._noise.interrupt()
+        else:
+            self._noise.gather(self._readings[0])
+
+    def _count(self, gate: GateVerdict, verdict: GateVerdict) -> None:
+        lost = (gate.valid & ~verdict.valid).sum(axis=0)
+        for stream in np.flatnonzero(lost).tolist():
+            self._lost.setdefault(stream, Counter())[DISAGREES] += int(lost[stream])
+
+    def weigh(self, load: Array, horizontal: Array, body: Array) -> None:
+        """Take the loads of a block for the balance of the body.
+
+        Parameters
+        ----------
+        load
+            Wrench the mounts carry, shape (K, 6) [N, N m].
+        horizontal
+            Forces of the mounts along x and y, shape (K, M, 2) [N].
+        body
+            Vertical specific force of the body at the mounts, shape (K, M).
+        """
+        if self._readings is None:
+            self._balance.interrupt()
+        else:
+            self._balance.gather(load, horizontal, body, *self._readings)
+
+    @property
+    def bases_in_doubt(self) -> bool:
+        """Return whether one of the base sensors is wrong though nothing tells which."""
+        return self._bases.in_doubt or self._noise.in_doubt or (self._balance.possible and self._balance.unusual)
+
+    @property
+    def weighs(self) -> bool:
+        """Return whether :meth:`weigh` is of use."""
+        return self._balance.possible
 
     def learn(self, dt: float) -> None:
         """Do what may wait until the forces of a block are handed out."""
         self.base_faults.learn(dt)
+        if self._noise.possible:
+            self._noise.learn(dt)
+        if self._balance.possible:
+            self._balance.learn(dt)
 
     def health(self, streams: Mapping[str, StreamHealth], ratio: Mapping[str, float]) -> dict[str, SensorHealth]:
         """Return counts and figures of every sensor.
@@ -131,19 +210,21 @@ class InputChecks:
         ratio
             Size of the residuals of body sensors over what is expected.
         """
-        watch = self.watch
-        return sensor_health(streams, watch.clipped.tolist(), watch.invalid.tolist(), ratio, self._gate.refused)
+        watch, lost = self.watch, self._lost
+        refused = {n: self._gate.refused.get(n, Counter()) + lost.get(n, Counter()) for n in {*self._gate.refused, *lost}}
+        return sensor_health(streams, watch.clipped.tolist(), watch.invalid.tolist(), ratio, refused)
 
     def messages(self) -> list[str]:
         """Return sentences about the sensors."""
         found = self._swaps.messages() + self.gyros.messages() + self._gate.messages() + self._bases.messages()
-        return found + self.base_faults.messages()
+        return found + self.base_faults.messages() + self._balance.messages() + self._noise.messages()
 
     def save(self) -> dict[str, Any]:
         """Return what was found out about the sensors as entries of a saved state."""
         return {
             "gate": self._gate.save(), "swapped": self._swaps.save(), "base_faults": self.base_faults.save(),
-            "gyros": self.gyros.save(),
+            "gyros": self.gyros.save(), "base_balance": self._balance.save(),
+            "lost": {str(stream): dict(counts) for stream, counts in self._lost.items()},
         }  # fmt: skip
 
     def load(self, state: Mapping[str, Any]) -> None:
@@ -151,5 +232,7 @@ class InputChecks:
         self.gyros.load(state["gyros"])
         self.base_faults.load(state["base_faults"])
         self._left_out = frozenset(self.base_faults.refused)
+        self._balance.load(state["base_balance"])
+        self._lost = {int(stream): Counter(counts) for stream, counts in state["lost"].items()}
         self._gate.load(state["gate"])
         self._swaps.load(state["swapped"])

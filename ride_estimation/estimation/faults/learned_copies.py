@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Copies of what was learned one to two seconds ago: a sensor is found to be faulty later than it became so."""
+"""Copies of what was learned some time ago: a sensor is found to be faulty later than it became so."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 from ride_estimation.estimation.common.saved_state import all_finite
 
-#: distance of two copies [s]; the older is taken when a sensor turns out to be faulty
-_DISTANCE = 1.0
+#: distance of two copies, and how far they go back [s]; the newest that is older than the fault is taken
+_DISTANCE, _DEPTH = 1.0, 30.0
 
 
 class LearnedCopies:
-    """The last two copies of what was learned and of the deflections."""
+    """Copies of what was learned and of the deflections, one a second."""
 
     def __init__(self) -> None:
         #: how often what was learned was taken back
@@ -23,8 +23,8 @@ class LearnedCopies:
 
     def clear(self) -> None:
         """Forget the copies."""
-        self._learned: list[dict[str, Any]] = []
-        self._calm: list[dict[str, Any]] = []
+        #: time, what was learned, deflections
+        self._kept: list[tuple[float, dict[str, Any], dict[str, Any]]] = []
 
     def keep(self, now: float, learned: Callable[[], dict[str, Any]], deflections: Callable[[], dict[str, Any]]) -> None:
         """Take new copies where they are due.
@@ -45,24 +45,28 @@ class LearnedCopies:
             self._next, found = now + _DISTANCE, learned()
             if not all_finite(found):
                 raise FloatingPointError("what was learned is not finite")
-            self._learned = [*self._learned[-1:], found]
-            self._calm = [*self._calm[-1:], deflections()]
+            self._kept = [*(c for c in self._kept if c[0] > now - _DEPTH), (now, found, deflections())]
 
-    def deflections(self) -> dict[str, Any] | None:
-        """Return the older copy of the deflections, None without one; the newer is dropped."""
-        self._calm = self._calm[:1]
-        return self._calm[0] if self._calm else None
+    def take(self, now: float, spoiled: float) -> tuple[dict[str, Any], dict[str, Any]] | None:
+        """Return what was learned, and the deflections, before a fault; None without a copy of then. Newer ones are dropped.
 
-    def checkpoint(self, now: float) -> dict[str, Any] | None:
-        """Return the older copy of what was learned, None without one; the newer is dropped."""
-        self._learned = self._learned[:1]
-        if not self._learned:
+        Parameters
+        ----------
+        now
+            Time of the run [s].
+        spoiled
+            How long ago the fault may have begun [s]; the oldest copy serves where that is not known to be more than a second.
+        """
+        before = now - max(spoiled, _DISTANCE)
+        older = [c for c in self._kept if c[0] <= before]
+        self._kept = older or (self._kept[:1] if spoiled <= _DISTANCE else [])
+        if not self._kept:
             return None
         self._next = now + _DISTANCE
-        return self._learned[0]
+        self.taken += 1
+        return self._kept[-1][1:]
 
-    def take(self, now: float) -> dict[str, Any] | None:
-        """Return the :meth:`checkpoint` to go back to for a faulty sensor, and count that."""
-        found = self.checkpoint(now)
-        self.taken += found is not None
-        return found
+    def checkpoint(self) -> dict[str, Any] | None:
+        """Return what was learned until a second or more ago, None without a copy of then; the newest copy is dropped."""
+        self._kept = self._kept[:-1] or self._kept
+        return self._kept[-1][1] if self._kept else None

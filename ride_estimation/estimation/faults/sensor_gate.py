@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.faults.gate_kernel import (
-    DEVIATION,
     LARGEST,
+    Scan,
     find_jumps,
     median_root,
     remember,
@@ -27,24 +27,22 @@ from ride_estimation.estimation.faults.gate_kernel import (
     slow_means,
 )  # fmt: skip
 from ride_estimation.estimation.faults.rigid_check import RigidCheck
+from ride_estimation.estimation.faults.stuck_sensors import FLAT, REASONS, StuckSensors
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-FLAT = "stuck: its value repeats exactly while the other sensors move"
 CLIPPED = "at full scale"
 JUMP = "jumps that no other sensor sees"
 BODY = "disagrees with the rigid body"
 MEAN = "its mean disagrees with that of the body"
 
-#: shortest exact repetition that counts as stuck [s] and [ticks]; transducers repeat longer by their resolution [s]
-_FLAT_TIME, _FLAT_TICKS, _FLAT_TRANSDUCER = 0.03, 4, 0.5
-#: shortest exact repetition of a sensor that never said anything else [s]
-_DEAD_TIME = 1.0
-#: motion of the others, in units of the noise, that makes an exact repetition impossible
-_MOVING = 5.0
+#: shortest exact repetition of a transducer that counts as stuck: they repeat by their resolution [s]
+_FLAT_TRANSDUCER = 0.5
+#: motion of the accelerometers, in units of their noise, that makes it impossible
+_MOVING_TRANSDUCER = 20.0
 #: a jump: this many times its own usual step plus this many times the largest step of the others plus noise
 _JUMP = np.array([8.0, 4.0, 20.0])
 #: time in which the largest step of a sensor is forgotten [s]
@@ -92,6 +90,8 @@ class GateVerdict:
         Whether the sensors of the body disagree clearly more than before: nothing is to be learned.
     excess
         Factor on the standard deviation of the body's motion, 1 without such doubt.
+    spoiled
+        Time for which what was learned is spoiled where a fault began, beyond the second or two it always is [s].
     """
 
     valid: BoolArray
@@ -100,26 +100,13 @@ class GateVerdict:
     suspects: tuple[str, ...]
     unusual: bool
     excess: float
+    spoiled: float = 0.0
 
     def without(self, streams: int | NDArray[np.int64]) -> GateVerdict:
         """Return the verdict with some streams left out of the whole block."""
         valid = self.valid.copy()
         valid[:, streams] = False
         return dataclasses.replace(self, valid=valid)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Scan:
-    """What :func:`scan_block` found: repetitions and step sizes per tick (K, A), figures (4, A), mean (A, 3), the longest
-    repetition, whether a value is at full scale.
-    """
-
-    runs: NDArray[np.int64]
-    sizes: Array
-    figures: Array
-    mean: Array
-    longest: int
-    full: bool
 
 
 class SensorGate:
@@ -139,6 +126,8 @@ class SensorGate:
         Displacement streams.
     check
         Rigid-body test of the body sensors.
+    gravity
+        [m/s^2].
     """
 
     def __init__(
@@ -149,6 +138,7 @@ class SensorGate:
         base: Sequence[int],
         transducers: Sequence[int],
         check: RigidCheck,
+        gravity: float,
     ) -> None:
         self._sensors = tuple(sensors)
         self._check = check
@@ -159,6 +149,7 @@ class SensorGate:
         self._dc = np.array([sensors[i].coupling == "dc" for i in self._accels])
         self._noise = np.array([sensors[i].noise_std for i in self._accels])
         self._limit = 0.999 * np.array([sensors[i].reach for i in self._accels])
+        self._stuck = StuckSensors(self._rotation, self._noise, self._dc, self._bodies, gravity)
         self._all = np.ones(len(self._accels), dtype=bool)
         self._transducers = tuple(transducers)
         self._transducer_columns = np.array([columns[i] for i in transducers], dtype=np.int64)
@@ -173,8 +164,7 @@ class SensorGate:
         """Begin a new time base; counters stay."""
         count = len(self._accels)
         self._last, self._started = np.zeros((count, 3)), False
-        self._run = np.zeros(count, dtype=np.int64)
-        self._varied, self._all_varied = np.zeros(count, dtype=bool), False
+        self._stuck.reset()
         self._mean = np.zeros((count, 3))
         self._square = np.zeros(count)
         self._step_square = np.zeros(count)
@@ -217,7 +207,7 @@ class SensorGate:
         reasons: dict[int, str] = {}
         before, usual = set(self._latched), not self.unusual
         self._clipping(values, scan, refused, reasons)
-        self._flat(scan, refused, reasons, duration, dt)
+        self._flat(values, scan, refused, reasons, duration, dt)
         self._jumps(values, scan, refused, reasons, duration, dt)
         # the normal case: every sample there and none refused
         whole = bool(valid.all()) and not reasons
@@ -247,18 +237,20 @@ class SensorGate:
             self.doubtful_ticks += len(values)
         return GateVerdict(result, began, new, self.suspects, self.unusual, excess)
 
-    def _scan(self, values: Array, valid: BoolArray) -> _Scan:
+    def _scan(self, values: Array, valid: BoolArray) -> Scan:
         ticks, count = valid.shape
         runs, sizes = np.empty((ticks, count), dtype=np.int64), np.empty((ticks, count))
         figures, mean = np.empty((4, count)), np.empty((count, 3))
-        longest, full = scan_block(
-            values, valid, self._last, self._started, self._mean, self._limit, self._run, runs, sizes, figures, mean
-        )
-        return _Scan(runs, sizes, figures, mean, longest, full)
+        stuck = self._stuck
+        longest, longest_axis, full = scan_block(
+            values, valid, self._last, self._started, self._mean, self._limit, stuck.run, stuck.axis_run, stuck.held, runs,
+            sizes, figures, mean,
+        )  # fmt: skip
+        return Scan(runs, sizes, figures, mean, longest, longest_axis, full)
 
     # -- single sensors ---------------------------------------------------------------------------------------------------
 
-    def _clipping(self, values: Array, scan: _Scan, refused: BoolArray, reasons: dict[int, str]) -> None:
+    def _clipping(self, values: Array, scan: Scan, refused: BoolArray, reasons: dict[int, str]) -> None:
         if not scan.full:
             return
         clipped = np.any(np.abs(values) >= self._limit[None, :, None], axis=2)
@@ -266,35 +258,18 @@ class SensorGate:
         for a in np.flatnonzero(clipped.any(axis=0)):
             reasons[int(a)] = CLIPPED
 
-    def _flat(self, scan: _Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float) -> None:
-        longest = scan.longest
-        if longest * dt >= _FLAT_TIME and longest >= _FLAT_TICKS:
-            long = (scan.runs * dt >= _FLAT_TIME) & (scan.runs >= _FLAT_TICKS)
-            for a in np.flatnonzero(long.any(axis=0)).tolist():
-                # resolution and standstill let a value repeat; a second of motion does not, nor does one that varied before
-                dead = float(scan.runs[:, a].max()) * dt > _DEAD_TIME
-                stuck = (bool(self._varied[a]) or dead) and self._others_move(a, scan)
-                if stuck or self._latched.get(a) == FLAT:
-                    end = int(np.flatnonzero(long[:, a])[-1])
-                    refused[max(end - int(scan.runs[end, a]), 0) : end + 1, a] = True
-                    reasons[a] = FLAT
-                    self._latched.setdefault(a, FLAT)
-                    self._well[a] = 0.0
-        else:
-            long = refused
-        if self._age > 0.0 and not self._all_varied:
-            self._varied |= (scan.runs == 0).any(axis=0)
-            self._all_varied = bool(self._varied.all())
-        for a in [n for n, reason in self._latched.items() if reason == FLAT]:
-            self._still_refused(a, duration, long is refused or not long[:, a].any(), refused, reasons)
-
-    def _others_move(self, a: int, scan: _Scan) -> bool:
-        others = np.arange(len(self._accels)) != a
-        size = np.sqrt(np.maximum(self._square, scan.figures[DEVIATION])[others])
-        return bool(size.size and np.median(size) > _MOVING * self._noise[a])
+    def _flat(
+        self, values: Array, scan: Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float
+    ) -> None:
+        known = {a for a, reason in self._latched.items() if reason in REASONS}
+        found = self._stuck.judge(values, scan, self._square, known, self._age == 0.0, dt)
+        for a, reason in found.items():
+            self._latched.setdefault(a, reason)
+        for a in sorted(known | {a for a in found if self._latched[a] == found[a]}):
+            self._still_refused(a, duration, a not in found, refused, reasons)
 
     def _jumps(
-        self, values: Array, scan: _Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float
+        self, values: Array, scan: Scan, refused: BoolArray, reasons: dict[int, str], duration: float, dt: float
     ) -> None:
         limits, largest = np.empty(len(self._accels)), scan.figures[LARGEST]
         found = find_jumps(
@@ -375,7 +350,7 @@ class SensorGate:
         self.unusual = bool(matters and over > (_USUAL if self.unusual else _UNUSUAL))
 
     def _means(
-        self, valid: BoolArray, scan: _Scan, good: BoolArray, refused: BoolArray, reasons: dict[int, str], duration: float
+        self, valid: BoolArray, scan: Scan, good: BoolArray, refused: BoolArray, reasons: dict[int, str], duration: float
     ) -> None:
         """Judge the slow mean of every sensor against the median of the body: they ride together, but the body leans."""
         n = self._bodies
@@ -410,7 +385,7 @@ class SensorGate:
         self._displaced = values[-1].copy()
         self._displaced_run = np.where(same, self._displaced_run + len(values) * dt, 0.0)
         size = np.sqrt(self._square)
-        moving = bool(len(size) and np.median(size / self._noise) > 4.0 * _MOVING)
+        moving = bool(len(size) and np.median(size / self._noise) > _MOVING_TRANSDUCER)
         stuck = np.flatnonzero(self._displaced_run > _FLAT_TRANSDUCER)
         if not (moving and stuck.size):
             return result
@@ -455,7 +430,7 @@ class SensorGate:
         return {
             "refused": {str(stream): dict(counts) for stream, counts in self.refused.items()},
             "latched": {str(a): reason for a, reason in self._latched.items()}, "well": self._well.tolist(),
-            "blame": np.minimum(self._blame, 2.0 * _BLAME).tolist(), "varied": self._varied.tolist(),
+            "blame": np.minimum(self._blame, 2.0 * _BLAME).tolist(), "varied": self._stuck.save(),
             "mean": self._mean.tolist(), "square": self._square.tolist(), "step_square": self._step_square.tolist(),
             "slow": self._slow.tolist(), "age": self._age, "doubtful_ticks": self.doubtful_ticks, "unusual": self.unusual,
             "ratio": [self._ratio_now, self._ratio_run, self._ratio_age],
@@ -466,9 +441,10 @@ class SensorGate:
         self.reset()
         self.refused = {int(stream): Counter(counts) for stream, counts in saved["refused"].items()}
         self._latched = {int(a): str(reason) for a, reason in saved["latched"].items()}
-        for name in ("well", "blame", "varied", "mean", "square", "step_square", "slow"):
+        for name in ("well", "blame", "mean", "square", "step_square", "slow"):
             own = getattr(self, f"_{name}")
             setattr(self, f"_{name}", np.array(saved[name], dtype=own.dtype).reshape(own.shape))
+        self._stuck.load(saved["varied"])
         self._age, self.doubtful_ticks = float(saved["age"]), int(saved["doubtful_ticks"])
         self.unusual = bool(saved["unusual"])
         self._ratio_now, self._ratio_run, self._ratio_age = (float(v) for v in saved["ratio"])

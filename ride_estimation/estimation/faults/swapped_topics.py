@@ -62,7 +62,7 @@ class SwappedTopics:
         self, body: Sequence[Sensor], base: Sequence[Sensor], streams: Sequence[int], columns: Sequence[int], rows: Array
     ) -> None:
         self._sensors = (*body, *base)
-        self._bodies = len(body)
+        self.bodies = len(body)
         self._streams = np.array(streams, dtype=np.int64)
         self._columns = [np.arange(c, c + s.channels) for c, s in zip(columns, self._sensors)]
         self._channels = np.concatenate([c[:3] for c in self._columns]) if self._columns else np.zeros(0, dtype=np.int64)
@@ -126,7 +126,7 @@ class SwappedTopics:
         spare = float(np.trace(project))
         if spare < 0.5 or not exchanges:
             return ""
-        own = np.flatnonzero(np.repeat(self._fit[: self._bodies], 3))
+        own = np.flatnonzero(np.repeat(self._fit[: self.bodies], 3))
         motion = float(np.mean(np.diag(covariance)[own]))
         residual = float(np.sum(project * covariance[np.ix_(own, own)]))
         if residual / spare < _SHARE**2 * motion + _NOISE**2 * self._noise:
@@ -136,8 +136,18 @@ class SwappedTopics:
         chosen = exchanges[best]
         if _BETTER * found[best] > residual or not _nearer(chosen, covariance):
             return ""
-        names = " and ".join(self._sensors[n].name for n in (chosen.first, chosen.second))
-        pair = (chosen.first, chosen.second)
+        return self.toggle(chosen.first, chosen.second)
+
+    def toggle(self, first: int, second: int) -> str:
+        """Exchange two sensors from now on, or no longer where they are; return words.
+
+        Parameters
+        ----------
+        first, second
+            In the order of the sensors given, the body's first.
+        """
+        names = " and ".join(self._sensors[n].name for n in (first, second))
+        pair = (first, second)
         ended = pair in self.pairs
         if ended:
             self.pairs.remove(pair)
@@ -150,8 +160,8 @@ class SwappedTopics:
         """Return P of the body sensors that speak, and the exchanges to be looked at."""
         key = fit.tobytes()
         if key not in self._setups:
-            body = np.flatnonzero(fit[: self._bodies])
-            h = self._rows[np.repeat(fit[: self._bodies], 3)]
+            body = np.flatnonzero(fit[: self.bodies])
+            h = self._rows[np.repeat(fit[: self.bodies], 3)]
             self._setups[key] = (np.eye(len(h)) - h @ np.linalg.pinv(h, rcond=1e-6), self._exchanges(fit, body))
         return self._setups[key]
 
@@ -162,10 +172,10 @@ class SwappedTopics:
                 continue
             order = [{i: j, j: i}.get(n, n) for n in body.tolist()]
             channels = np.concatenate([np.arange(3 * n, 3 * n + 3) for n in order])
-            if j < self._bodies:
+            if j < self.bodies:
                 found.append(_Exchange(i, j, channels))
                 continue
-            others = [n for n in np.flatnonzero(fit).tolist() if n >= self._bodies and n != j]
+            others = [n for n in np.flatnonzero(fit).tolist() if n >= self.bodies and n != j]
             weights = _rigid_weights(self._sensors[j], [self._sensors[n] for n in others])
             if weights is not None:
                 found.append(_Exchange(i, j, channels, self._misfit(j, j, others, weights), self._misfit(i, j, others, weights)))

@@ -23,6 +23,8 @@ BoolArray = NDArray[np.bool_]
 
 #: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
 _UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
+#: doubt where a sensor that is used may be wrong: its error adds to what is unknown without it
+_WRONG = 2.0
 #: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
 _UNKNOWN_FORCE = 1.0
 
@@ -94,6 +96,10 @@ class BaseFill:
             filled_ok[lost, m] = True
             self._doubt[m] = 1.0
         return filled, filled_ok
+
+    def doubt(self) -> None:
+        """Say that the base motion of any mount may be wrong."""
+        self._doubt[:] = _WRONG
 
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""

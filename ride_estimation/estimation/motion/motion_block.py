@@ -8,8 +8,6 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.motion.motion_kernel import motion_at
-
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -28,9 +26,3 @@ class MotionBlock:
     predicted: Array
     valid: BoolArray
     rate_variance: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
-
-    def at(self, arms: Array) -> Array:
-        """Return the specific force of the body at points (M, 3) relative to the CG, shape (K, M, 3)."""
-        result = np.empty((len(self.motion), len(arms), 3))
-        motion_at(self.motion, self.rate, arms, result)
-        return result

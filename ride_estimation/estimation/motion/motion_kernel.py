@@ -241,6 +241,13 @@ def motion_at(motion: Array, rate: Array, arms: Array, out: Array) -> None:
             out[k, i, 2] = motion[k, 2] + (a3 * r1 - a4 * r0) + (w2 * wr - ww * r2)
 
 
+def force_at(motion: Array, rate: Array, arms: Array) -> Array:
+    """Return the specific force of a body at points fixed to it, shape (K, M, 3); arguments of :func:`motion_at`."""
+    result = np.empty((len(motion), len(arms), 3))
+    motion_at(motion, rate, arms, result)
+    return result
+
+
 @compile_kernel
 def remove_gravity(motion: Array, tilt: Array, gravity: float, free: NDArray[np.bool_], accel: Array) -> None:
     """Write acceleration (K, 6) from specific force and tilt; coordinates the body does not have are zero."""

@@ -29,7 +29,8 @@ def read_parquet(path: Path, time: TimeSource) -> MeasurementFile:
     fields = [field for field in file.schema_arrow if _is_number(field.type)]
     limit = allowance(path.stat().st_size)
     # as doubles, and once more where the numbers of the time are compared
-    if 8 * file.metadata.num_rows * (len(fields) + 1) > limit:
+    parts = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
+    if 8 * sum(part.num_rows for part in parts) * (len(fields) + 1) > limit:
         raise TooLargeError(limit)
     headings, columns = [], []
     for field in fields:
