@@ -149,7 +149,11 @@ _KEPT = (
 
 
 def run_offline(
-    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None, hindsight: bool = True
+    recording: Recording,
+    pipeline: Pipeline,
+    on_progress: Callable[[int], None] = lambda _: None,
+    hindsight: bool = True,
+    on_stage: Callable[[str], None] = lambda _: None,
 ) -> OfflineRun:
     """Feed a recording to a pipeline in order of arrival, then look at the forces again with hindsight.
 
@@ -163,11 +167,13 @@ def run_offline(
         Called now and then with the number of samples since the last call.
     hindsight
         Whether the forces are made again with the whole run known; the estimates of the pipeline stay what they are.
+    on_stage
+        Called with the name of a stage that follows the estimation.
 
     Raises
     ------
     InputDataError
-        The run is too short to give a single tick, or the estimates are not finite.
+        The run is too short to give a single tick.
     """
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
@@ -176,7 +182,6 @@ def run_offline(
     count = 0
     for found, taken in pipeline.replay(recording):
         for block in found:
-            _require_finite(block, recording)
             blocks.append(recorder.take(block))
             digest.update(block)
             history.note(int(block.stamp_ns[-1]))
@@ -185,7 +190,6 @@ def run_offline(
             on_progress(count)
             count = 0
     for block in pipeline.finish():
-        _require_finite(block, recording)
         blocks.append(recorder.take(block))
         digest.update(block)
     on_progress(count)
@@ -194,17 +198,9 @@ def run_offline(
     parameters = pipeline.parameters()
     digest.parameters(parameters)
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
+    if hindsight:
+        on_stage("smoothing")
     return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder)
-
-
-def _require_finite(block: OutputBlock, recording: Recording) -> None:
-    """Stop rather than write numbers that are none."""
-    if not all(np.isfinite(v).all() for v in (block.cg_accel, block.inertial_load, block.mount_force, block.mount_force_std)):
-        start = min(int(c.stamp_ns[0]) for c in recording.channels.values() if len(c.stamp_ns))
-        raise InputDataError(
-            f"{recording.name}: estimates are not finite {(int(block.stamp_ns[0]) - start) * 1e-9:.2f} s after the start; the "
-            "sensors contradict each other beyond use: check positions, rotations and units, or leave a sensor out (--without)"
-        )
 
 
 class _History:

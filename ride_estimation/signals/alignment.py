@@ -42,6 +42,8 @@ from ride_estimation.signals.passed_time import PassedTime
 from ride_estimation.signals.recording import Recording, UniformRun
 from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec, mean_period, tidy_step
 
+#: reason a sample is refused for that no sensor of its kind can give
+BEYOND = "beyond_any_sensor"
 __all__ = ["Block", "StampAligner", "StreamHealth", "StreamSpec", "align"]
 
 Array = NDArray[np.float64]
@@ -199,12 +201,11 @@ class StampAligner:
         s = self._streams[index]
         if s.delay and stamp_ns > 0:
             stamp_ns -= s.delay
-        # the normal case, one step further in time
         if (
             0 < stamp_ns - s.last <= s.limit
             and stamp_ns > self._floor
             and len(values) == s.width
-            and math.isfinite(sum(values))
+            and sum(map(abs, values)) < s.lowest
         ):
             s.candidates = 0
         elif not self._admit(s, stamp_ns, values):
@@ -269,11 +270,10 @@ class StampAligner:
     def _admit(self, s: Stream, stamp: int, values: Sequence[float]) -> bool:
         """Return whether a sample that is not the normal case is taken (an older one is put in its place here)."""
         reason = self._objection(s, stamp, values)
-        if reason in ("clock_ahead", "clock_behind"):
-            self._other_clock(s, stamp, reason)
-            return False
         if reason:
             s.rejected[reason] += 1
+            if reason in ("clock_ahead", "clock_behind"):
+                self._other_clock(s, stamp, reason)
             return False
         s.candidates = 0
         if self._newest == 0:
@@ -301,6 +301,8 @@ class StampAligner:
             return "wrong_length"
         if not all(map(math.isfinite, values)):
             return "not_finite"
+        if any(abs(v) > most for v, most in zip(values, s.largest)):
+            return BEYOND
         if stamp <= 0:
             return "stamp_not_positive"
         if self._newest == 0:
@@ -324,17 +326,17 @@ class StampAligner:
         return ""
 
     def _other_clock(self, s: Stream, stamp: int, reason: str) -> None:
-        """Refuse a sample on another clock; when most streams that speak are there together, follow them.
+        """Look at a refused sample on another clock; when most streams that speak are there together, follow them.
 
         Streams that come there one by one were held back for longer than the latency budget.
         """
-        s.rejected[reason] += 1
         if not any(other.candidates for other in self._streams):
             self._snapshot = tuple(other.accepted for other in self._streams)
             self._other_newest = stamp
             self._other_time.begin()
-        self._other_time.sample(self.index[s.spec.name], max(0, stamp - self._other_newest), s.period)
-        self._other_newest = max(stamp, self._other_newest)
+        step, advance = s.period or (stamp - s.candidate if s.candidates else 0), max(0, stamp - self._other_newest)
+        self._other_time.sample(self.index[s.spec.name], advance, step)
+        self._other_newest += advance
         alone = all(other is s or other.silent or not other.last for other in self._streams)
         together = alone or self._other_time.passed >= _CONFIRM_SPAN
         if s.candidates and 0 < stamp - s.candidate <= max(self._wait, 3 * s.period):

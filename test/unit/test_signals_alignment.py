@@ -315,6 +315,14 @@ def test_when_all_clocks_jump_the_time_base_begins_anew(jump: float, words: str)
     assert worst(after, 0, offset_s=jump) < LINEAR_TOLERANCE
 
 
+@pytest.mark.parametrize("jump", [50.0, -50.0])
+def test_clocks_that_jump_before_the_rate_is_known_are_followed(jump: float) -> None:
+    samples = faults.regular(3, 100.0, 3.0)
+    aligner, _ = pushed(faults.changed(samples, faults.where(samples, -1, 0.2), faults.shifted(jump)))
+    assert aligner.restarts.total() == 1
+    assert all(health.accepted > 250 for health in aligner.health().values())
+
+
 def test_a_bag_played_twice_restarts_once_per_loop() -> None:
     samples = faults.regular(3, 500.0, 3.0)
     aligner, blocks = pushed(samples * 3)
