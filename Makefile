@@ -5,6 +5,8 @@
 #   make lint       ruff, mypy --strict, layer rules
 #   make bench      benchmarks                 make clean      remove build products (keeps the environment)
 #
+#   make lock       resolve the versions of requirements/ anew for the Python of the environment
+#
 # PYTHON chooses the interpreter (3.11 or newer), VENV the folder of the environment, WORKERS the test processes, BENCH the
 # benchmarks to run (all of them take long): make bench BENCH=benchmarks/live_latency.py
 
@@ -12,6 +14,8 @@ SHELL := /bin/bash
 VENV ?= .venv
 WORKERS ?= 2
 PYTEST_ARGS ?=
+# yes: exact versions, every file checked against its SHA-256 (requirements/); no: what the package index has today
+LOCKED ?= yes
 BENCH ?= $(shell grep -l __main__ benchmarks/*.py)
 
 # The first of these that runs; a version manager may have a python3.12 that only prints a message.
@@ -27,16 +31,20 @@ export OMP_NUM_THREADS ?= 1
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/.installed
 
-.PHONY: demo test test-all lint bench clean
+.PHONY: demo test test-all lint bench lock clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer found; say which with: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
-# One rule per set of extras; a stamp file remembers what is installed and setup.py decides when it is out of date.
-$(STAMPS)-%: setup.py | $(BIN)/python
+# One rule per set of extras; a stamp file remembers what is installed, setup.py and the locked versions decide when it is out of date.
+$(STAMPS)-%: setup.py $(wildcard requirements/*.txt) | $(BIN)/python
+ifeq ($(LOCKED),yes)
+	$(BIN)/python requirements/locked.py install "$*"
+else
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$*]"
+endif
 	@touch $@
 
 demo: $(STAMPS)-ros
@@ -49,12 +57,15 @@ test-all: $(STAMPS)-ros,test
 	$(BIN)/python -m pytest -q -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
 lint: $(STAMPS)-ros,test,lint
-	$(BIN)/ruff check ride_estimation test benchmarks launch setup.py
+	$(BIN)/ruff check ride_estimation test benchmarks launch requirements setup.py
 	$(BIN)/mypy ride_estimation
 	$(BIN)/lint-imports
 
 bench: $(STAMPS)-ros,test
 	@for script in $(BENCH); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+lock: $(BIN)/python
+	$(BIN)/python requirements/locked.py write
 
 clean:
 	rm -rf build install log out *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -8,7 +8,7 @@ stopped and continued by signals, as the processor quota of a container does it,
 * ``said_s``: time from the first stop to the first report whose status ``load`` is not OK;
 * ``ok_reports``: reports afterwards that call the load OK; ``unsaid_losses``: those of them since whose predecessor messages
   were lost or left out;
-* ``memory_growth``: resident memory of the node at the end over that at a quarter of the overload, minus one;
+* ``memory_growth``: resident memory of the node at the end over that before the overload, minus one;
 * ``uncounted``: messages sent that the node neither used nor counted as lost or left out, nor had still waiting at the end;
 * ``services_s``: longest answer of a service in between.
 
@@ -46,6 +46,8 @@ DOMAIN = 43
 STAMP = slice(4, 12)
 #: time before the overload, and after it for what still waits [s]
 QUIET_S, SETTLE_S = 10.0, 6.0
+#: the other side sees a new publisher a moment after this side sees the subscriber [s]
+MATCH_S = 3.0
 #: time between two messages to a service [s]
 ASK_S = 5.0
 #: as of the processor quotas of Linux control groups [s]
@@ -163,7 +165,7 @@ def run(options: argparse.Namespace) -> dict[str, object]:
     try:
         while any(p.get_subscription_count() == 0 for p in sender.sensors.values()):
             spin(time.monotonic() + 0.05)
-        spin(time.monotonic() + 1.0)
+        spin(time.monotonic() + MATCH_S)
         sent += send(options.rate, QUIET_S, 0)
         quiet = [words for _, level, words, _ in sender.reports if level != 0]
         onset = time.monotonic()
@@ -190,14 +192,14 @@ def figures(sender: Sender, memory: list[tuple[float, float]], onset: float, end
     later = [r for r in sender.reports if said is not None and said < r[0] < ended]
     before = dict(zip(later[1:], later))
     fine = [r for r in later if r[1] == 0]
-    quarter = next((m for moment, m in memory if moment > onset + 0.25 * (ended - onset)), float("nan"))
+    quiet_mb = [m for moment, m in memory if moment <= onset][-1]
     counted = sender.reports[-1][3]
     return {
         "sent": sent, "used": sender.received, "counted": counted, "uncounted": sent - sender.received - counted,
         "said_s": None if said is None else said - onset, "ok_reports": len(fine),
         "unsaid_losses": sum(r[3] > before.get(r, r)[3] for r in fine),
         "longest_report_gap_s": max((b[0] - a[0] for a, b in itertools.pairwise(later)), default=0.0),
-        "words": later[-1][2] if later else "", "memory_mb": memory[-1][1], "memory_growth": memory[-1][1] / quarter - 1.0,
+        "words": later[-1][2] if later else "", "memory_mb": memory[-1][1], "memory_growth": memory[-1][1] / quiet_mb - 1.0,
         "services_s": max(sender.answers), "answers": len(sender.answers) - 1,
     }  # fmt: skip
 

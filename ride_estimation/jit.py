@@ -16,6 +16,7 @@ import importlib.util
 import os
 import re
 import shutil
+import stat
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -153,6 +154,9 @@ def machine_key() -> str:
 def cache_folder(folder_name: str) -> Path:
     """Return where the compiled code of a folder's kernels is kept, for exactly the present kernel sources.
 
+    What lies there is executed. A folder of another user, or one that everybody may write to, is not used: the path returned
+    then cannot exist, and numba compiles in memory, as where the folder cannot be written.
+
     Parameters
     ----------
     folder_name
@@ -163,6 +167,8 @@ def cache_folder(folder_name: str) -> Path:
     folder = root / _digest_of_kernels(folder_name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if not (_is_own(root) and _is_own(folder)):
+            return Path(os.devnull) / folder.name
         os.utime(folder)
         for old in root.iterdir():
             # only what was made here: the folder may be one the user keeps other things in
@@ -172,6 +178,12 @@ def cache_folder(folder_name: str) -> Path:
         # a read-only home: numba then compiles in memory at every start
         return folder
     return folder
+
+
+def _is_own(folder: Path) -> bool:
+    """Return whether only this user (or a group of theirs) can have put something into a folder."""
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & stat.S_IWOTH
 
 
 def _digest_of_kernels(folder_name: str) -> str:

@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
         "recording", metavar="RUN",
-        help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file; or a bench record (.csv, .txt, .tsv, .npz, .mat) of the "
-        "displacement and force of one mount, or with --oscillator of the excitation and response of one mass",
+        help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file; or a bench record (.csv, .txt, .tsv, .npz, .mat, or a bag without "
+        "--vehicle) of the displacement and force of one mount, or with --oscillator of the excitation and response of one mass",
     )
     parser.add_argument(
         "--vehicle", metavar="V.yaml", help="vehicle file, or the name of a bundled one; not used for a bench record"
@@ -82,13 +82,8 @@ def run(options: argparse.Namespace) -> int:
         return _run_oscillator(options)
     if options.fit_range is not None:
         raise ConfigurationError("--fit-range: only with --oscillator INPUT,OUTPUT")
-    if Path(options.recording).suffix.lower() in _BENCH_SUFFIXES:
+    if Path(options.recording).suffix.lower() in _BENCH_SUFFIXES or options.vehicle is None:
         return _run_bench(options, settings)
-    if options.vehicle is None:
-        raise ConfigurationError(
-            f"{options.recording}: a run of a vehicle needs --vehicle V.yaml; only bench records "
-            f"({', '.join(_BENCH_SUFFIXES)}) do without"
-        )
     if dataclasses.replace(reading_options(options), rate_hz=0.0) != ReadOptions():
         raise ConfigurationError(
             f"{options.recording}: is a run of a vehicle; columns, units, --zero, --sign, --mount, --axis are for bench records"
@@ -144,8 +139,12 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
         try:
             record = read_bench_record(Path(path), reading)
         except InputDataError as error:
-            words = "; excitation and response of a driven oscillator are read with --oscillator INPUT,OUTPUT"
-            raise InputDataError(f"{error}{words if 'looks like it' in str(error) else ''}") from error
+            words = ""
+            if "looks like it" in str(error):
+                words = "; excitation and response of a driven oscillator are read with --oscillator INPUT,OUTPUT"
+            elif Path(path).suffix.lower() not in _BENCH_SUFFIXES:
+                words = "; without --vehicle V.yaml, which a run of a vehicle needs, a bag is read as a bench record of one mount"
+            raise InputDataError(f"{error}{words}") from error
         samples.append(BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force))
         warnings += record.warnings
     if options.vehicle is not None:

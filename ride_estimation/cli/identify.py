@@ -267,7 +267,20 @@ def print_summary(found: BenchIdentification) -> None:
             f"{rung.fit.model.name:<18}{rung.fit.model.parameter_count:>11}{100 * rung.fitted['std']:>10.3g}"
             f"{100 * rung.mse**0.5:>12.3g} {gain}{rung.criterion:>12.0f}{mark}"
         )
+    if found.validation:
+        print_validation(found)
     for p in found.uncertainty.parameters:
         print(f"  {p.name:<18}{p.value:>13.5g} +- {p.std:<10.2g}{p.unit:<8}{p.status}{'  ' + p.reason if p.reason else ''}")
     print(found.uncertainty.null_direction)
     print(found.unexplained)
+
+
+def print_validation(found: BenchIdentification) -> None:
+    """Print the parameters of every model and its NRMSE on every record that was not fitted (document 003 Table 3, Figure 19)."""
+    records = [held.name for held in found.best.held_out]
+    print("NRMSE [%] on " + ", ".join(records) + "; parameters in SI")
+    for rung in found.rungs:
+        scores = "".join(f"{100 * held.scores()['std']:>9.3g}" for held in rung.held_out)
+        names = (quantity.name for quantity in rung.fit.model.quantities)
+        values = ", ".join(f"{name} {value:.4g}" for name, value in zip(names, rung.fit.values, strict=True))
+        print(f"{rung.fit.model.name:<18}{scores}   {values}")

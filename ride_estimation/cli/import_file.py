@@ -13,7 +13,7 @@ from ride_estimation.io.files.formats import READ_SUFFIXES, read_measurement_fil
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.quality import judge_sensors
 
-HELP = "make a bag of an MDF4, TDMS, RPC III, CSV or Parquet file"
+HELP = "make a bag of an MDF4, TDMS, RPC III, LabVIEW (.lvm), CSV or Parquet file"
 EXAMPLES = """\
   ride-estimation import-file run.mf4 --vehicle my_truck.yaml --channels channels.yaml --out run_bag
   ride-estimation import-file run.csv --vehicle my_truck.yaml --out run_bag     (columns named cab_front_left.x [m/s^2], ...)

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""A plain progress line on a terminal; silent where stderr is not one."""
+"""Which stage a long job is in, a line each; on a terminal a bar for the stage that can be counted."""
 
 from __future__ import annotations
 
@@ -39,3 +39,28 @@ class Progress:
         """Finish the line."""
         if self._terminal:
             print(f"\r{self._label} [{'#' * 30}] 100 % {time.monotonic() - self._started:5.1f} s", file=sys.stderr)
+
+
+class Stages:
+    """The stages of one job, one after the other, on stderr."""
+
+    def __init__(self) -> None:
+        self._bar: Progress | None = None
+        self._name = ""
+
+    def begin(self, name: str) -> None:
+        """Say that a stage begins, in a line of its own."""
+        self.close()
+        self._name = name
+        print(f"{name} ...", file=sys.stderr, flush=True)
+
+    def advance(self, done: float, total: float) -> None:
+        """Add finished work of the present stage."""
+        self._bar = self._bar or Progress(total, self._name)
+        self._bar.update(done)
+
+    def close(self) -> None:
+        """End the present stage."""
+        if self._bar is not None:
+            self._bar.close()
+        self._bar = None

@@ -6,14 +6,13 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, assess_run
-from ride_estimation.cli.progress import Progress
+from ride_estimation.cli.progress import Stages
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.compile_ahead import compile_ahead
@@ -134,18 +133,11 @@ def run(options: argparse.Namespace) -> int:
     job = ReplayJob.of(options, ("none",) if options.no_report else options.format)
     diagnosis = read_diagnosis(options.diagnosis) if options.diagnosis else None
     require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
-    compile_ahead(lambda words: print(words, file=sys.stderr))
+    stages = Stages()
+    compile_ahead(stages.begin)
     folder = output_folder(options.out)
-    progress: list[Progress] = []
-
-    def advance(done: int, total: int) -> None:
-        if not progress:
-            progress.append(Progress(total, "replay"))
-        progress[0].update(done)
-
-    _, text, written = replay_run(options.recording, job, folder, diagnosis, advance)
-    if progress:
-        progress[0].close()
+    _, text, written = replay_run(options.recording, job, folder, diagnosis, stages.advance, stages.begin)
+    stages.close()
     print(text)
     print(f"written to {folder}: {', '.join(written)}")
     return 0
@@ -157,6 +149,7 @@ def replay_run(
     folder: Path,
     diagnosis: Mapping[str, Any] | None = None,
     advance: Callable[[int, int], None] = lambda done, total: None,
+    begin: Callable[[str], None] = lambda stage: None,
 ) -> tuple[dict[str, Any], str, list[str]]:
     """Replay a recording and write the results.
 
@@ -172,6 +165,8 @@ def replay_run(
         Content of a ``diagnosis.json``.
     advance
         Called with samples done since the last call and samples in all.
+    begin
+        Called with the name of every stage as it begins.
 
     Returns
     -------
@@ -181,9 +176,11 @@ def replay_run(
     vehicle = job.vehicle
     pipeline = Pipeline(vehicle, job.settings)
     require_layout(vehicle, pipeline)
+    begin("reading")
     recording = read_recording(path, vehicle, salvage=job.salvage)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
-    result = run_offline(recording, pipeline, lambda done: advance(done, samples), job.hindsight)
+    begin("estimating")
+    result = run_offline(recording, pipeline, lambda done: advance(done, samples), job.hindsight, begin)
     if len(result.stamp_ns) < LEAST_TICKS:
         raise InputDataError(f"{path}: the run holds {len(result.stamp_ns)} ticks of the time base; {LEAST_TICKS} are needed")
     left_out = {name: s.refused for name, s in result.health.sensors.items()}
@@ -198,6 +195,7 @@ def replay_run(
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, job.settings)
     clear_pages(folder)
+    begin("writing results and report" if job.formats else "writing results")
     written = ["result.json", "signals.npz"]
     with written_last(folder / "result.json", document):
         document["signals_sha256"] = write_signals(folder / "signals.npz", result)

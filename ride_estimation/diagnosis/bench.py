@@ -35,6 +35,7 @@ _NO_NOISE = 1.0e-9  # m/s^2, far below what any bench moves with
 _HEAD_HZ = 5.0  # natural frequency of the head that is written with the found element [Hz]
 _BLOCK_S = 1.0  # blocks of a bench record [s]
 _FADE_S = 1.0  # fading of both ends [s]; the chain fades as long
+_NO_GAIN = 1e-6  # gain tolerance [-]: the gain of either channel is a stiffness here, and that is free
 _TRIM_S = 2.5  # rest, fading and the memory of the band's lower edge [s]
 
 #: what a bench record can tell: force laws, and a changed record. A gain is a stiffness there; there is no body to disturb.
@@ -195,8 +196,10 @@ def diagnose_bench(
     """
     settings = settings or Settings()
     band_hz = settings.band_hz if keep_band else driven_band(sample, settings)
+    tolerances = dataclasses.replace(settings.tolerances, gain=_NO_GAIN)
     settings = dataclasses.replace(
-        settings, band_hz=band_hz, block_s=_BLOCK_S, trim_s=_TRIM_S, minimum_duration_s=2.0 * _TRIM_S + 8.0 * _BLOCK_S
+        settings, over_band=True, band_hz=band_hz, block_s=_BLOCK_S, trim_s=_TRIM_S, tolerances=tolerances,
+        minimum_duration_s=2.0 * _TRIM_S + 8.0 * _BLOCK_S,
     )
     run = bench_run(sample.name, sample.rate_hz, sample.displacement, sample.force, band_hz)
     others = []

@@ -55,6 +55,12 @@ def gross_power(
     return np.where(rigid, np.maximum(measured, smoothed_power(np.sqrt(parts).astype(complex), samples, width)), measured)
 
 
+def over_band(power: Array, weight: Array) -> Array:
+    """Return the mean power of a band at every frequency, shapes (F, ny) of both; ``weight`` of the band, shape (F,)."""
+    inside = weight[:, None] ** 2
+    return np.broadcast_to(np.sum(power * inside, axis=0) / np.sum(inside), power.shape)
+
+
 def residual_covariance(
     output_noise: Array, disturbance: ComplexArray, output_power: Array, adequacy: float
 ) -> ComplexArray:

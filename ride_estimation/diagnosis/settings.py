@@ -68,6 +68,9 @@ class Settings:
         Stretch left out at both ends and around gaps, because the model has not forgotten its start [s].
     adequacy
         Relative error of a model that still counts as right, share of each channel's amplitude [-].
+    over_band
+        That error refers to the power of a channel in the whole band, not to its power at each frequency: where one signal is
+        measured and driven narrowly (a bench), what a rig does at frequencies that hardly carry a force is no evidence.
     minimum_duration_s
         Shorter runs are ``insufficient_data`` [s].
     minimum_signal_to_noise
@@ -101,6 +104,7 @@ class Settings:
     block_s: float = 2.0
     trim_s: float = 3.0
     adequacy: float = 0.004
+    over_band: bool = False
     minimum_duration_s: float = 12.0
     minimum_signal_to_noise: float = 5.0
     significance: float = 15.0

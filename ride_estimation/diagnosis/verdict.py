@@ -240,7 +240,7 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
         f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
     )
     rest = ""
-    if judged.extended > MISSED * judged.noise_floor and judged.extended < judged.baseline:
+    if judged.extended > MISSED * judged.noise_floor and _FORM_LEFT < _energy(judged) < 1.0:
         rest = f"; {100 * _energy(judged):.0f} % of the error energy above the noise floor remain unexplained{_left_to(law)}"
     if verdict == EXPLAINED:
         if all(c.id == "one_soft_mount" for c in causes):  # it is in the calibrated model: nothing is extended

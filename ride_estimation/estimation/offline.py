@@ -149,7 +149,11 @@ _KEPT = (
 
 
 def run_offline(
-    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None] = lambda _: None, hindsight: bool = True
+    recording: Recording,
+    pipeline: Pipeline,
+    on_progress: Callable[[int], None] = lambda _: None,
+    hindsight: bool = True,
+    on_stage: Callable[[str], None] = lambda _: None,
 ) -> OfflineRun:
     """Feed a recording to a pipeline in order of arrival, then look at the forces again with hindsight.
 
@@ -163,6 +167,8 @@ def run_offline(
         Called now and then with the number of samples since the last call.
     hindsight
         Whether the forces are made again with the whole run known; the estimates of the pipeline stay what they are.
+    on_stage
+        Called with the name of a stage that follows the estimation.
 
     Raises
     ------
@@ -194,6 +200,8 @@ def run_offline(
     parameters = pipeline.parameters()
     digest.parameters(parameters)
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
+    if hindsight:
+        on_stage("smoothing")
     return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder)
 
 

@@ -17,6 +17,7 @@ from ride_estimation.identification.bench.oscillator import OscillatorRecord
 from ride_estimation.identification.bench.record import BenchRecord, check_record
 from ride_estimation.identification.bench.steady_cycles import OperatingPoints, operating_points
 from ride_estimation.io.bounded import read_arrays
+from ride_estimation.io.files.formats import read_measurement_file
 from ride_estimation.io.matlab_file import read_matlab
 from ride_estimation.io.text_table import decoded
 from ride_estimation.units import SUFFIXES
@@ -111,7 +112,19 @@ def _columns(path: Path, mount: str = "", axis: str = "", noticed: list[str] | N
         return columns
     if suffix == ".npz":
         return _npz_columns(path)
+    if suffix in (".mf4", ".mdf", ".dat", ".rpc", ".rsp", ".drv", ".tdms", ".parquet"):
+        return _measured_columns(path)
     return _mat_columns(path) if suffix == ".mat" else _csv_columns(path)
+
+
+def _measured_columns(path: Path) -> dict[str, Array]:
+    """Return the channels of a measurement file on the time base of the first, which all of them must share."""
+    found = read_measurement_file(path).channels
+    time = found[0].time_s
+    other = [c.name for c in found if not np.array_equal(c.time_s, time)]
+    if other:
+        raise InputDataError(f"{path}: {', '.join(other)} has another time base than {found[0].name}; resample to one")
+    return {"time_s": time, **{f"{c.name} [{c.unit}]" if c.unit else c.name: c.values for c in found}}
 
 
 def read_operating_points(path: Path) -> OperatingPoints | None:

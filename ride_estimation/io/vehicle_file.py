@@ -6,6 +6,7 @@ Schema: ``config/vehicles/truck_cab.yaml`` shows it with comments.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 from pathlib import Path
@@ -61,7 +62,9 @@ def find_vehicle_file(given: str | Path) -> Path:
     ConfigurationError
         One word that is neither a file nor a bundled vehicle; the message lists these.
     """
-    path = Path(given).expanduser()
+    path = Path(given)
+    with contextlib.suppress(RuntimeError):  # "~nobody": a file may be called so
+        path = path.expanduser()
     if path.exists() or path.suffix or len(path.parts) != 1:
         return path
     bundled = {file.stem: file for file in sorted(shared_path("config", "vehicles").glob("*.yaml"))}

@@ -112,6 +112,8 @@ class Intake:
         now = self._clock()
         if self._behind:
             self._put(topic, source, payload)
+            if now - self._looked >= LOOK_S:
+                self._look(now)  # taking is cheaper here than in the executor
         elif self._backlog or now - self._looked >= LOOK_S:
             self._put(topic, source, payload)
             self.work()

@@ -88,6 +88,8 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
 
 def frequency_axis(axes: Axes) -> None:
     """Label a logarithmic axis of frequencies 1, 2, 5, 10 ...: a short one would have labels upon labels otherwise."""
+    if axes.get_xscale() != "log":  # no curve was drawn
+        return
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())

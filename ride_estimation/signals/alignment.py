@@ -199,7 +199,6 @@ class StampAligner:
         s = self._streams[index]
         if s.delay and stamp_ns > 0:
             stamp_ns -= s.delay
-        # the normal case, one step further in time
         if (
             0 < stamp_ns - s.last <= s.limit
             and stamp_ns > self._floor
@@ -252,22 +251,27 @@ class StampAligner:
         reason
             Why, in words; the next block carries it.
         """
+        self._begin_anew(reason)
+        return self._take()
+
+    def _begin_anew(self, reason: str) -> None:
+        """Emit what can be emitted, count the samples that then remain as not used, and wait for a new time base."""
         self._drain()
+        for s in self._streams:
+            s.discard(self._floor)
         self.restarts[reason] += 1
         self._restart = reason
         self._clear()
-        return self._take()
 
     # -- admission of one sample ------------------------------------------------------------------------------------------
 
     def _admit(self, s: Stream, stamp: int, values: Sequence[float]) -> bool:
         """Return whether a sample that is not the normal case is taken (an older one is put in its place here)."""
         reason = self._objection(s, stamp, values)
-        if reason in ("clock_ahead", "clock_behind"):
-            self._other_clock(s, stamp, reason)
-            return False
         if reason:
             s.rejected[reason] += 1
+            if reason in ("clock_ahead", "clock_behind"):
+                self._other_clock(s, stamp, reason)
             return False
         s.candidates = 0
         if self._newest == 0:
@@ -318,17 +322,17 @@ class StampAligner:
         return ""
 
     def _other_clock(self, s: Stream, stamp: int, reason: str) -> None:
-        """Refuse a sample on another clock; when most streams that speak are there together, follow them.
+        """Look at a refused sample on another clock; when most streams that speak are there together, follow them.
 
         Streams that come there one by one were held back for longer than the latency budget.
         """
-        s.rejected[reason] += 1
         if not any(other.candidates for other in self._streams):
             self._snapshot = tuple(other.accepted for other in self._streams)
             self._other_newest = stamp
             self._other_time.begin()
-        self._other_time.sample(self.index[s.spec.name], max(0, stamp - self._other_newest), s.period)
-        self._other_newest = max(stamp, self._other_newest)
+        step, advance = s.period or (stamp - s.candidate if s.candidates else 0), max(0, stamp - self._other_newest)
+        self._other_time.sample(self.index[s.spec.name], advance, step)
+        self._other_newest += advance
         alone = all(other is s or other.silent or not other.last for other in self._streams)
         together = alone or self._other_time.passed >= _CONFIRM_SPAN
         if s.candidates and 0 < stamp - s.candidate <= max(self._wait, 3 * s.period):
@@ -343,11 +347,7 @@ class StampAligner:
             other.candidates == 0 and other.accepted > before for other, before in zip(self._streams, self._snapshot)
         )
         if there > here and together:
-            self._drain()
-            words = "stamps jumped ahead" if reason == "clock_ahead" else "stamps jumped back"
-            self.restarts[words] += 1
-            self._restart = words
-            self._clear()
+            self._begin_anew("stamps jumped ahead" if reason == "clock_ahead" else "stamps jumped back")
 
     def _set_limit(self, s: Stream) -> None:
         s.limit = min(int(self._gap_periods * s.period), self._wait) if self._step else 0

@@ -170,6 +170,13 @@ class Stream:
             del self.stamps[:cut]
             del self.values[: cut * self.width]
 
+    def discard(self, after: int) -> None:
+        """Count the samples after a stamp as rejected by a restart of the time base, no longer as accepted."""
+        unused = len(self.stamps) - bisect.bisect_right(self.stamps, after)
+        if unused:
+            self.accepted -= unused
+            self.rejected["restart"] += unused
+
     def update_period(self) -> None:
         """Follow the rate slowly, by the mean distance of the samples that are kept."""
         n = len(self.stamps)

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz.measurements import lvm_text
 
 from ride_estimation.cli.main import main
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.bags import iterate_messages, read_recording
-from ride_estimation.io.files.channels import FileChannel, TimeSource, split_heading, unit_factor
+from ride_estimation.io.files.channels import FileChannel, TimeSource, split_heading, table_channels, unit_factor
 from ride_estimation.io.files.formats import read_measurement_file, write_measurement_file
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
@@ -296,3 +297,31 @@ def test_a_time_of_the_map_that_cannot_be_is_refused(
     arguments = ["import-file", str(tmp_path / "run.csv"), "--vehicle", str(VEHICLE), "--out", str(tmp_path / "bag")]
     assert main([*arguments, "--channels", str(tmp_path / "map.yaml")]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("comma", [False, True])
+@pytest.mark.parametrize("x_columns", ["One", "Multi", "No"])
+def test_labview_measurement_files(x_columns: str, comma: bool, tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    columns = [(f"a{i}", "g", rng.normal(size=50)) for i in range(3)]
+    (tmp_path / "run.lvm").write_text(lvm_text(columns, 0.002, x_columns, comma))
+    found = read_measurement_file(tmp_path / "run.lvm").channels
+    assert [(c.name, c.unit) for c in found] == [(name, unit) for name, unit, _ in columns]
+    for channel, (_, _, values) in zip(found, columns, strict=True):
+        assert np.array_equal(channel.values, values)
+        assert np.allclose(channel.time_s, 0.002 * np.arange(50), rtol=0.0, atol=1e-9)
+
+
+def test_a_labview_file_of_several_segments_or_with_text_is_refused(tmp_path: Path) -> None:
+    text = lvm_text([("a", "g", np.arange(5.0))], 0.01, "One")
+    for changed, words in (
+        (text + text, "segments"), (text.replace("3.0", "x3", 1), "row 20: 'x3'"), (text[:100], "two headers")
+    ):  # fmt: skip
+        (tmp_path / "run.lvm").write_text(changed)
+        with pytest.raises(InputDataError, match=words):
+            read_measurement_file(tmp_path / "run.lvm")
+
+
+def test_columns_of_different_length_are_damage(tmp_path: Path) -> None:
+    with pytest.raises(InputDataError, match="differ in length"):
+        table_channels(tmp_path / "run", [("time", "s"), ("a", "g")], [np.arange(3.0), np.zeros(2)], TimeSource())

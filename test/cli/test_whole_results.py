@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import csv
 import os
-import random
 import resource
 import shutil
 import signal
-import time
 import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -76,26 +75,46 @@ def test_results_of_versions_without_the_digest_are_read(tmp_path: Path) -> None
     assert read_result(tmp_path)["number"] == 3
 
 
-def test_a_kill_at_any_instant_leaves_one_run_or_a_refusal(tmp_path: Path) -> None:
-    rng, found = random.Random(7), []
-    for _ in range(30):
+def die_at(step: int, folder: Path, number: int) -> None:
+    """Write results and die (in a child) before or after the step-th change that reaches the disk."""
+    count = 0
+
+    def deadly(change: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*arguments: Any, **options: Any) -> Any:
+            nonlocal count
+            for part in (None, change):
+                done = part(*arguments, **options) if part else None
+                count += 1
+                if count == step:
+                    os.kill(os.getpid(), signal.SIGKILL)
+            return done
+
+        return counted
+
+    for name in ("fsync", "replace", "unlink", "mkdir", "close"):
+        setattr(os, name, deadly(getattr(os, name)))
+    write(folder, number)
+
+
+def test_a_kill_at_any_step_leaves_one_run_or_a_refusal(tmp_path: Path) -> None:
+    found = []
+    for step in range(1, 200):
+        write(tmp_path, 1)
         child = os.fork()
         if child == 0:
-            number = 0
-            while True:
-                number += 1
-                write(tmp_path, number)
-        time.sleep(rng.uniform(0.0, 0.06))
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+            die_at(step, tmp_path, 2)
+            os._exit(0)
+        _, status = os.waitpid(child, 0)
         try:
             result = read_result(tmp_path)
+            assert np.all(read_arrays(tmp_path / "signals.npz")["cg_accel"] == result["number"])
+            found.append(result["number"])
         except InputDataError:
-            found.append("refused")
-            continue
-        assert np.all(read_arrays(tmp_path / "signals.npz")["cg_accel"] == result["number"])
-        found.append("whole")
-    assert "whole" in found
+            found.append(0)
+        if status == 0:
+            break
+    assert status == 0 and found[0] == 1 and found[-1] == 2 and 0 in found
+    assert found == sorted(found, key=(1, 0, 2).index), "the old run, then none, then the new one"
 
 
 def test_a_full_disk_names_the_file_and_leaves_nothing_that_reads_as_results(tmp_path: Path) -> None:

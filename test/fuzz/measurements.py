@@ -70,6 +70,29 @@ def tdms(folder: Path) -> list[bytes]:
     return found
 
 
+def lvm(folder: Path) -> list[bytes]:
+    return [lvm_text([(c.name, c.unit, c.values) for c in channels()], 0.002, way).encode() for way in ("One", "No")]
+
+
+def lvm_text(columns: list[tuple[str, str, np.ndarray]], step: float, x_columns: str, comma: bool = False) -> str:
+    """Return a LabVIEW measurement file as LabVIEW writes it, with the column of comments."""
+    decimal, end = "," if comma else ".", "***End_of_Header***"
+    lines = ["LabVIEW Measurement", "Writer_Version\t2", "Separator\tTab", f"Decimal_Separator\t{decimal}", "Multi_Headings\tNo"]
+    lines += [f"X_Columns\t{x_columns}", "Date\t2026/05/01", end, "", f"Channels\t{len(columns)}"]
+    lines += ["\t".join(["Samples", *(str(len(values)) for _, _, values in columns)])]
+    lines += ["\t".join(["Y_Unit_Label", *(unit for _, unit, _ in columns)]), "\t".join(["X0", *["0.0"] * len(columns)])]
+    lines += ["\t".join(["Delta_X", *[str(step).replace(".", decimal)] * len(columns)]), end]
+    pairs = x_columns == "Multi"
+    names = [cell for name, _, _ in columns for cell in (["X_Value", name] if pairs else [name])]
+    lines.append("\t".join([*([] if pairs else ["X_Value"]), *names, "Comment"]))
+    for k in range(len(columns[0][2])):
+        x = f"{k * step:.6f}"
+        row = [cell for _, _, values in columns for cell in ([x, repr(float(values[k]))] if pairs else [repr(float(values[k]))])]
+        cells = [*([] if pairs else [x if x_columns == "One" else ""]), *row]
+        lines.append("\t".join(cells).replace(".", decimal) + ("\tstart of run" if k == 0 else ""))
+    return "\n".join(lines) + "\n"
+
+
 def rpc(folder: Path) -> list[bytes]:
     import rpc3
 
@@ -80,6 +103,7 @@ def rpc(folder: Path) -> list[bytes]:
 #: name -> suffix, library it needs, good files, words of the format
 _FORMATS: dict[str, tuple[str, str, Callable[[Path], list[bytes]], tuple[bytes, ...]]] = {
     "csv": (".csv", "csv", written(".csv"), (b",", b";", b"\t", b"\n", b"[ms]", b"nan", b"1e999", b'"', b"time", b"text")),
+    "lvm": (".lvm", "csv", lvm, (b"\t", b"***End_of_Header***", b"X_Value", b"Delta_X\t", b"X0\t", b"nan", b"1e999", b",")),
     "tdms": (".tdms", "nptdms", tdms, (b"TDSm", b"wf_increment", b"unit_string", b"/'daq'")),
     "rpc": (".rpc", "rpc3", rpc, (b"FORMAT", b"BINARY", b"NUM_HEADER_BLOCKS", b"CHANNELS", b"DELTA_T", b"PTS_PER_FRAME")),
     "parquet": (".parquet", "pyarrow", written(".parquet"), (b"PAR1", b"time", b"unit")),

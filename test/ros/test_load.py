@@ -5,6 +5,10 @@ from __future__ import annotations
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu
 
 from ride_estimation.nodes.backpressure import DROP_S
 from ride_estimation.nodes.estimator_node import EstimatorNode
@@ -44,6 +48,36 @@ def test_messages_far_behind_are_left_out_and_counted(node: EstimatorNode, monke
     assert found.level == DiagnosticStatus.ERROR
     assert "cannot keep up" in found.message
     assert float(next(v.value for v in found.values if v.key == "largest behind_s")) > DROP_S
+
+
+def test_messages_that_the_middleware_overwrote_are_counted_and_said_to_be_no_fault_of_the_sensors(ros: Ros) -> None:
+    """The node does not run for three seconds of messages; its queues hold two."""
+    overrides = [Parameter("input_depth", value=200)]
+    node = EstimatorNode(context=ros.context, parameter_overrides=overrides, use_global_arguments=False)
+    ros.add(node)
+    assert node.session is not None
+    sender = Node("sender", context=ros.context, use_global_arguments=False)
+    ros.add(sender)
+    profile = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+    publishers = {name: sender.create_publisher(Imu, name, profile) for name in node.session.topics}
+    ros.until(lambda: all(p.get_subscription_count() for p in publishers.values()))
+    messages = list(drive(node.session.vehicle, 3.2))
+    states = node.session.states.values()
+
+    def taken() -> int:
+        return sum(s.received for s in states) + node._load.lost.total() + node._load.left_out.total()
+
+    for before, after in ((0, 160), (160, len(messages))):
+        for message in messages[before:after]:
+            publishers[message.topic].publish(message.payload)
+        ros.until(lambda after=after: taken() == after)
+    assert node._load.lost.total() == 8 * 100
+    assert node._load.left_out.total() == 0
+    found = status(node)
+    assert found.level == DiagnosticStatus.ERROR
+    assert "by no fault of the sensors" in found.message
+    told = {s.name: s for s in node._statuses()}
+    assert "100 messages were lost before they came to this node" in told["topic /cab/front_left/accel"].message
 
 
 def test_different_faults_are_kept_in_bounded_number(node: EstimatorNode, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,6 +56,33 @@ def test_a_planted_law_is_named_and_pays_on_the_other_record(cause, law):
     assert judged.extended < judged.baseline / 2.0
 
 
+def test_what_a_rig_does_at_frequencies_that_carry_no_force_hides_no_friction():
+    """Friction of 30 % of the force beside chatter of 5 % between 10 and 40 Hz, noise of 6 N against 13 kN."""
+    def shaken(seed, slowest):
+        rng = np.random.default_rng(seed)
+        n = round(RATE * 40.0)
+        frequency = np.fft.rfftfreq(n, 1.0 / RATE)
+
+        def motion(low, high, power):
+            inside = (frequency > low) & (frequency < high)
+            size = np.where(inside, np.maximum(frequency, low) ** -power, 0.0)
+            values = np.fft.irfft(size * np.exp(2j * np.pi * rng.random(len(frequency))), n)
+            return values / np.std(values)
+
+        x = 0.01 * motion(slowest, 2.0, 1.5)
+        slider, force = 0.0, np.empty(n)
+        for i, step in enumerate(np.diff(x, prepend=0.0)):
+            slider = float(np.clip(slider + 2e7 * step, -13e3, 13e3))
+            force[i] = 4e5 * x[i] + slider
+        force += 0.05 * np.std(force) * motion(10.0, 40.0, 0.0) + 6.0 * rng.standard_normal(n)
+        return BenchSample(f"seed {seed}", RATE, x + 1e-6 * rng.standard_normal(n), force)
+
+    answer = diagnose_bench(shaken(1, 0.3), (shaken(2, 0.15),))
+    assert [c.id for c in answer.causes] == ["coulomb_friction"] and answer.verdict == "explained"
+    level = answer.causes[0].parameters[0]
+    assert abs(level.value - 13e3) < 2.0 * level.std
+
+
 def sine(law=None, frequency=1.5, seed=1305):
     """Return a record of a steady sine of 3 mm, noise 1 um and 0.5 N."""
     rng = np.random.default_rng(seed)

@@ -295,3 +295,8 @@ def test_layout_of_the_truck_is_complete_and_of_a_single_imu_flagged() -> None:
     single = body_layout(load_vehicle(ROOT / "config" / "vehicles" / "single_imu.yaml"), "cab")
     assert single.complete and not single.accelerometers_suffice and single.rank == 3
     assert "nothing checks one channel against another" in single.sentence("cab")
+
+
+def test_the_home_of_nobody_is_a_file_name() -> None:
+    with pytest.raises(ConfigurationError, match="~nobody-of-that-name"):
+        load_vehicle("~nobody-of-that-name")

@@ -141,3 +141,10 @@ def test_an_interrupt_ends_all_compilers_and_notes_nothing(tmp_path: Path, monke
     assert processes
     assert all(p.killed for p in processes)
     assert not list(tmp_path.iterdir())
+
+
+def test_code_that_others_could_have_put_there_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RIDE_ESTIMATION_CACHE", str(tmp_path))
+    for mode, used in ((0o755, True), (0o775, True), (0o777, False)):
+        tmp_path.chmod(mode)
+        assert (cache_folder.__wrapped__("elements").parent == tmp_path) == used

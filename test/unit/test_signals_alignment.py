@@ -315,6 +315,14 @@ def test_when_all_clocks_jump_the_time_base_begins_anew(jump: float, words: str)
     assert worst(after, 0, offset_s=jump) < LINEAR_TOLERANCE
 
 
+@pytest.mark.parametrize("jump", [50.0, -50.0])
+def test_clocks_that_jump_before_the_rate_is_known_are_followed(jump: float) -> None:
+    samples = faults.regular(3, 100.0, 3.0)
+    aligner, _ = pushed(faults.changed(samples, faults.where(samples, -1, 0.2), faults.shifted(jump)))
+    assert aligner.restarts.total() == 1
+    assert all(health.accepted > 250 for health in aligner.health().values())
+
+
 def test_a_bag_played_twice_restarts_once_per_loop() -> None:
     samples = faults.regular(3, 500.0, 3.0)
     aligner, blocks = pushed(samples * 3)
@@ -330,6 +338,19 @@ def test_long_run_with_drifting_clock_of_one_sensor_keeps_rate() -> None:
     aligner, blocks = pushed(sorted(samples, key=lambda s: s[1]), 2)
     assert not aligner.restarts and not aligner.health()["s1"].rejected
     assert joined(blocks)[2][5:-5].all()
+
+
+def test_samples_that_a_restart_leaves_unused_are_counted() -> None:
+    samples = faults.without(faults.regular(3, 100.0, 4.0), range(600, 900, 3))  # one stream is behind at the end
+    aligner = StampAligner(specs(3), 100.0)
+    ticks = 0
+    for index, stamp, values in samples[:700]:
+        ticks += sum(len(block.values) for block in aligner.push(index, stamp, values))
+    ticks += sum(len(block.values) for block in aligner.restart("on demand"))
+    found = aligner.health().values()
+    assert sum(h.accepted + sum(h.rejected.values()) for h in found) == 700
+    assert sum(h.rejected["restart"] for h in found if h.rejected) == 700 - sum(h.accepted for h in found) > 0
+    assert max(h.accepted for h in found) <= ticks + 1
 
 
 def test_restart_on_demand_keeps_counters() -> None:

@@ -49,7 +49,7 @@ class CoulombFriction(Cause):
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""
         grid = tuple({"reach": r, "rounding": w} for r, w in ((0.01, 0.06), (0.03, 0.15), (0.1, 0.06)))
-        bounds = (Shape("reach", 0.03, 0.004, 0.2), Shape("rounding", 0.1, 0.02, BENT_ABOVE))
+        bounds = (Shape("reach", 0.03, 0.004, 0.5), Shape("rounding", 0.1, 0.02, BENT_ABOVE))
 
         def build(site: Site) -> Hypothesis:
             def columns(scene: Scene, shape: Shapes) -> list[Column]:

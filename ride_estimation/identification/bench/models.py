@@ -77,6 +77,11 @@ class BenchModel:
         return positive
 
     @property
+    def physical_positive(self) -> NDArray[np.bool_]:
+        """Return which reported parameters may not be negative (all but the cubic rate), shape (P + Q,)."""
+        return np.array([q.name != "cubic_stiffness" for q in self.quantities])
+
+    @property
     def with_memory(self) -> NDArray[np.bool_]:
         """Return which linear coefficients belong to cells and friction, shape (P,)."""
         return np.arange(self.layout.linear) >= self.layout.static

@@ -308,8 +308,13 @@ def _ascending(model: BenchModel, found: VariableProjectionResult) -> tuple[Arra
 
 
 def full_jacobian(fit: TimeDomainFit, motion: Motion) -> Array:
+    """Return dF/d(coefficients, theta) of a fit over a motion, shape (P + Q, N)."""
+    return model_jacobian(fit.model, fit.theta, fit.coefficients, motion)
+
+
+def model_jacobian(model: BenchModel, theta: Array, coefficients: Array, motion: Motion) -> Array:
     """Return dF/d(coefficients, theta) over a motion, shape (P + Q, N)."""
-    layout = fit.model.layout
-    jacobian = numpy_columns(layout, motion, fit.theta)
-    jacobian[layout.linear :] *= fit.coefficients[fit.model.sensitivities][:, None]
+    layout = model.layout
+    jacobian = numpy_columns(layout, motion, theta)
+    jacobian[layout.linear :] *= coefficients[model.sensitivities][:, None]
     return jacobian

@@ -164,6 +164,8 @@ def table_channels(
         No time, a time that does not rise, or several clocks.
     """
     names = [name for name, _ in headings]
+    if len({len(column) for column in columns}) > 1:
+        raise InputDataError(f"{path}: its columns differ in length: damaged")
     if time.channel:
         found = [i for i, name in enumerate(names) if name == time.channel]
     else:

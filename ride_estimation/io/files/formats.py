@@ -12,15 +12,16 @@ from ride_estimation.io.bag_source import READER_ERRORS
 from ride_estimation.io.bounded import TooLargeError
 from ride_estimation.io.files.channels import FileChannel, MeasurementFile, TimeSource, not_read
 from ride_estimation.io.files.csv_file import read_csv, write_csv
+from ride_estimation.io.files.lvm_file import read_lvm
 from ride_estimation.io.files.mdf_file import read_mdf, write_mdf
 from ride_estimation.io.files.parquet_file import read_parquet, write_parquet
-from ride_estimation.io.files.rpc_file import read_rpc
+from ride_estimation.io.files.rpc_file import read_rpc, write_rpc
 from ride_estimation.io.files.tdms_file import read_tdms
 
 #: endings that can be read
-READ_SUFFIXES = (".csv", ".txt", ".tsv", ".parquet", ".mf4", ".mdf", ".dat", ".tdms", ".rpc", ".rsp", ".drv")
+READ_SUFFIXES = (".csv", ".txt", ".tsv", ".lvm", ".parquet", ".mf4", ".mdf", ".dat", ".tdms", ".rpc", ".rsp", ".drv")
 #: endings that can be written
-WRITE_SUFFIXES = (".csv", ".parquet", ".mf4")
+WRITE_SUFFIXES = (".csv", ".parquet", ".mf4", ".rpc")
 
 
 def read_measurement_file(path: Path, time: TimeSource | None = None) -> MeasurementFile:
@@ -50,6 +51,8 @@ def read_measurement_file(path: Path, time: TimeSource | None = None) -> Measure
     try:
         if suffix in (".csv", ".txt", ".tsv"):
             found = read_csv(path, time or TimeSource())
+        elif suffix == ".lvm":
+            found = read_lvm(path)
         elif suffix == ".parquet":
             found = read_parquet(path, time or TimeSource())
         elif suffix == ".tdms":
@@ -99,6 +102,8 @@ def write_measurement_file(path: Path, groups: Sequence[Sequence[FileChannel]], 
         with replacing(path) as new:
             if suffix == ".mf4":
                 write_mdf(new, chosen, start_ns)
+            elif suffix == ".rpc":
+                write_rpc(new, chosen[0])
             elif suffix == ".csv":
                 write_csv(new, chosen[0])
             else:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 from pathlib import Path
 
 import numpy as np
@@ -21,3 +23,12 @@ def read_rpc(path: Path) -> MeasurementFile:
         time = even_time(path, name, float(channel.x0), float(channel.dt), len(values))
         channels.append(FileChannel(name, str(channel.unit).strip(), time, values))
     return MeasurementFile(str(path), UNKNOWN_START_NS, tuple(channels))
+
+
+def write_rpc(path: Path, channels: tuple[FileChannel, ...]) -> None:
+    """Write channels of one even time base as 32-bit numbers; the format keeps no start time."""
+    rpc3 = require("rpc3", "RPC III")
+    step = float(channels[0].time_s[-1] - channels[0].time_s[0]) / (len(channels[0].time_s) - 1)
+    found = [rpc3.Channel(c.name, c.unit, step, np.asarray(c.values)) for c in channels]
+    with contextlib.redirect_stderr(io.StringIO()):  # it draws a bar of progress
+        rpc3.write(str(path), found, datatype=float, overwrite=True)
