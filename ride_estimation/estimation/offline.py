@@ -173,7 +173,7 @@ def run_offline(
     Raises
     ------
     InputDataError
-        The run is too short to give a single tick, or the estimates are not finite.
+        The run is too short to give a single tick.
     """
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
@@ -182,7 +182,6 @@ def run_offline(
     count = 0
     for found, taken in pipeline.replay(recording):
         for block in found:
-            _require_finite(block, recording)
             blocks.append(recorder.take(block))
             digest.update(block)
             history.note(int(block.stamp_ns[-1]))
@@ -191,7 +190,6 @@ def run_offline(
             on_progress(count)
             count = 0
     for block in pipeline.finish():
-        _require_finite(block, recording)
         blocks.append(recorder.take(block))
         digest.update(block)
     on_progress(count)
@@ -203,16 +201,6 @@ def run_offline(
     if hindsight:
         on_stage("smoothing")
     return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder)
-
-
-def _require_finite(block: OutputBlock, recording: Recording) -> None:
-    """Stop rather than write numbers that are none."""
-    if not all(np.isfinite(v).all() for v in (block.cg_accel, block.inertial_load, block.mount_force, block.mount_force_std)):
-        start = min(int(c.stamp_ns[0]) for c in recording.channels.values() if len(c.stamp_ns))
-        raise InputDataError(
-            f"{recording.name}: estimates are not finite {(int(block.stamp_ns[0]) - start) * 1e-9:.2f} s after the start; the "
-            "sensors contradict each other beyond use: check positions, rotations and units, or leave a sensor out (--without)"
-        )
 
 
 class _History:

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.forces.force_basis import ForceBasis
+from ride_estimation.estimation.forces.mount_forces import ForceBlock
+from ride_estimation.estimation.motion.loads import InertialLoads
+from ride_estimation.estimation.motion.motion_block import MotionBlock
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -89,6 +92,41 @@ class OutputBlock:
     measured: Mapping[str, Array]
     predicted: Mapping[str, Array]
     basis: ForceBasis | None = None
+
+    @staticmethod
+    def of(
+        stamp_ns: IntArray, motion: MotionBlock, accel: tuple[Array, Array], support: Array, loads: InertialLoads,
+        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], basis: ForceBasis,
+    ) -> OutputBlock:  # fmt: skip
+        """Return what the steps of the pipeline found for a block.
+
+        Parameters
+        ----------
+        stamp_ns
+            Of the ticks.
+        motion, accel
+            Of the CG; the second without gravity, with its covariance.
+        support, loads
+            Wrench the mounts carry (K, 6), and the mass properties behind it.
+        forces
+            Of the mounts.
+        of_sensors
+            Measured and predicted specific force of the accelerometers.
+        basis
+            What the forces were made of.
+        """
+        free, free_covariance = accel
+        return OutputBlock(
+            stamp_ns=stamp_ns, valid=motion.valid, cg_accel=free, cg_accel_covariance=free_covariance,
+            cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
+            angular_rate_std=np.sqrt(motion.rate_variance), tilt=motion.tilt,
+            inertial_load=loads.load(free, motion.rate), support_load=support,
+            load_covariance=loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1]),
+            inertial_load_covariance=loads.covariance(free_covariance, free[-1], motion.rate[-1]),
+            mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
+            mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
+            mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], basis=basis,
+        )  # fmt: skip
 
     @property
     def cg_accel_std(self) -> Array:

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.arrangement import arrange
-from ride_estimation.estimation.common.block_math import turn_channels
 from ride_estimation.estimation.common.channel_layout import ChannelLayout
 from ride_estimation.estimation.common.estimate import Estimate
-from ride_estimation.estimation.common.saved_state import STATE_SCHEMA, check_state
+from ride_estimation.estimation.common.saved_state import STATE_SCHEMA, all_finite, check_state
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.faults.health import Health, base_messages, rate_message, residual_message, sensor_messages
 from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints
@@ -36,15 +35,18 @@ from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, DeflectionEstimator
-from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.loads import InertialLoads
+from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.motion_kernel import force_at
+from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT, NumericalGuard, count_fault, fault_messages
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
 from ride_estimation.estimation.parameters.identifiable import describe
 from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
-from ride_estimation.signals.alignment import Block, StampAligner, StreamSpec
+from ride_estimation.sensors.streams import stream_specs
+from ride_estimation.signals.alignment import Block, StampAligner
 from ride_estimation.signals.batch_feed import BatchFeed
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -100,21 +102,16 @@ class Pipeline:
         self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion)
         self._force = np.array([0.0, 0.0, vehicle.gravity])
         self._excess, self._rate = 1.0, np.zeros(3)
-        self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
-        #: what a bias adds to the covariance of the motion, which nothing is learned from
-        self._constant = np.zeros((6, 6))
+        self._agree()
         self._copies = LearnedCopies()
-        self._unknown: Counter[str] = Counter()
-        self._restarts: Counter[str] = Counter()
-        self._ticks = 0
-        self._invalid_ticks = 0
-        self._dt = 0.0
-        self._stamp = 0
-        self._run_time = 0.0
-        self._next_anchor = 0.0
-        self._due: Callable[[], None] | None = None
+        self._unknown, self._restarts = Counter[str](), Counter[str]()
+        self._ticks = self._invalid_ticks = 0
+        self._dt, self._stamp = 0.0, 0
+        self._run_time = self._next_anchor = 0.0
+        self._due: Callable[[], bool] | None = None
+        self._guard = NumericalGuard(a)
         self._apply()
-        self._hints = self._new_hints()
+        self._hints = Hints.of(a, self._motion)
         self._begin = self._learned()
 
     def _new_motion(self) -> CgMotionEstimator:
@@ -122,14 +119,8 @@ class Pipeline:
         return CgMotionEstimator(a.body_sensors, a.body.cg, a.free, self.vehicle.gravity, self.settings)
 
     def _new_aligner(self) -> StampAligner:
-        specs = [StreamSpec(s.name, s.channels, True, s.kind in ("accelerometer", "imu"), s.correction) for s in self._sensors]
-        chosen = self.settings
+        specs, chosen = stream_specs(self._sensors), self.settings
         return StampAligner(specs, chosen.rate_hz, block_ticks=chosen.block_ticks, latency_budget_s=chosen.latency_budget)
-
-    def _new_hints(self) -> Hints:
-        a, m = self.arrangement, self._motion
-        weights = m.weights(np.ones(len(a.body_sensors), dtype=bool), 0.01).matrix
-        return Hints(a.body_sensors, m.rows, weights, a.free, a.body.name, a.has_base_motion)
 
     def hints(self) -> tuple[Hint, ...]:
         """Return what the model or a sensor is suspected of, see :mod:`hints`."""
@@ -161,7 +152,7 @@ class Pipeline:
         if self._due is not None:
             self._settle()
         blocks = self._aligner.push(index, stamp_ns, values, variance)
-        return tuple(self._process(b) for b in blocks) if blocks else ()
+        return tuple(self._guarded(b) for b in blocks) if blocks else ()
 
     def replay(self, recording: Recording) -> Iterator[tuple[tuple[OutputBlock, ...], int]]:
         """Take a whole recording in order of arrival: the same as :meth:`observe` for every sample, several at a time.
@@ -178,11 +169,11 @@ class Pipeline:
         while feed.more:
             self._settle()
             blocks, taken = feed.step()
-            yield tuple(self._process(b) for b in blocks), taken
+            yield tuple(self._guarded(b) for b in blocks), taken
 
     def finish(self) -> tuple[OutputBlock, ...]:
         """Return what is left at the end of a run."""
-        return tuple(self._process(b) for b in self._aligner.finish())
+        return tuple(self._guarded(b) for b in self._aligner.finish())
 
     def reset(self, reason: str) -> None:
         """Forget motion and learned parameters and begin again from the vehicle file."""
@@ -210,6 +201,32 @@ class Pipeline:
         self._checks.reset()
         self._excess = 1.0
 
+    def _guarded(self, block: Block) -> OutputBlock:
+        """Return the estimates of a block; arithmetic that fails or a load that cannot be ends in a restart, never in numbers."""
+        found = self._guard.attempt(lambda: self._process(block))
+        if found is None or not self._guard.accept(found):
+            self._begin_from_checkpoint()
+            return self._guard.nothing(block, dict(self._layout.own_columns))
+        return found
+
+    def _begin_from_checkpoint(self) -> None:
+        """Begin anew after a numerical fault, with what was learned before it."""
+        learned, self._due = self._copies.checkpoint() or self._begin, None
+        self._new_body()
+        self._agree()
+        self._restart(NUMERICAL_FAULT)
+        self._go_back_to(learned)
+
+    def _agree(self) -> None:
+        """Begin with sensors of the body that agree; from what a bias adds to the covariance of the motion nothing is learned."""
+        self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
+        self._constant = np.zeros((6, 6))
+
+    def _new_body(self) -> None:
+        """Begin the motion of the body without anything learned of its sensors; gyros that were left out stay so."""
+        self._motion, self._next_look = self._new_motion(), 0.0
+        self._motion.leave_out_gyros(self._checks.gyros.found)
+
     # -- one block --------------------------------------------------------------------------------------------------------
 
     def _process(self, block: Block) -> OutputBlock:
@@ -223,25 +240,24 @@ class Pipeline:
         gyro = np.take(block.values, layout.gyro_columns, axis=1)
         there = np.take(block.valid, layout.body_streams, axis=1)
         self._motion.doubted = bool(verdict.suspects)
-        motion = self._motion.observe(measured, gyro, there, dt)
-        motion = self._doubted(motion, verdict, ticks * dt)
+        motion = self._doubted(self._motion.observe(measured, gyro, there, dt), verdict, ticks * dt)
         self._rate, self._force = motion.rate[-1], motion.motion[:, :3].mean(axis=0)
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)
         deflection = self._observe_deflection(block, motion, support, dt)
-        turn_rate = self._deflection.turn_rate(deflection)
-        told, covariance = motion.valid, self._load_covariance(motion)
-        forces = self._forces.observe(deflection, support, told, covariance, turn_rate, dt)
+        turn_rate, covariance = self._deflection.turn_rate(deflection), self._load_covariance(motion)
+        forces = self._forces.observe(deflection, support, motion.valid, covariance, turn_rate, dt)
         forces = self._fill.widen_forces(forces, ticks * dt)
-        lost, whole = ticks - int(np.count_nonzero(told)), bool(block.valid.all())
+        lost, whole = ticks - int(np.count_nonzero(motion.valid)), bool(block.valid.all())
         if not lost:
-            self._observe_cells(block, forces.force, ticks * dt)
+            for name, i, cell in layout.cell_readings(block, self._sensors):
+                self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
         seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
 
-        def learn() -> None:
+        def learn() -> bool:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
             self._hints.observe(seen, dt)
             if self._checks.weighs:
@@ -249,31 +265,20 @@ class Pipeline:
                 body = force_at(motion.motion, motion.rate, self.arrangement.arms)[:, :, 2]
                 self._checks.weigh(support / self._factor, shared, body)
             self._checks.learn(dt)
+            return True
 
         self._due = learn
         self._ticks, self._invalid_ticks = self._ticks + ticks, self._invalid_ticks + lost
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        return OutputBlock(
-            stamp_ns=block.stamps_ns, valid=motion.valid, cg_accel=accel, cg_accel_covariance=accel_covariance,
-            cg_specific_force=motion.motion, cg_specific_force_covariance=motion.covariance, angular_rate=motion.rate,
-            angular_rate_std=np.sqrt(motion.rate_variance), tilt=motion.tilt,
-            inertial_load=self._loads.load(accel, motion.rate), support_load=support,
-            load_covariance=self._loads.covariance(motion.covariance, motion.motion[-1], motion.rate[-1]),
-            inertial_load_covariance=self._loads.covariance(accel_covariance, accel[-1], motion.rate[-1]),
-            mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
-            mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
-            mount_deflection_std=forces.deflection_std,
-            measured={name: measured[:, own] for name, own in layout.own_columns},
-            predicted={name: predicted[:, own] for name, own in layout.own_columns},
-            basis=ForceBasis.of(self._forces, self._loads, deflection, covariance, complete),
-        )  # fmt: skip
+        basis = ForceBasis.of(self._forces, self._loads, deflection, covariance, complete)
+        of_sensors = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
+        return OutputBlock.of(block.stamps_ns, motion, (accel, accel_covariance), support, self._loads, forces, of_sensors, basis)
 
     def _checked(self, block: Block, dt: float) -> tuple[Block, GateVerdict]:
         """Return the block with every sensor in its place and what may be used of it; what faulty sensors taught is forgotten."""
         block, exchanged = self._checks.put_right(block, dt)
         if exchanged:
-            self._motion, self._next_look = self._new_motion(), 0.0
-            self._motion.leave_out_gyros(self._checks.gyros.found)
+            self._new_body()
             self._begin_anew(exchanged)
         gyros = self._checks.contradicted_gyros(block, self._motion, dt)
         if gyros:
@@ -281,11 +286,9 @@ class Pipeline:
             self._begin_anew("a gyro was left out")
         self._checks.watch.observe(block, dt, self._aligner.variance, self._motion.set_variance)
         verdict = self._checks.judged(block, self._rate, self._force, dt)
-        if verdict.valid is not block.valid:
-            block = dataclasses.replace(block, valid=verdict.valid)
         if verdict.began:
             self._take_back(verdict)
-        return block, verdict
+        return block if verdict.valid is block.valid else dataclasses.replace(block, valid=verdict.valid), verdict
 
     def _load_covariance(self, motion: MotionBlock) -> Array:
         """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
@@ -298,22 +301,14 @@ class Pipeline:
         self._forces.constant_load, self._forces.turning = whole - own, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + self._factor**2 * self._carried.covariance)
 
-    def _observe_cells(self, block: Block, force: Array, duration: float) -> None:
-        """Compare load cells with the estimated forces (K, M, 3)."""
-        for name, i, stream, start in self._layout.cells:
-            if block.valid[:, stream].all():
-                cell = block.values[:, start : start + 3] @ self._sensors[stream].rotation.T
-                self._anchor.observe_cell(name, cell, force[:, i] / self._factor, duration)
-
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
         if self._run_time >= self._next_look:
             self._next_look = self._run_time + _LOOK
             self._disagreement = self._motion.disagreement(self._dt)
         lasting, added, self._constant = self._disagreement
-        self._excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
-        if self._excess < 1.01:
-            self._excess = 1.0
+        excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
+        self._excess = excess if excess >= 1.01 else 1.0
         if self._excess == 1.0 and not self._constant.any():
             return motion
         return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added + self._constant)
@@ -357,8 +352,7 @@ class Pipeline:
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.arrangement.mounts)
-        base, base_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count), dtype=bool)
-        turn_channels(block.values, block.valid, *self._layout.base_arrays, base, base_ok)
+        base, base_ok = self._layout.bases(block, count)
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
@@ -368,21 +362,17 @@ class Pipeline:
             body = force_at(motion.motion, motion.rate, self.arrangement.arms)
             if self.tilting.observe(base, body, measured, dt):
                 self._forces.take_tilt()
-        displaced, displaced_ok = np.zeros((ticks, count, 3)), np.zeros((ticks, count, 3), dtype=bool)
-        for i, axis, stream, start in self._layout.transducers:
-            displaced[:, i, axis] = block.values[:, start]
-            displaced_ok[:, i, axis] = block.valid[:, stream]
-        expected = np.zeros((count, 3))
+        expected, rest = np.zeros((count, 3)), self._forces.equilibrium(support)
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
-        rest = self._forces.equilibrium(support)
-        found = self._deflection.observe(motion, base, base_ok, spoke, displaced, displaced_ok, expected, dt, rest)
+        found = self._deflection.observe(motion, base, base_ok, spoke, *self._layout.travels(block, count), expected, dt, rest)
         return self._fill.widen(found, ticks * dt)
 
     def _settle(self) -> None:
         """Learn from the last block; put off until the next call so that the block's forces are handed out first."""
         if self._due is not None:
             due, self._due = self._due, None
-            due()
+            if self._guard.attempt(due) is None:
+                self._begin_from_checkpoint()
 
     def _learn(
         self, motion: MotionBlock, deflection: DeflectionBlock, turn_rate: Array, support: Array, complete: bool, stamp_ns: int,
@@ -448,7 +438,7 @@ class Pipeline:
             s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)
         }
         sensors = self._checks.health(self._aligner.health(), ratio)
-        messages = self._checks.messages()
+        messages = fault_messages(self._guard.faults) + self._checks.messages()
         messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._anchor.notes(), *self.tilting.notes()]
@@ -458,13 +448,21 @@ class Pipeline:
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,
             self._parameters.innovation_ratio, self._parameters.excited, self._parameters.at_bound(), tuple(messages),
+            dict(self._guard.faults),
         )  # fmt: skip
 
     # -- persistence ------------------------------------------------------------------------------------------------------
 
     def save_state(self) -> dict[str, Any]:
-        """Return the state as a mapping that JSON can hold."""
+        """Return the state as a mapping that JSON can hold; one that is not finite is that of the last checkpoint instead."""
         self._settle()
+        if not all_finite(state := self._state()):
+            count_fault(self._guard.faults, "the state is not finite")
+            self._begin_from_checkpoint()
+            state = self._state()
+        return state
+
+    def _state(self) -> dict[str, Any]:
         return {
             "schema": STATE_SCHEMA, "vehicle": self.vehicle.checksum, "sensors": [s.name for s in self._sensors],
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),

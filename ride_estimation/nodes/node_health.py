@@ -144,7 +144,7 @@ def pipeline_statuses(
     """
     missing = any(sensor.accepted == 0 for sensor in health.sensors.values())
     level = DiagnosticStatus.OK
-    if faults or missing or silent:
+    if faults or health.faults or missing or silent:
         level = DiagnosticStatus.ERROR
     elif not health.ok:
         level = DiagnosticStatus.WARN

@@ -11,8 +11,9 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 
-from ride_estimation.errors import ConfigurationError, RideEstimationError
+from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.numerical_guard import NUMERICAL_ERRORS, NUMERICAL_FAULT, count_fault
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.warm_up import warm_up
@@ -27,15 +28,9 @@ from ride_estimation.vehicles.vehicle import Body, Vehicle
 
 #: what decoding a damaged message raises (RMWError of rclpy is a RuntimeError)
 DECODE_ERRORS = (RuntimeError, ValueError, OverflowError, struct.error)
-#: what arithmetic on unforeseen numbers may raise (LinAlgError is a ValueError)
-NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
 
-#: different faults that are kept in words, so that a run of weeks cannot fill the memory with them
-MOST_FAULTS = 20
-OTHER_FAULTS = "others"
 UNDECODABLE = "message_not_decodable"
 WRONG_TYPE = "message_type_not_accepted"
-NUMERICAL_FAULT = "numerical fault, estimates start again"
 
 
 class Session:
@@ -128,8 +123,7 @@ class Session:
         try:
             return self.pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
         except NUMERICAL_ERRORS as error:
-            text = f"{type(error).__name__}: {error}"
-            self.faults[text if text in self.faults or len(self.faults) < MOST_FAULTS else OTHER_FAULTS] += 1
+            count_fault(self.faults, f"{type(error).__name__}: {error}")
             self.pipeline.reset(NUMERICAL_FAULT)
             return ()
 

@@ -49,9 +49,11 @@ def judge_sensors(
     spans = _span_findings(recording.channels)
     for name, channel in recording.channels.items():
         sensor = sensors[name]
-        quality = judge_channel(channel, sensor.full_scale, None if left_out is None else left_out.get(name))
+        quality = judge_channel(
+            channel, sensor.full_scale, None if left_out is None else left_out.get(name), largest=sensor.largest
+        )
         extra = [*spans[name], *twins.get(name, ())]
-        finite = channel.values[np.all(np.isfinite(channel.values), axis=1)]
+        finite = channel.values[np.all(np.abs(channel.values) <= sensor.largest[: channel.values.shape[1]], axis=1)]
         extra += plausibility_findings(sensor.kind, quality.rate_hz, finite, weight)
         if sensor.kind in ("accelerometer", "imu") and SLOWEST_HZ <= quality.rate_hz < LOW_RATE_HZ:
             seen = 0.4 * quality.rate_hz
@@ -86,8 +88,10 @@ def _twins(channels: Mapping[str, Channel]) -> Mapping[str, Sequence[str]]:
     for (a, first), (b, second) in itertools.combinations(channels.items(), 2):
         n = min(len(first.values), len(second.values), 1000)
         same_kind = first.values.shape[1] == second.values.shape[1] >= 3
-        if n >= 16 and same_kind and np.array_equal(first.values[:n], second.values[:n]) and np.ptp(first.values[:n]) > 0.0:
+        if n < 16 or np.all(first.values[:n] == first.values[0, 0]):
+            continue
+        if same_kind and np.array_equal(first.values[:n], second.values[:n]):
             found.setdefault(b, []).append(f"delivers the same numbers as {a}: one topic recorded twice?")
-        elif n >= 16 and same_kind and np.array_equal(first.values[:n], -second.values[:n]) and np.ptp(first.values[:n]) > 0.0:
+        elif same_kind and np.array_equal(first.values[:n], -second.values[:n]):
             found.setdefault(b, []).append(f"delivers the numbers of {a} with opposite sign: one of the two is no measurement")
     return found

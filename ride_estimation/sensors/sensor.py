@@ -20,6 +20,14 @@ SENSOR_KINDS: dict[str, tuple[int, str]] = {
     "speed": (1, "m/s"),
     "force": (3, "N"),
 }
+#: largest magnitude a reading can have, whatever the sensor [its unit]: a value beyond is a fault of the transmission
+LARGEST_READINGS: dict[str, float] = {
+    "m/s^2": 1e6,  # shock accelerometers for ballistics end at 100 000 times gravity
+    "rad/s": 1e3,  # the fastest gyros end at 50 000 degrees per second
+    "m": 100.0,  # draw-wire transducers end at 60 m
+    "m/s": 1e4,  # beyond any vehicle with mounts
+    "N": 1e9,  # the largest load cells of the standards laboratories end at 30 MN
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +90,12 @@ class Sensor:
     def channels(self) -> int:
         """Return the number of values in one sample."""
         return SENSOR_KINDS[self.kind][0]
+
+    @property
+    def largest(self) -> tuple[float, ...]:
+        """Return the largest magnitude that any sensor of this kind can give, per value of a sample."""
+        units = SENSOR_KINDS[self.kind][1].split(", ")
+        return tuple(LARGEST_READINGS[unit] for unit in units for _ in range(self.channels // len(units)))
 
     @property
     def reach(self) -> float:

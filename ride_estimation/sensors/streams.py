@@ -22,7 +22,7 @@ def stream_specs(sensors: Iterable[Sensor]) -> tuple[StreamSpec, ...]:
     return tuple(
         StreamSpec(
             s.name, s.channels, waited_for=s.kind != "speed", reference=s.kind in ("accelerometer", "imu"),
-            correction=s.correction,
+            correction=s.correction, largest=s.largest,
         )
         for s in sensors
     )

@@ -42,6 +42,8 @@ from ride_estimation.signals.passed_time import PassedTime
 from ride_estimation.signals.recording import Recording, UniformRun
 from ride_estimation.signals.streams import LEAST, NANOSECONDS, Block, Stream, StreamHealth, StreamSpec, mean_period, tidy_step
 
+#: reason a sample is refused for that no sensor of its kind can give
+BEYOND = "beyond_any_sensor"
 __all__ = ["Block", "StampAligner", "StreamHealth", "StreamSpec", "align"]
 
 Array = NDArray[np.float64]
@@ -203,7 +205,7 @@ class StampAligner:
             0 < stamp_ns - s.last <= s.limit
             and stamp_ns > self._floor
             and len(values) == s.width
-            and math.isfinite(sum(values))
+            and sum(map(abs, values)) < s.lowest
         ):
             s.candidates = 0
         elif not self._admit(s, stamp_ns, values):
@@ -299,6 +301,8 @@ class StampAligner:
             return "wrong_length"
         if not all(map(math.isfinite, values)):
             return "not_finite"
+        if any(abs(v) > most for v, most in zip(values, s.largest)):
+            return BEYOND
         if stamp <= 0:
             return "stamp_not_positive"
         if self._newest == 0:

@@ -70,7 +70,7 @@ class _Source:
         steps = np.diff(stamps)
         forward = steps[steps > 0]
         widest = int(_NORMAL * float(np.median(forward))) if forward.size else 0
-        unusual = ~np.isfinite(values.sum(axis=1)) | (values.shape[1] != stream.width)
+        unusual = ~(np.abs(values).sum(axis=1) < stream.lowest) | (values.shape[1] != stream.width)
         unusual[0] = True
         unusual[1:] |= (steps <= 0) | (steps > widest)
         stated = np.full(len(stamps), -1)

@@ -8,7 +8,7 @@ belongs to a vehicle.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ride_estimation.signals.clipping import clipping_levels
 from ride_estimation.signals.column_checks import derived_findings, drift_findings
 from ride_estimation.signals.recording import Channel
+from ride_estimation.signals.streams import LARGEST
 
 Array = NDArray[np.float64]
 
@@ -65,8 +66,10 @@ class ChannelQuality:
         Isolated samples far from both neighbours.
     not_finite
         Samples with NaN or infinity.
+    beyond
+        Samples larger than any sensor of the kind can give.
     mean, std
-        Per value, of the finite samples.
+        Per value, of the samples that a sensor can give.
     findings
         Sentences about what is not well, each with what is done about it behind an arrow.
     """
@@ -82,13 +85,18 @@ class ChannelQuality:
     flat_s: float
     spikes: int
     not_finite: int
+    beyond: int
     mean: Array
     std: Array
     findings: tuple[str, ...]
 
 
 def judge_channel(
-    channel: Channel, full_scale: float = float("inf"), left_out: Mapping[str, int] | None = None
+    channel: Channel,
+    full_scale: float = float("inf"),
+    left_out: Mapping[str, int] | None = None,
+    *,
+    largest: Sequence[float] = (),
 ) -> ChannelQuality:
     """Judge the samples of one sensor.
 
@@ -100,8 +108,12 @@ def judge_channel(
         Largest magnitude the first three values can have [unit of the sensor].
     left_out
         Ticks at which the estimator did not use the sensor, by reason; None where nothing was estimated from it.
+    largest
+        Largest magnitude any sensor of the kind can give, per value; empty: :data:`~ride_estimation.signals.streams.LARGEST`.
     """
-    good = np.all(np.isfinite(channel.values), axis=1)
+    width = channel.values.shape[1]
+    finite = np.all(np.isfinite(channel.values), axis=1)
+    good = finite & np.all(np.abs(channel.values) <= (tuple(largest[:width]) or LARGEST), axis=1)
     values, stamps = channel.values[good], channel.stamp_ns[good]
     raw_steps = np.diff(channel.stamp_ns)
     steps = np.diff(_ascending(stamps[stamps > 0])[0]).astype(np.float64) * 1e-9
@@ -111,7 +123,6 @@ def judge_channel(
     clipped = _clipped(values[:, :3], full_scale)
     spikes = _spikes(values)
     flat = _longest_flat(values, period)
-    width = channel.values.shape[1]
     quality = ChannelQuality(
         samples=len(channel.stamp_ns),
         rate_hz=_rate(steps[steps <= GAP_PERIODS * period], period) if period else 0.0,
@@ -123,18 +134,21 @@ def judge_channel(
         clipped=clipped,
         flat_s=flat,
         spikes=spikes,
-        not_finite=int(np.sum(~good)),
+        not_finite=int(np.sum(~finite)),
+        beyond=int(np.sum(finite & ~good)),
         mean=values.mean(axis=0) if len(values) else np.zeros(width),
         std=values.std(axis=0) if len(values) else np.zeros(width),
         findings=(),
     )
-    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, period, _done(left_out))))
+    return dataclasses.replace(quality, findings=tuple(_findings(quality, channel, good, period, _done(left_out))))
 
 
-def _findings(q: ChannelQuality, channel: Channel, period: float, done: str) -> list[str]:
+def _findings(q: ChannelQuality, channel: Channel, good: NDArray[np.bool_], period: float, done: str) -> list[str]:
     found: list[tuple[str, str]] = []
     if q.not_finite:
         found.append((f"{q.not_finite} samples are not finite", LEFT_OUT))
+    if q.beyond:
+        found.append((f"{q.beyond} samples are larger than any sensor of this kind can give", LEFT_OUT))
     if np.any(channel.stamp_ns <= 0):
         found.append((f"{int(np.sum(channel.stamp_ns <= 0))} stamps are zero", LEFT_OUT))
     if q.duplicates:
@@ -157,7 +171,6 @@ def _findings(q: ChannelQuality, channel: Channel, period: float, done: str) -> 
         found.append((f"no change at all during {q.flat_s:.3g} s (flat line)", done))
     if q.spikes:
         found.append((f"{q.spikes} isolated spikes", done))
-    good = np.all(np.isfinite(channel.values), axis=1)
     stamps, places = _ascending(channel.stamp_ns[good])
     values = channel.values[good][places]
     if len(stamps):

@@ -18,6 +18,8 @@ from ride_estimation.signals.correction import NO_CORRECTION, Correction
 Array = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
+#: largest magnitude of a sample of unknown quantity [SI]: no sensor of a vehicle gives more, and its square is a number
+LARGEST = 1e9
 #: samples of a stream kept before the newest emitted tick, the support of the next interpolation
 KEEP = 4
 #: samples at or after the last tick of a block that complete it; more where one of them seems to be still on its way
@@ -41,6 +43,8 @@ class StreamSpec:
         Whether it may define rate and phase of the time base (accelerometers).
     correction
         Known errors of the sensor, put right on the way to the time base.
+    largest
+        Largest magnitude any such sensor can give, per channel; empty: :data:`LARGEST` for all.
     """
 
     name: str
@@ -48,6 +52,7 @@ class StreamSpec:
     waited_for: bool = True
     reference: bool = True
     correction: Correction = NO_CORRECTION
+    largest: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,7 +119,8 @@ class Stream:
     """Ring buffer and clock state of one stream."""
 
     __slots__ = (
-        "accepted", "after", "candidate", "candidate_from", "candidates", "delay", "end", "gaps", "last", "limit", "longest_gap",
+        "accepted", "after", "candidate", "candidate_from", "candidates", "delay", "end", "gaps", "largest", "last", "limit",
+        "longest_gap", "lowest",
         "need", "newest", "period", "points", "rejected", "reordered", "silent", "spec", "stamps", "values", "variance",
         "was_silent", "width",
     )
@@ -123,6 +129,8 @@ class Stream:
         self.spec = spec
         self.width = spec.channels
         self.delay = spec.correction.delay_ns
+        self.largest = spec.largest or (LARGEST,) * spec.channels
+        self.lowest = min(self.largest, default=LARGEST)  # a sample whose magnitudes add up to less needs no second look
         self.rejected: Counter[str] = Counter()
         self.accepted = 0
         self.reordered = 0

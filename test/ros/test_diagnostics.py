@@ -16,10 +16,10 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT
 from ride_estimation.nodes import conversions, qos
 from ride_estimation.nodes.estimator_node import EstimatorNode
 from ride_estimation.nodes.level_log import QUIET_S, LevelLog
-from ride_estimation.nodes.session import NUMERICAL_FAULT
 from ride_estimation.resources import shared_path
 from ros.conftest import Ros
 from ros.drive import drive

@@ -10,9 +10,9 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 
+from ride_estimation.estimation.numerical_guard import MOST_FAULTS, OTHER_FAULTS
 from ride_estimation.nodes.backpressure import DROP_S
 from ride_estimation.nodes.estimator_node import EstimatorNode
-from ride_estimation.nodes.session import MOST_FAULTS, OTHER_FAULTS
 from ros.conftest import Ros
 from ros.drive import drive
 

@@ -12,7 +12,8 @@ from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionEstimator
 from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
-from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator, MotionBlock
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
+from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.io.vehicle_file import load_vehicle
 

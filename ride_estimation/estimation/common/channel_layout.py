@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.block_math import turn_channels
 from ride_estimation.frames import AXES
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.streams import Block
 
 Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 
@@ -97,6 +100,28 @@ class ChannelLayout:
                 first, first + np.minimum(3, [s.channels for s in sensors]), 0.999 * np.array([s.reach for s in sensors]),
             ),
         )  # fmt: skip
+
+    def bases(self, block: Block, mounts: int) -> tuple[Array, BoolArray]:
+        """Return the specific force of the bases in body axes (K, M, 3) and which spoke (K, M)."""
+        base = np.zeros((len(block.values), mounts, 3))
+        spoke = np.zeros((len(block.values), mounts), dtype=bool)
+        turn_channels(block.values, block.valid, *self.base_arrays, base, spoke)
+        return base, spoke
+
+    def cell_readings(self, block: Block, sensors: Sequence[Sensor]) -> Iterator[tuple[str, int, Array]]:
+        """Return name, mount and force in body axes (K, 3) of every load cell that spoke throughout."""
+        for name, i, stream, start in self.cells:
+            if block.valid[:, stream].all():
+                yield name, i, block.values[:, start : start + 3] @ sensors[stream].rotation.T
+
+    def travels(self, block: Block, mounts: int) -> tuple[Array, BoolArray]:
+        """Return what displacement transducers say (K, M, 3) and which spoke (K, M, 3)."""
+        travel = np.zeros((len(block.values), mounts, 3))
+        spoke = np.zeros(travel.shape, dtype=bool)
+        for i, axis, stream, start in self.transducers:
+            travel[:, i, axis] = block.values[:, start]
+            spoke[:, i, axis] = block.valid[:, stream]
+        return travel, spoke
 
 
 def _spread(starts: Sequence[int]) -> IntArray:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,6 +20,17 @@ def plain(state: Any) -> Any:
     if isinstance(state, Mapping):
         return {key: plain(value) for key, value in state.items()}
     return [plain(value) for value in state] if isinstance(state, (list, tuple)) else state
+
+
+def all_finite(state: Any) -> bool:
+    """Return whether every number in a state is finite."""
+    if isinstance(state, np.ndarray):
+        return bool(np.isfinite(state).all())
+    if isinstance(state, Mapping):
+        return all(all_finite(value) for value in state.values())
+    if isinstance(state, (list, tuple)):
+        return all(all_finite(value) for value in state)
+    return not isinstance(state, float) or math.isfinite(state)
 
 
 _NAME = "ride_estimation/estimator_state/"

@@ -79,6 +79,8 @@ class Health:
         Parameters at a bound.
     messages
         Sentences for the person in the field, most important first.
+    faults
+        Numerical faults: words -> times.
     """
 
     sensors: Mapping[str, SensorHealth]
@@ -92,6 +94,7 @@ class Health:
     excited: bool
     at_bound: tuple[str, ...]
     messages: tuple[str, ...]
+    faults: Mapping[str, int] = dataclasses.field(default_factory=dict)
 
     @property
     def ok(self) -> bool:

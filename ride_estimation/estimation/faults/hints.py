@@ -20,9 +20,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.faults.hint_sensors import SensorHints
 from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
 from ride_estimation.estimation.faults.hint_types import FALSE_ALARMS_PER_HOUR, Hint
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.sensors.sensor import Sensor
 
 __all__ = ["FALSE_ALARMS_PER_HOUR", "Hint", "HintBlock", "Hints"]
@@ -85,6 +87,13 @@ class Hints:
         self._ticks = 0
         #: looks at a chunk that are still to be taken
         self._looks: list[Callable[[], None]] = []
+
+    @classmethod
+    def of(cls, arrangement: Arrangement, motion: CgMotionEstimator) -> Hints:
+        """Return the hints on the sensors and mounts of a body."""
+        a = arrangement
+        weights = motion.weights(np.ones(len(a.body_sensors), dtype=bool), 0.01).matrix
+        return cls(a.body_sensors, motion.rows, weights, a.free, a.body.name, a.has_base_motion)
 
     def reset(self) -> None:
         """Forget everything."""

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ride_estimation.estimation.common.saved_state import all_finite
+
 #: distance of two copies, and how far they go back [s]; the newest that is older than the fault is taken
 _DISTANCE, _DEPTH = 1.0, 30.0
 
@@ -33,10 +35,17 @@ class LearnedCopies:
             Time of the run [s].
         learned, deflections
             Give what is copied.
+
+        Raises
+        ------
+        FloatingPointError
+            What was learned is not finite.
         """
         if now >= self._next:
-            self._next = now + _DISTANCE
-            self._kept = [*(c for c in self._kept if c[0] > now - _DEPTH), (now, learned(), deflections())]
+            self._next, found = now + _DISTANCE, learned()
+            if not all_finite(found):
+                raise FloatingPointError("what was learned is not finite")
+            self._kept = [*(c for c in self._kept if c[0] > now - _DEPTH), (now, found, deflections())]
 
     def take(self, now: float, spoiled: float) -> tuple[dict[str, Any], dict[str, Any]] | None:
         """Return what was learned, and the deflections, before a fault; None without a copy of then. Newer ones are dropped.
@@ -56,3 +65,8 @@ class LearnedCopies:
         self._next = now + _DISTANCE
         self.taken += 1
         return self._kept[-1][1:]
+
+    def checkpoint(self) -> dict[str, Any] | None:
+        """Return what was learned until a second or more ago, None without a copy of then; the newest copy is dropped."""
+        self._kept = self._kept[:-1] or self._kept
+        return self._kept[-1][1] if self._kept else None

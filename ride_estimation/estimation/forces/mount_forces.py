@@ -165,7 +165,8 @@ class MountForceEstimator:
             self._frame.take_tilt()
 
     def reset(self) -> None:
-        """Forget running statistics."""
+        """Forget running statistics and what the elements remember."""
+        self.law.reset()
         #: what the mount model does not explain of the force on the body in the last block, shape (K, 6) [N, N m]
         self.missing = np.zeros((0, 6))
         count = self._count

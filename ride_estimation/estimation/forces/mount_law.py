@@ -71,8 +71,7 @@ class MountLaw:
         self._count = len(arrangement.mounts)
         self.multipliers = np.ones((2, self._count, 3))
         self._pack()
-        # springs and dampers have no memory
-        self.states = np.zeros((len(self._codes), STATE_SIZE)) if self._linear else initial_states(self._codes, self._params)
+        self.reset()
 
     def _pack(self) -> None:
         terms: list[Term] = []
@@ -92,6 +91,10 @@ class MountLaw:
         if self._linear:
             for i, a, first, last in owner:
                 self._rates[:, i, a] = self._params[first:last, [0, 2]].sum(axis=0)
+
+    def reset(self) -> None:
+        """Forget what the elements remember of their motion; springs and dampers remember nothing."""
+        self.states = np.zeros((len(self._codes), STATE_SIZE)) if self._linear else initial_states(self._codes, self._params)
 
     def scale(self, multipliers: Array) -> None:
         """Set the stiffness and damping multipliers, shape (2, M, 3); memories stay."""

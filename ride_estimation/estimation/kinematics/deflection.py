@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection_kernel import deflection_block
-from ride_estimation.estimation.motion.cg_motion import MotionBlock
+from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.frames import AXES
 

@@ -20,7 +20,14 @@ from ride_estimation.estimation.common.arrangement import channel_geometry
 from ride_estimation.estimation.common.block_math import stretches
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
-from ride_estimation.estimation.motion.motion_kernel import LARGEST_RATE, cg_block, follow_slow, predict_block, remove_gravity
+from ride_estimation.estimation.motion.motion_block import MotionBlock
+from ride_estimation.estimation.motion.motion_kernel import (
+    LARGEST_RATE,
+    cg_block,
+    follow_slow,
+    predict_block,
+    remove_gravity,
+)
 from ride_estimation.estimation.motion.residual_doubt import error_of_one, more_than_chance, residual_doubt
 from ride_estimation.estimation.motion.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.motion.sensor_drift import motion_error
@@ -76,22 +83,6 @@ class Weights:
     residual_variance: Array
     rank: int
     turn_gain: float
-
-
-@dataclasses.dataclass(frozen=True)
-class MotionBlock:
-    """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the accelerometers read for
-    it (K, C); variance of the rate (3,).
-    """
-
-    motion: Array
-    covariance: Array
-    rate: Array
-    tilt: Array
-    tilt_variance: float
-    predicted: Array
-    valid: BoolArray
-    rate_variance: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 class CgMotionEstimator:

@@ -23,7 +23,7 @@ from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.estimation.forces.slots import find_slots
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
-from ride_estimation.estimation.motion.cg_motion import MotionBlock
+from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.force_balance import BalanceChunk, BalanceInput
 from ride_estimation.estimation.parameters.identifiable import null_directions
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory

@@ -139,8 +139,10 @@ class HindsightRecorder:
     def take(self, block: OutputBlock) -> OutputBlock:
         """Keep what is needed of a block and return the block without it."""
         basis = block.basis
-        if basis is None or self.reason:
+        if self.reason:
             return dataclasses.replace(block, basis=None)
+        if basis is None:
+            return self._pass_over(block)
         d = basis.deflection
         size = len(d.base)
         self._base.append(d.base.reshape(size, -1).astype(np.float32))
@@ -152,6 +154,16 @@ class HindsightRecorder:
         if self._stamp - int(self._open[0].stamp_ns[0]) + self._step >= _PIECE * 1e9:
             self._close()
         return dataclasses.replace(block, basis=None)
+
+    def _pass_over(self, block: OutputBlock) -> OutputBlock:
+        """Let a block that says nothing end the stretch; its ticks count all the same."""
+        self._close()
+        size = len(block.valid)
+        self._base.append(np.zeros((size, 3 * len(self.arrangement.mounts)), dtype=np.float32))
+        self._swing.append(np.zeros((size, 2, 3)))
+        self._measured.append(np.zeros((size, 2, len(self.axes))))
+        self._ticks, self._stamp = self._ticks + size, 0
+        return block
 
     def _stretch(self, block: OutputBlock) -> None:
         """Begin a new stretch where a block does not follow the last one."""

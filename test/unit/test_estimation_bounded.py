@@ -1,0 +1,106 @@
+# Copyright 2026 ride_estimation contributors
+"""Nothing unbounded comes out: samples beyond any sensor, filters in any pattern of loss, poisoned states, planar bodies."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from replay.loss_run import Chain, Course, course, undisturbed_rows
+
+from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.sensors.quality import judge_sensors
+from ride_estimation.signals.recording import Channel, Recording
+
+NAME = "air, 4 + 4 accelerometers, 100 Hz"
+VICTIM = "cab_front_right"
+
+
+@pytest.fixture(scope="module")
+def drive() -> Course:
+    return course(NAME, 3, 60.0)
+
+
+@pytest.fixture
+def chain(drive: Course) -> Chain:
+    """Return an estimator that has seen ten seconds of the drive."""
+    chain = Chain(drive)
+    chain.feed(undisturbed_rows(len(drive.samples), 1000))
+    return chain
+
+
+def error(chain: Chain, rows: int) -> float:
+    found = chain.feed(undisturbed_rows(len(chain.course.samples), rows))
+    assert np.isfinite(found.force).all() and np.isfinite(found.std).all()
+    good = (found.rows >= 0) & found.valid
+    good[: len(good) // 2] = False
+    return float(np.sqrt(np.mean((found.force[good] - chain.course.force[found.rows[good]]) ** 2)))
+
+
+@pytest.mark.parametrize("value", [1e300, -1e30, 1e12, 1.7e308])
+def test_one_sample_beyond_any_sensor_is_rejected_and_counted_and_changes_nothing(drive: Course, value: float):
+    spoiled = {name: values.copy() for name, values in drive.samples.items()}
+    spoiled[VICTIM][700, 2] = value
+    clean, hit = Chain(drive), Chain(Course(drive.vehicle, spoiled, drive.force, drive.rate_hz))
+    assert error(hit, 1500) < 1.02 * error(clean, 1500)
+    health = hit.pipeline.health()
+    assert health.sensors[VICTIM].rejected == {"beyond_any_sensor": 1}
+    assert health.messages == (f"{VICTIM}: samples rejected: 1 beyond_any_sensor",)
+
+
+def test_data_quality_leaves_such_samples_out_of_its_means(drive: Course):
+    channels = {}
+    for name, values in drive.samples.items():
+        own = values[:1000].copy()
+        if name == VICTIM:
+            own[300], own[600] = 1.7e308, -1.7e308
+        stamps = 10**18 + np.arange(1000) * 10**7
+        channels[name] = Channel(name, stamps, own, stamps)
+    quality = judge_sensors(Recording("run", channels), drive.vehicle.sensors, 9.80665)[VICTIM]
+    assert quality.beyond == 2
+    assert np.isfinite(quality.mean).all() and np.isfinite(quality.std).all()
+    assert any("2 samples are larger than any sensor of this kind can give" in text for text in quality.findings)
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, 1e200])
+def test_a_poisoned_deflection_ends_in_a_restart_with_what_was_learned(chain: Chain, poison: float):
+    before = np.array([e.value for e in chain.pipeline.parameters()])
+    chain.pipeline._deflection._state[0, 0, 2] = poison
+    assert error(chain, 1000) < 100.0
+    after = np.array([e.value for e in chain.pipeline.parameters()])
+    np.testing.assert_allclose(after, before, rtol=0.2)
+    health = chain.pipeline.health()
+    if not np.isfinite(poison):
+        assert sum(health.faults.values()) == 1
+        assert health.messages[0].startswith("numerical fault (1 times)")
+
+
+def test_poisoned_parameters_go_back_to_the_last_checkpoint_and_never_into_a_saved_state(chain: Chain):
+    before = np.array([e.value for e in chain.pipeline.parameters()])
+    chain.pipeline._parameters.theta[:] = np.nan
+    state = chain.pipeline.save_state()
+    json.dumps(state, allow_nan=False)
+    np.testing.assert_allclose([e.value for e in chain.pipeline.parameters()], before, rtol=0.2)
+    fresh = Pipeline(chain.course.vehicle)
+    fresh.load_state(state)
+    assert chain.pipeline.health().faults == {"the state is not finite": 1}
+
+
+def test_a_load_that_the_vehicle_cannot_carry_is_not_valid(chain: Chain):
+    chain.pipeline._law._rates[0] *= 1e6
+    found = chain.feed(undisturbed_rows(len(chain.course.samples), 200))
+    limit = chain.pipeline._guard.largest
+    assert np.abs(found.force[found.valid]).max(initial=0.0) <= limit
+    assert any("cannot carry" in text for text in chain.pipeline.health().messages)
+
+
+def test_deflections_stay_within_the_travel_whatever_the_sensors_say(drive: Course):
+    rng = np.random.default_rng(8)
+    wild = {name: 1e5 * rng.standard_normal(values.shape) for name, values in drive.samples.items()}
+    chain = Chain(Course(drive.vehicle, wild, drive.force, drive.rate_hz))
+    found = chain.feed(undisturbed_rows(len(wild), 2000))
+    assert np.isfinite(found.force).all() and np.isfinite(found.std).all()
+    assert np.abs(chain.pipeline._deflection._state[0]).max() <= LARGEST_TRAVEL
+    json.dumps(chain.pipeline.save_state(), allow_nan=False)
