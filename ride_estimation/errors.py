@@ -34,7 +34,3 @@ class ConfigurationError(RideEstimationError):
 
 class InputDataError(RideEstimationError):
     """Measured data cannot be used: unreadable, empty, too short, not finite, wrong unit or shape."""
-
-
-class NotIdentifiableError(RideEstimationError):
-    """The data cannot tell the quantity that was asked for; the message names the null direction."""

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
 import re
 from pathlib import Path
 
 import pytest
+
+from ride_estimation.cli.main import verb_helps, verb_module
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "docs" / "sources.md").read_text(encoding="utf-8")
@@ -48,3 +51,27 @@ def test_each_correction_has_a_test_or_says_reading() -> None:
         cells = [cell.strip() for cell in line.split("|")]
         if len(cells) > 7 and re.search(r"\bE\d", cells[2]):
             assert "::test_" in cells[6] or "reading" in cells[4] or "reading" in cells[5], line
+
+
+def commands() -> set[str]:
+    """Return the commands of the last column: verbs, and procedures with their name."""
+    found = set()
+    for line in TEXT.splitlines():
+        cells = [cell.strip() for cell in line.split("|")]
+        if len(cells) == 9 and cells[2] != "row":
+            of_commands = re.sub(r"`[^`]*`(?:, `[^`]*`)* \(\[Python", "", cells[7])
+            found |= set(re.findall(r"`([a-z][\w-]+(?: (?!-)[a-z][\w-]*)?)(?:[ `])", of_commands))
+    return {c for c in found if not c.startswith(("python", "kind", "inertial_load"))}
+
+
+def test_named_commands_exist() -> None:
+    helps = verb_helps()
+    parser = argparse.ArgumentParser()
+    verb_module("procedure").add_arguments(parser)
+    (kinds,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    named = commands()
+    assert {"identify", "replay", "design-test", "procedure damping", "procedure road"} <= named
+    for command in named:
+        verb, _, procedure = command.partition(" ")
+        assert verb in helps, command
+        assert verb != "procedure" or procedure in kinds.choices, command

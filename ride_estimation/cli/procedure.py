@@ -44,7 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     loop.set_defaults(procedure_run=_loop)
 
     lift = kinds.add_parser("tyre-lift", help="tyre stiffness from lifting an axle")
-    lift.add_argument("file", type=Path, help="CSV: unloading_n, rise_mm")
+    lift.add_argument("file", type=Path, help="CSV: rise_mm and unloading_n, or lift_n with both arms")
+    lift.add_argument("--lift-arm-m", type=float, help="distance of the lifting force from the other axle")
+    lift.add_argument("--axle-arm-m", type=float, help="distance of the lifted axle from the other axle")
     lift.add_argument("--tyres", type=int, default=2, help="tyres on the axle (default 2)")
     lift.set_defaults(procedure_run=_lift)
 
@@ -147,9 +149,13 @@ def _loop(options: argparse.Namespace) -> None:
 
 def _lift(options: argparse.Namespace) -> None:
     table = read_table(options.file)
-    result = static_tests.tyre_stiffness_from_lift(
-        table.column("unloading", "N"), table.column("rise", "m"), options.tyres
-    )
+    if (options.lift_arm_m is None) != (options.axle_arm_m is None):
+        raise InputDataError("--lift-arm-m and --axle-arm-m belong together: they make the load of the axle of the lifting force")
+    if options.lift_arm_m is None:
+        unloading = table.column("unloading", "N")
+    else:
+        unloading = table.column("lift", "N") * static_tests.lifting_load(1.0, options.lift_arm_m, options.axle_arm_m)
+    result = static_tests.tyre_stiffness_from_lift(unloading, table.column("rise", "m"), options.tyres)
     print(f"tyre stiffness {result.stiffness:.5g} +- {result.std:.2g} N/m per tyre, scatter {result.residual_rms:.3g} N")
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """The primitives every force element is a sum of, and the one compiled kernel that evaluates them.
 
-Sign as everywhere: deflection x and tension F positive in extension. ``term_force`` is pure; ``term_commit`` updates the
+Sign as everywhere: deflection x and tension F positive in extension. ``force_at`` is pure; ``commit_at`` updates the
 memory in place and returns the force of the accepted point, so a fixed-step integrator may use the commit alone.
 """
 
@@ -261,18 +261,6 @@ def continued(codes: Codes, params: Array, states: Array, x: Array, v: Array, h:
     force = np.zeros(len(x))
     _continue(codes, params, states, np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(v, dtype=float), h, force)
     return force
-
-
-@compile_lean_kernel
-def term_force(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
-    """Return the tension [N] of one term given by its code, parameter row p and memory row s; changes nothing."""
-    return force_at(code, p.reshape(1, -1), s.reshape(1, -1), 0, x, v, h)
-
-
-@compile_lean_kernel
-def term_commit(code: int, p: Array, s: Array, x: float, v: float, h: float) -> float:
-    """Accept a point of one term given by its rows: update s in place and return the tension [N]."""
-    return commit_at(code, p.reshape(1, -1), s.reshape(1, -1), 0, x, v, h)
 
 
 def response(codes: Codes, params: Array, x: Array, v: Array, h: float, states: Array | None = None) -> Array:

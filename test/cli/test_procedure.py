@@ -255,3 +255,13 @@ def test_an_element_is_stepped_over_a_recorded_deflection(tmp_path, capsys):
     element.write_text("kind: kelvin_voigt\nstiffness_n_per_mm: 100\n")
     assert main(["procedure", "force", table, "--element", str(element), "--out", str(tmp_path / "f.csv")]) == 2
     assert "damping_n_s_per_m: missing" in capsys.readouterr().err
+
+
+def test_a_lifting_force_and_its_arms_give_the_tyre_stiffness(tmp_path, capsys):
+    rise = np.linspace(0.0, 40.0, 9)
+    lift = 2 * 4e5 * rise * 1e-3 * 2.2 / 3.0  # moments about the other axle
+    table = write(tmp_path / "lift.csv", "rise_mm,lift_n", rise, lift)
+    assert main(["procedure", "tyre-lift", table, "--lift-arm-m", "3.0", "--axle-arm-m", "2.2"]) == 0
+    assert "tyre stiffness 4e+05" in capsys.readouterr().out
+    assert main(["procedure", "tyre-lift", table, "--lift-arm-m", "3.0"]) == 2
+    assert "belong together" in capsys.readouterr().err

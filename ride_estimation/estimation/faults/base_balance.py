@@ -116,6 +116,7 @@ class BaseBalance:
         self._carried = np.eye(3 * count) if transport is None else transport
         self._rotation = np.array([s.rotation for s in sensors])
         self._hypotheses = self._all_hypotheses()
+        self._parts = self._deflections()
         #: errors that also a slow ride shows: those of the motion itself
         self._strong = [n for n, h in enumerate(self._hypotheses) if len(h.sensors) == 1 and not h.rate.any()]
         self.reset()
@@ -260,7 +261,7 @@ class BaseBalance:
         total = float(np.trace(self._moments[:3, :3]))
         if total < (_MOVING * self._weight) ** 2:
             return
-        left = np.array([self._residual(h, total) for h in self._hypotheses])
+        left = self._residuals(total)
         best = int(np.argmin(left))
         chosen = self._hypotheses[best]
         others = [x for x, h in zip(left, self._hypotheses) if not set(h.sensors) & set(chosen.sensors)]
@@ -291,32 +292,36 @@ class BaseBalance:
         ((sensor, words),) = self.refused.items()
         return next(n for n, h in enumerate(self._hypotheses) if h.sensors == (sensor,) and h.words == words)
 
-    def _residual(self, error: BaseError, total: float) -> float:
-        """Return the least squared residual of balance and transducers, k and c fitted, where the readings have an error."""
-        count, moments, given = self._count, self._moments, len(self._measured)
-        first = 3 + given
-        # deflection and its rate from all signals: body minus base
-        parts = np.zeros((2 * count, len(moments)))
-        rows, base = np.arange(count), first + 2 * count
-        parts[rows, first + rows] = 1.0
-        parts[count + rows, first + count + rows] = 1.0
-        for offset, block in ((0, error.motion), (3 * count, error.rate)):
-            parts[:count, base + offset : base + offset + 3 * count] -= block
-            parts[count:, base + 3 * count + offset : base + 3 * count + offset + 3 * count] -= block
+    def _deflections(self) -> Array:
+        """Return what makes deflection and rate of the signals of :meth:`learn`, per hypothesis, shape (H, 2 M, signals)."""
+        count, first = self._count, 3 + len(self._measured)
+        base, own = first + 2 * count, 3 * count
+        parts = np.zeros((len(self._hypotheses), 2 * count, base + 3 * own))
+        parts[:, np.arange(2 * count), first + np.arange(2 * count)] = 1.0
+        for part, error in zip(parts, self._hypotheses):
+            for offset, block in ((0, error.motion), (own, error.rate)):
+                part[:count, base + offset : base + offset + own] -= block
+                part[count:, base + own + offset : base + 2 * own + offset] -= block
+        return parts
+
+    def _residuals(self, total: float) -> Array:
+        """Return the least squared residual of balance and transducers, k and c fitted, of every hypothesis, shape (H,)."""
+        parts, moments = self._parts, self._moments
         seen = parts @ moments
-        normal = (seen @ parts.T) * self._gram
-        score = -np.sum(seen[:, :3] * np.tile(self._arms.T, (2, 1)), axis=1)
+        normal = (seen @ parts.transpose(0, 2, 1)) * self._gram
+        score = -np.sum(seen[:, :, :3] * np.tile(self._arms.T, (2, 1)), axis=2)
         # the prior as so many independent averages
         ridge = _UNEXPLAINED * total / (_RATE * _MEMORY) / (_PRIOR * self._prior) ** 2
-        fitted = np.linalg.solve(normal + np.diag(ridge), score + ridge * self._prior)
-        away = fitted - self._prior
-        left = total - 2.0 * score @ fitted + fitted @ normal @ fitted + away @ (ridge * away)
-        if given:
-            difference = -parts[self._measured]
-            difference[np.arange(given), 3 + np.arange(given)] += 1.0
+        fitted = np.linalg.solve(normal + np.diag(ridge), (score + ridge * self._prior)[:, :, None])[:, :, 0]
+        left = total - 2.0 * np.sum(score * fitted, axis=1) + np.einsum("hi,hij,hj->h", fitted, normal, fitted)
+        left += np.sum(ridge * (fitted - self._prior) ** 2, axis=1)
+        if len(self._measured):
+            rows = np.arange(len(self._measured))
+            difference = -parts[:, self._measured]
+            difference[:, rows, 3 + rows] += 1.0
             weight = self._stiffness[self._measured] ** 2 * np.diag(self._gram)[self._measured]
-            left += float(np.sum(weight * np.einsum("ij,jk,ik->i", difference, moments, difference)))
-        return float(left)
+            left += np.sum(weight * np.sum((difference @ moments) * difference, axis=2), axis=1)
+        return np.asarray(left)
 
     def messages(self) -> list[str]:
         """Return one sentence per sensor that is left out."""

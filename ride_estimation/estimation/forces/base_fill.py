@@ -23,8 +23,9 @@ BoolArray = NDArray[np.bool_]
 
 #: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
 _UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
-#: doubt where a sensor that is used may be wrong: its error adds to what is unknown without it
-_WRONG = 2.0
+#: doubt where a sensor that is used may be wrong: its error adds to what is unknown without it; memory of the size of the forces
+#: meanwhile, which are mostly that error [s]
+_WRONG, _NOW = 2.0, 0.3
 #: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
 _UNKNOWN_FORCE = 1.0
 
@@ -54,6 +55,7 @@ class BaseFill:
         self._square, self._rate_square = np.zeros((count, 3)), np.zeros((count, 3))
         self._force, self._force_square = np.zeros((count, 3)), np.zeros((count, 3))
         self._doubt, self._age = np.zeros(count), 0.0
+        self._wrong, self._now_square = 0.0, np.zeros((count, 3))
 
     def _map(self, there: BoolArray) -> Array:
         """Return weights of the sensors that speak on every mount, shape (3, M, M).
@@ -82,6 +84,7 @@ class BaseFill:
 
     def _filled(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
         self._doubt *= math.exp(-duration / _FADES)
+        self._wrong *= math.exp(-duration / _FADES)
         if self._complete and ok.all():
             return base, ok
         missing = self._has & ~ok.all(axis=0)
@@ -99,7 +102,7 @@ class BaseFill:
 
     def doubt(self) -> None:
         """Say that the base motion of any mount may be wrong."""
-        self._doubt[:] = _WRONG
+        self._doubt[:], self._wrong = _WRONG, 1.0
 
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
@@ -123,6 +126,8 @@ class BaseFill:
             gain = duration / min(max(self._age, duration), _MEMORY)
             follow_scatter(block.force, gain, self._force, self._force_square)
             return block
-        open_square = (_UNKNOWN_FORCE * doubt) ** 2 * self._force_square
+        now = np.mean((block.force - self._force) ** 2, axis=0)
+        self._now_square += min(duration / _NOW, 1.0) * (now - self._now_square)
+        open_square = (_UNKNOWN_FORCE * doubt) ** 2 * self._force_square + self._wrong * self._now_square
         model = np.sqrt(block.std_model**2 + open_square)
         return dataclasses.replace(block, std_model=model, std=np.sqrt(block.std_equilibrium**2 + model**2))

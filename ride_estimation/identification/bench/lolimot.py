@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from ride_estimation.identification.bench.jounce_model import Load, loaded_nrmse
+from ride_estimation.identification.bench.jounce_model import Load
 from ride_estimation.identification.bench.uncertainty import effective_samples, std_from_jacobian
 
 Array = NDArray[np.float64]
@@ -286,11 +286,3 @@ def pole_std(network: Network, inputs: Sequence[NetworkInputs], ridge: float = R
     variance = float(base @ base) / max(effective_samples(base) * (1.0 - taken / base.size), 1.0)
     relative = std_from_jacobian(np.stack(columns, axis=1), variance)
     return np.asarray(relative * network.alpha)
-
-
-def network_nrmse(
-    network: Network, inputs: NetworkInputs, remainder: Array | None = None, part: NDArray[np.bool_] | None = None
-) -> float:
-    """Return NRMSE over loaded samples; ``remainder`` is the force other elements add [N]."""
-    force = network.force(inputs)
-    return loaded_nrmse(inputs.load, force if remainder is None else force + remainder, part)
