@@ -293,7 +293,7 @@ class Selector:
         scene, regression = self._residual_problem(accepted, place)
         projector = Projector(regression, self._blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
-        hypotheses = [h for h in self._build(scene) if not taken(h, kept)]
+        hypotheses = [h for h in self._build(scene) if not taken(h, kept) and not (kept and h.only_alone)]
         scores = screen(scene, self._cal.table, projector, hypotheses, self._dof)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)

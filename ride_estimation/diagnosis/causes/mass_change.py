@@ -71,7 +71,7 @@ class MassChange(Cause):
 
             out.append(Hypothesis(
                 self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
-                shows_in_means=sinks,
+                shows_in_means=sinks, only_alone=not sinks,
             ))
         return out
 
