@@ -80,9 +80,9 @@ def groups(
     """Return (title, text, field by key) of every kind of entry, in the order of the page."""
     settings = PipelineSettings()
     priors = (
-        "A quantity is a number or a mapping with these keys; one of `std` and `relative_std`, which are the prior of a parameter.\n"
-        "Where a stiffness states none, the standard deviation of its logarithm is "
-        f"{settings.prior_stiffness_std:g}, of a damping {settings.prior_damping_std:g}\n(parameters `prior_stiffness_std`, `prior_damping_std` of the node)."
+        "A quantity is a number or a mapping with these keys, one of `std` and `relative_std`: the prior of a parameter. Where\n"
+        f"a stiffness states none, the standard deviation of its logarithm is {settings.prior_stiffness_std:g}, of a damping\n"
+        f"{settings.prior_damping_std:g} (parameters `prior_stiffness_std`, `prior_damping_std` of the node)."
     )
     found = [
         ("## The file", "Keys of the outermost mapping.", _of(fields, "")),
