@@ -199,7 +199,10 @@ def _mount_mapping(mount: Mount) -> dict[str, Any]:
             if address in priors:
                 _put(mapping, address, p.key, _quantity(dataclasses.replace(priors[address], value=value)))
         axes[axis] = _turned(mapping) if axis in COORDINATES[3:] else mapping
-    return {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+    mapping = {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+    if mount.static_load is not None:
+        mapping["static_load_n"] = _quantity(mount.static_load)
+    return mapping
 
 
 def _turned(mapping: Any) -> Any:

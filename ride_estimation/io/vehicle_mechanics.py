@@ -150,9 +150,10 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
             section.note("base", f"{shown(base)} is the body itself; a mount joins two different bodies")
             base = None
         elements, priors = _read_axes(section)
+        load = section.quantity("static_load", "N", lower=-1e7, upper=1e7, meaning="vertical force on the body at rest")
         section.finish()
         if position is not None and body and base:
-            mounts[name] = Mount(name, position, body, base, elements, priors)
+            mounts[name] = Mount(name, position, body, base, elements, priors, load)
     if not sections and not problems:
         problems.append("mounts: at least one mount is needed")
     return mounts
