@@ -415,9 +415,9 @@ class Pipeline:
     # -- results ----------------------------------------------------------------------------------------------------------
 
     @property
-    def inertia(self) -> Array:
-        """Return the inertia about the CG as it is estimated, shape (3, 3) [kg m^2]."""
-        return self._loads.inertia
+    def loads(self) -> InertialLoads:
+        """Return what makes loads of motion now: mass and inertia as they are estimated."""
+        return self._loads
 
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""

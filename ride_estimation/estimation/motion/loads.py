@@ -44,6 +44,15 @@ class InertialLoads:
         inertia = np.asarray(body.inertia, dtype=float)
         return cls(body.mass.value, body.mass.std or 0.0, inertia, body.inertia_relative_std or 0.0, std)
 
+    def moments(self, body: Body) -> dict[str, dict[str, float]]:
+        """Return the moments of inertia in use and those of the file, by name [kg m^2].
+
+        The standard deviation holds that of the mass and the largest of the three moments, as the loads do.
+        """
+        std = float(np.hypot(self.inertia_relative_std, self.mass_std / self.mass))
+        pairs = zip(("ixx", "iyy", "izz"), np.diag(self.inertia), np.diag(body.inertia), strict=True)
+        return {name: {"value": float(v), "std": float(std * v), "file": float(file)} for name, v, file in pairs}
+
     def load(self, accel: Array, rate: Array) -> Array:
         """Return force and moment at the CG.
 
