@@ -41,6 +41,8 @@ _CONSISTENCY_MEMORY = 5.0
 _ROWS = ((0, 1, 5), (2, 3, 4))
 #: corner below which the residual wrench is shared by stiffness [rad/s]
 _SLOW_CORNER = 0.8
+#: deflection that no mount is known better than, keeps the equations regular [m]
+_LEAST_DEFLECTION = 2e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -351,12 +353,13 @@ class MountForceEstimator:
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
         seen = np.where(self.known, variance, hidden).ravel()
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
-        model = prior = np.diag(seen + 1e-6 * self._stiffness)
+        floor = (_LEAST_DEFLECTION * self._stiffness) ** 2
+        model = prior = np.diag(seen + floor)
         if not self.known.all():
             spread = float(np.mean(hidden)) / float(np.mean(self._stiffness))
             prior = np.diag(np.where(self.known.ravel(), np.diag(prior), self._stiffness * spread))
         elif self._frame is not None:
-            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(1e-6 * self._stiffness)
+            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(floor)
         g = self._g
         load = load_covariance[np.ix_(self._free, self._free)]
         inverse = np.linalg.inv(g @ prior @ g.T + load)
