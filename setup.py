@@ -63,6 +63,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.export": ["c/*"]},
     data_files=data_files(),
     zip_safe=False,
     install_requires=RUNTIME,
