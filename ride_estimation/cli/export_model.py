@@ -98,7 +98,7 @@ def _read_element(path: Path, document: Any, origin: dict[str, Any]) -> tuple[Ex
         found = read_json(beside)
         if found.get("element") == element.to_mapping():
             origin["identification"] = {
-                key: found[key] for key in ("method", "model", "parameters", "validity", "validation", "warnings") if key in found
+                key: found[key] for key in ("method", "model", "parameters", "validation", "warnings") if key in found
             }
     description = f"force element {element.KIND}"
     name = path.parent.name if path.stem == "element" else path.stem

@@ -115,17 +115,17 @@ def _data_header(model: ExportModel) -> str:
     bases = model.tilt_map.shape[1]
     sizes = {
         "COORDINATES": coordinates, "COMPONENTS": components, "BASES": bases, "INPUTS": 2 * bases + coordinates,
-        "TERMS": len(model.codes), "PARAMETERS": model.parameters.shape[1] if len(model.codes) else 1,
-        "MEMORY": model.memory_size, "CONSTANTS": len(model.constants),
+        "TERMS": len(model.terms.codes), "PARAMETERS": model.terms.parameters.shape[1],
+        "MEMORY": model.terms.memory_size, "CONSTANTS": len(model.constants),
     }  # fmt: skip
     lines = ["/* The numbers of this model. */", "#ifndef RIDE_DATA_H", "#define RIDE_DATA_H", "", '#define TOKEN "@TOKEN@"']
     lines += [f"#define {name} {value}" for name, value in sizes.items()]
     lines += [f"#define BASE_SIGN {model.base_sign!r}", f"#define INTERNAL_STEP {model.internal_step_s!r}", ""]
     lines += [
-        _array("int", "code_of", model.codes),
-        _array("int", "channel_of", model.channel),
+        _array("int", "code_of", model.terms.codes),
+        _array("int", "channel_of", model.terms.channel),
         _array("int", "base_of", model.base_of),
-        _array("double", "parameters", model.parameters),
+        _array("double", "parameters", model.terms.parameters),
         _array("double", "deflection_map", model.deflection_map),
         _array("double", "geometric_stiffness", model.geometric_stiffness),
         _array("double", "inverse_mass", model.inverse_mass),
@@ -181,10 +181,6 @@ def _derivatives(model: ExportModel) -> list[int]:
     return [i for i, v in enumerate(model.variables, start=1) if v.derivative_of]
 
 
-def _initial_unknowns(model: ExportModel) -> list[int]:
-    return _references(model, ("output",))
-
-
 def _description_2(model: ExportModel, token: str) -> str:
     """Return modelDescription.xml of FMI 2.0; variable number n of the list is n = value reference + 1."""
     source = '<SourceFiles><File name="fmi2.c"/></SourceFiles>'
@@ -200,7 +196,8 @@ def _description_2(model: ExportModel, token: str) -> str:
         _units(model),
         f'  <DefaultExperiment startTime="0" stepSize="{_DEFAULT_STEP}"/>',
         "  <ModelVariables>",
-        '    <ScalarVariable name="time" valueReference="0" causality="independent" variability="continuous"><Real/></ScalarVariable>',
+        '    <ScalarVariable name="time" valueReference="0" causality="independent" variability="continuous"><Real/>'
+        "</ScalarVariable>",
     ]
     for i, v in enumerate(model.variables, start=1):
         words = _interface(v)
@@ -216,7 +213,7 @@ def _description_2(model: ExportModel, token: str) -> str:
     for tag, indices in (
         ("Outputs", _references(model, ("state", "output"))),
         ("Derivatives", _derivatives(model)),
-        ("InitialUnknowns", _initial_unknowns(model)),
+        ("InitialUnknowns", _references(model, ("output",))),
     ):
         if indices:
             unknowns = "".join(f'<Unknown index="{i + 1}"/>' for i in indices)
@@ -251,7 +248,7 @@ def _description_3(model: ExportModel, token: str) -> str:
     for tag, references in (
         ("Output", _references(model, ("state", "output"))),
         ("ContinuousStateDerivative", _derivatives(model)),
-        ("InitialUnknown", _initial_unknowns(model)),
+        ("InitialUnknown", _references(model, ("output",))),
     ):
         lines += [f'    <{tag} valueReference="{i}"/>' for i in references]
     return "\n".join([*lines, "  </ModelStructure>", "</fmiModelDescription>", ""])

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
+import math
 from collections.abc import Iterator
 from types import ModuleType
 from typing import NamedTuple
@@ -278,7 +279,7 @@ class _Translator:
     def _number(self, value: object, node: ast.AST) -> str:
         if not isinstance(value, int | float):
             raise self._refused(node)
-        return "INFINITY" if value == float("inf") else "NAN" if value != value else repr(value)
+        return "INFINITY" if value == float("inf") else "NAN" if math.isnan(value) else repr(value)
 
     def _compare(self, node: ast.Compare) -> str:
         left, right = self._expression(node.left), node.comparators[0]

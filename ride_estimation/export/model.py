@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,15 @@ class Constant:
         return "; ".join(parts)
 
 
+class PackedTerms(NamedTuple):
+    """Terms of all elements (:mod:`ride_estimation.elements.terms`), the component each acts on, floats of memory per term."""
+
+    codes: Index
+    channel: Index
+    parameters: Array
+    memory_size: int
+
+
 @dataclasses.dataclass(frozen=True)
 class ExportModel:
     """A model for other programs. Q coordinates, C components, T terms, B bases.
@@ -87,10 +97,8 @@ class ExportModel:
         An identifier of C.
     description
         One sentence.
-    codes, channel, parameters
-        Terms of all elements (:mod:`ride_estimation.elements.terms`) and the component each acts on.
-    memory_size
-        Floats of memory per term.
+    terms
+        Terms of all elements.
     base_of
         Base that moves each component, -1 where another body does, shape (C,).
     base_sign
@@ -109,10 +117,7 @@ class ExportModel:
 
     name: str
     description: str
-    codes: Index
-    channel: Index
-    parameters: Array
-    memory_size: int
+    terms: PackedTerms
     base_of: Index
     base_sign: float
     deflection_map: Array
@@ -153,13 +158,16 @@ def element_model(name: str, elements: Mapping[str, ForceElement], priors: Prior
         used = "" if needs_rate(element.terms()) else "; does not change the force of this element"
         inputs.append(Variable(prefix[axis] + "deflection", units[0], "deflection, positive in extension", "input"))
         inputs.append(Variable(prefix[axis] + "rate", units[1], f"its time derivative{used}", "input"))
-    passed_on = [Variable(f"{p}deflection_of_force", _unit(a, 0), "deflection the force belongs to", "output") for a, p in prefix.items()]
+    passed_on = [
+        Variable(f"{p}deflection_of_force", _unit(a, 0), "deflection the force belongs to", "output") for a, p in prefix.items()
+    ]
     forces = [Variable(f"{p}force", _unit(a, 3), "tension, positive in extension", "output") for a, p in prefix.items()]
     constants = tuple(c for axis, e in elements.items() for c in _constants(prefix[axis], axis, e, priors))
     count = len(elements)
     return ExportModel(
         name=identifier(name),
         description=description,
+        terms=_packed(tuple(elements.values())),
         base_of=np.arange(count, dtype=np.int64),
         base_sign=1.0,
         deflection_map=np.zeros((count, 0)),
@@ -170,7 +178,6 @@ def element_model(name: str, elements: Mapping[str, ForceElement], priors: Prior
         internal_step_s=1.0,
         variables=(*inputs, *passed_on, *forces, *_as_variables(constants)),
         constants=constants,
-        **_terms(tuple(elements.values())),
     )
 
 
@@ -202,10 +209,14 @@ def vehicle_model(assembly: Assembly, rate_hz: float) -> ExportModel:
         for (m_name, a_name), element in zip(assembly.components, assembly.elements, strict=True)
         for c in _constants(f"{m_name}.{a_name}.", f"{m_name}.{a_name}", element, priors)
     )
-    static = [assembly.static_force[m, a] if a < 3 else -tension for m, a, tension in zip(mount, axis, assembly.static_tension, strict=True)]
+    static = [
+        assembly.static_force[m, a] if a < 3 else -tension
+        for m, a, tension in zip(mount, axis, assembly.static_tension, strict=True)
+    ]
     return ExportModel(
         name=identifier(vehicle.name),
         description=f"{vehicle.name}: rigid bodies on mounts about static equilibrium, small rotations",
+        terms=_packed(assembly.elements),
         base_of=np.array(base_of, dtype=np.int64),
         base_sign=-1.0,
         deflection_map=assembly.deflection_map,
@@ -216,7 +227,6 @@ def vehicle_model(assembly: Assembly, rate_hz: float) -> ExportModel:
         internal_step_s=1.0 / (rate_hz * choose_substeps(assembly, rate_hz)),
         variables=(*_vehicle_variables(assembly, bases), *_as_variables(constants)),
         constants=constants,
-        **_terms(assembly.elements),
     )
 
 
@@ -258,14 +268,11 @@ def _unit(axis: str, which: int) -> str:
     return _UNITS[axis in COORDINATES[3:]][which]
 
 
-def _terms(elements: tuple[ForceElement, ...]) -> dict[str, Index | Array | int]:
+def _packed(elements: tuple[ForceElement, ...]) -> PackedTerms:
     terms = [e.terms() for e in elements]
     codes, parameters = pack_terms(t for group in terms for t in group)
     channel = np.repeat(np.arange(len(terms), dtype=np.int64), [len(t) for t in terms])
-    return {
-        "codes": codes, "parameters": parameters, "channel": channel,
-        "memory_size": initial_states(codes, parameters).shape[1],
-    }  # fmt: skip
+    return PackedTerms(codes, channel, parameters, initial_states(codes, parameters).shape[1])
 
 
 def _constants(prefix: str, axis: str, element: ForceElement, priors: Priors) -> list[Constant]:
