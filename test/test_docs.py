@@ -175,7 +175,7 @@ def test_links_between_documents_lead_somewhere() -> None:
 def test_features_are_all_listed_and_what_shows_them_exists() -> None:
     text = (ROOT / "docs" / "features.md").read_text(encoding="utf-8")
     listed = [line.split("|")[1].strip() for line in text.splitlines() if re.match(r"\| F\d", line)]
-    assert listed == [f"F{number}" for number in range(1, 26)]
+    assert listed == [f"F{number}" for number in range(1, len(listed) + 1)] and len(listed) >= 25
     for path in re.findall(r"`((?:ride_estimation|config|benchmarks)/[\w/.]+)`", text):
         assert (ROOT / path).is_file(), path
     named = re.findall(r"(test_\w+\.py)::(test_\w+)", text)

@@ -52,11 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--literature", action="store_true", help="also Zener, two Maxwell cells, fractional and Bouc-Wen (takes longer)"
     )
-    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write comparison.json")
+    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write comparison.json, spectra.csv, report.html")
 
 
 def run(options: argparse.Namespace) -> int:
     """Fit every model to the run, score all of them on all runs, print the table."""
+    from ride_estimation.reporting.model_spectra import write_model_spectra
+
     vehicle = load_vehicle(options.vehicle)
     if any(path.exists() and options.run.exists() and path.samefile(options.run) for path in options.validate):
         raise InputDataError(f"--validate {options.run}: is the run that is fitted; only another one is unseen")
@@ -75,6 +77,10 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         output_folder(options.out)
         write_json(options.out / "comparison.json", document)
+        last = runs[-1]
+        block = min(round(_SPECTRUM_BLOCK_S * last.rate_hz), len(last.measured))
+        simulated = {model.name: predict(vehicle, last, model) for model in fitted}
+        write_model_spectra(options.out, last.name, last.sensors, last.measured, simulated, last.rate_hz, block)
     print_table(document)
     return 0
 

@@ -139,6 +139,8 @@ def _pairs(option: str, given: list[str]) -> dict[str, float]:
             found[name] = float(value)
         except ValueError as error:
             raise InputDataError(f"{option} {item!r}: give NAME=NUMBER, for example stiffness=2e5") from error
+        if not np.isfinite(found[name]):
+            raise InputDataError(f"{option} {item!r}: the number must be finite")
     return found
 
 

@@ -194,6 +194,7 @@ def replay_run(
         mass_relative_std(result, pipeline.arrangement.body.name),
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, job.settings)
+    document["inertia_kg_m2"] = pipeline.loads.moments(pipeline.arrangement.body)
     clear_pages(folder)
     begin("writing results and report" if job.formats else "writing results")
     written = ["result.json", "signals.npz"]
@@ -202,7 +203,14 @@ def replay_run(
         if job.formats:
             page = replay_page(recording, vehicle, result, quality, document, side, assessment, diagnosis)
             written += write_page(page, folder, job.formats)
-    return document, summary(recording, result, (*warnings,), layout), written
+    text = f"{summary(recording, result, (*warnings,), layout)}\n{inertia_words(document['inertia_kg_m2'])}"
+    return document, text, written
+
+
+def inertia_words(inertia: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the moments of inertia the loads were computed with, beside those of the vehicle file."""
+    listed = ", ".join(f"{n} {v['value']:.4g} +- {v['std']:.2g} (file {v['file']:.4g})" for n, v in inertia.items())
+    return f"inertia in use [kg m^2]: {listed}"
 
 
 def mass_relative_std(result: OfflineRun, body: str) -> float:

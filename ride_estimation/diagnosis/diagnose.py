@@ -277,9 +277,11 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[UniformR
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
     refused = f"{', '.join(accepted.causes)} {reason}: not named"
-    if len(accepted.fitted) > 1:  # one of them may stand
-        fewer = dataclasses.replace(work, selection=work.selector.without_weakest(work.selection, accepted))
-        judged = _accepted_or_not(fewer, base, validation)
+    # one of several may stand, and a candidate that fails here makes room for the next
+    several = len(accepted.fitted) > 1
+    left = work.selector.without_weakest(work.selection, accepted) if several else work.selector.runner_up(work.selection)
+    if left is not None:
+        judged = _accepted_or_not(dataclasses.replace(work, selection=left), base, validation)
         if not judged.refused:
             return judged
     work = dataclasses.replace(work, selection=dataclasses.replace(work.selection, accepted=None))

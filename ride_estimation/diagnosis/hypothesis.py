@@ -67,6 +67,8 @@ class Hypothesis:
         The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
     shows_in_means
         Mean readings or strained tolerances alone are evidence for it, also beside another cause.
+    only_alone
+        It is so like what calibration adjusts that beside another cause it is no explanation.
     """
 
     cause: str
@@ -84,6 +86,7 @@ class Hypothesis:
     plausible: Callable[[Array], bool] = lambda coefficients: True
     run_bound: bool = False
     shows_in_means: bool = False
+    only_alone: bool = False
 
     def meaningful(self, coefficients: Array) -> bool:
         """Return whether every essential column is used and the coefficients have sizes that they can have."""

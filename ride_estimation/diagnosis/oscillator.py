@@ -1,21 +1,23 @@
 # Copyright 2026 ride_estimation contributors
-"""An oscillator driven by a known excitation, as a diagnosis: is its spring linear.
+"""An oscillator driven by a known excitation, as a diagnosis: is its spring linear, and which law does its mount have else.
 
 The mass cannot be told from excitation and response, so everything is per unit mass and in units of the response. The ladder
 of :mod:`ride_estimation.identification.bench.oscillator` is fitted by simulation error on one part of the record, chosen on a
-second and judged on a third and on further records.
+second and judged on a third and on further records. Where it leaves more than noise, the laws of
+:mod:`ride_estimation.identification.bench.law_oscillator` are fitted as well.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.bench import incoherent_noise
 from ride_estimation.diagnosis.hypothesis import Reported
+from ride_estimation.diagnosis.oscillator_law import law_element, law_parameters
 from ride_estimation.diagnosis.prediction import bootstrap_interval
 from ride_estimation.diagnosis.result import (
     EXPLAINED,
@@ -25,14 +27,17 @@ from ride_estimation.diagnosis.result import (
     Diagnosis,
     Gain,
     NamedCause,
+    Rival,
     Step,
     ValidationGain,
 )
 from ride_estimation.diagnosis.verdict import describe
+from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.cubic_spring import CubicSpring
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.law_oscillator import LawFit, fit_laws, simulate_law
 from ride_estimation.identification.bench.oscillator import (
     OscillatorRecord,
     OscillatorRung,
@@ -41,7 +46,9 @@ from ride_estimation.identification.bench.oscillator import (
 )
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
 
+Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+Model = Callable[[OscillatorRecord], Array]
 
 _UNKNOWN = 0.01  # probability that the cause is none of the ladder
 _SETTLING_PERIODS = 30  # left out at the start of a simulation
@@ -50,6 +57,7 @@ _REMAINS = 0.25  # share of the linear model's squared error that may remain
 _MOSTLY = 0.5  # share from which on naming the best rung would mislead
 _ABOVE_NOISE = 2.0  # error over the noise floor from which on a model is not the whole truth
 _LEAST_SAMPLES = 3000  # 1000 to fit and as many to choose and to judge
+_BETTER = 0.8  # held-out squared error over that of the best bent spring below which a law describes the mount better
 _UNRELATED = 0.95  # error of every model, as a share of the response, from which on the excitation does not explain it
 _METRIC = "NRMSE of the response simulated from the excitation alone (rms error over rms of the measured response)"
 
@@ -100,7 +108,13 @@ def diagnose_oscillator(
             f"no oscillator explains the response of {record.name} from its excitation: the best one leaves "
             f"{100 * best.mse**0.5:.0f} % of what was not fitted"
         )
-    gains = tuple(_gain(item, keep, linear, best) for item, keep in [(record, judge), *((v, _all(v)) for v in validation)])
+    floor = incoherent_noise(record.y, record.u) / float(np.std(record.y))
+    if best.mse**0.5 > _ABOVE_NOISE * floor:
+        laws = fit_laws(record, fit, choose)
+        if laws and laws[0].mse < _BETTER * best.mse:
+            return _with_law(record, judge, validation, rungs, best, laws)
+    model = _recursion(best)
+    gains = tuple(_gain(item, keep, linear, model) for item, keep in [(record, judge), *((v, _all(v)) for v in validation)])
     own = gains[0]
     remaining = _remaining(own)
     bent = index > 0 and own.ci95[0] > 0.0
@@ -116,6 +130,48 @@ def diagnose_oscillator(
         _vehicle(best if bent else linear),
         tuple(Step(r.name.replace("_", " "), r.mse**0.5, float("nan"), -0.5 * (r.criterion - linear.criterion)) for r in rungs),
         remarks=_remarks(best) if bent else (),
+    )  # fmt: skip
+
+
+def _with_law(
+    record: OscillatorRecord, judge: BoolArray, validation: Sequence[OscillatorRecord], rungs: Sequence[OscillatorRung],
+    bent: OscillatorRung, laws: Sequence[LawFit],
+) -> Diagnosis:
+    """Return the diagnosis of an oscillator that a law of the library describes better than any bent spring."""
+    law, linear = laws[0], rungs[0]
+
+    def model(item: OscillatorRecord) -> Array:
+        return simulate_law(law, item)
+
+    gains = tuple(_gain(item, keep, linear, model) for item, keep in [(record, judge), *((v, _all(v)) for v in validation)])
+    own = gains[0]
+    remaining = _remaining(own)
+    verdict = EXPLAINED if remaining < _REMAINS else UNEXPLAINED
+    # twenty blocks tell two models apart, however many samples they have
+    others = {law.law.cause: law.mse} | {"stiffness_nonlinearity": bent.mse} | {f.law.cause: f.mse for f in laws[:0:-1]}
+    others[law.law.cause] = law.mse
+    weights = {cause: (law.mse / mse) ** (0.5 * _BLOCKS) for cause, mse in others.items()}
+    confidence = (1.0 - _UNKNOWN) * weights[law.law.cause] / sum(weights.values()) * (1.0 - remaining**2)
+    rivals = tuple(
+        Rival(name, "mount", "z", f"leaves {ratio**0.5:.1f} times the error on what chooses", 0.5 * _BLOCKS * np.log(ratio), "")
+        for name, ratio in ((name, mse / law.mse) for name, mse in others.items()) if name != law.law.cause
+    )
+    cause = NamedCause(
+        law.law.cause, "mount", "z", law_parameters(law), confidence, rivals, "loops that another law describes as well",
+        "the same excitation at a tenth and at three times the level", "Which law does the mount have beside its spring?",
+    )
+    element, remarks = law_element(law)
+    gain = Gain(_METRIC, own.baseline, own.extended, own.noise_floor, (*gains[1:], own))
+    steps = [Step(r.name.replace("_", " "), r.mse**0.5, float("nan"), -0.5 * (r.criterion - linear.criterion)) for r in rungs]
+    steps += [Step(f.law.name, f.mse**0.5, float("nan"), float("nan")) for f in laws]
+    words = (
+        f"The {law.law.name} leaves {100 * own.extended:.3g} % of the response, the linear oscillator "
+        f"{100 * own.baseline:.3g} % (noise floor {100 * own.noise_floor:.2g} %)."
+    )
+    return Diagnosis(
+        verdict, describe(verdict, (cause,), gain, remaining), (cause,), gain, {"words": words, "share": remaining},
+        ("mass not identifiable from excitation and response: the vehicle file has a unit mass",), _unit_mass(element),
+        tuple(steps), remarks=remarks,
     )  # fmt: skip
 
 
@@ -146,15 +202,19 @@ def _remaining(gain: ValidationGain) -> float:
     return float(np.clip((gain.extended**2 - gain.noise_floor**2) / above, 0.0, 1.0))
 
 
-def _gain(item: OscillatorRecord, keep: BoolArray, linear: OscillatorRung, best: OscillatorRung) -> ValidationGain:
+def _recursion(rung: OscillatorRung) -> Model:
+    """Return the simulation of a rung of the ladder."""
+    return lambda item: simulate_oscillator(rung.coefficients, item.u, item.y[0], item.y[1], np.zeros(0, dtype=np.int64))[0]
+
+
+def _gain(item: OscillatorRecord, keep: BoolArray, linear: OscillatorRung, best: Model) -> ValidationGain:
     """Return the gain on samples that were not fitted, with the interval of resampled blocks."""
     settled = keep.copy()
-    settled[: int(_SETTLING_PERIODS / (best.physical["frequency_hz"] * item.step_s))] = False
+    settled[: int(_SETTLING_PERIODS / (linear.physical["frequency_hz"] * item.step_s))] = False
     parts = np.array_split(np.flatnonzero(settled), _BLOCKS)
     squares = []
-    for rung in (linear, best):
-        model, _ = simulate_oscillator(rung.coefficients, item.u, item.y[0], item.y[1], np.zeros(0, dtype=np.int64))
-        error = np.nan_to_num(item.y - model, posinf=1e6, neginf=-1e6) ** 2
+    for model in (_recursion(linear), best):
+        error = np.nan_to_num(item.y - model(item), posinf=1e6, neginf=-1e6) ** 2
         squares.append(np.array([float(error[part].sum()) for part in parts]))
     signal = (item.y - np.mean(item.y[settled])) ** 2
     power = np.array([float(signal[part].sum()) for part in parts])
@@ -216,7 +276,7 @@ def _vehicle(best: OscillatorRung) -> Vehicle:
     return _unit_mass(SumOfElements((CubicSpring(omega**2, omega**2 * p["cubic"] / p["stiffness"]), damper)))
 
 
-def _unit_mass(element: KelvinVoigt | SumOfElements) -> Vehicle:
+def _unit_mass(element: ForceElement) -> Vehicle:
     body = Body("head", Prior(1.0), np.zeros(3), np.eye(3), coordinates=("z",))
     return Vehicle("oscillator", {"head": body}, {"mount": Mount("mount", np.zeros(3), "head", "base", {"z": element})}, {})
 

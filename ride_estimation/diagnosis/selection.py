@@ -211,6 +211,18 @@ class Selector:
         contests = tuple(c for i, c in enumerate(selection.contests) if i != drop)
         return dataclasses.replace(selection, accepted=trials[drop], contests=contests)
 
+    def runner_up(self, selection: Selection) -> Selection | None:
+        """Return the selection of the next worthwhile candidate of the first round, None where there is none."""
+        first = selection.rounds[0]
+        if len(first.candidates) < 2:
+            return None
+        rest = dataclasses.replace(first, candidates=first.candidates[1:])
+        fit = self._fitted([rest.candidates[0].fit.fitted], 3, None)[0]
+        best = Candidate(fit, fit.log_likelihood(first.temper))
+        rest = dataclasses.replace(rest, candidates=(best, *rest.candidates[1:]))
+        further = dataclasses.replace(selection, accepted=fit, rounds=(rest, *selection.rounds[1:]), contests=(rest,))
+        return further if self._worthwhile(rest, None) else self.runner_up(further)
+
     @property
     def _spent(self) -> bool:
         """Return whether the budget of full fits is used up."""
@@ -281,7 +293,7 @@ class Selector:
         scene, regression = self._residual_problem(accepted, place)
         projector = Projector(regression, self._blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
-        hypotheses = [h for h in self._build(scene) if not taken(h, kept)]
+        hypotheses = [h for h in self._build(scene) if not taken(h, kept) and not (kept and h.only_alone)]
         scores = screen(scene, self._cal.table, projector, hypotheses, self._dof)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)

@@ -298,8 +298,9 @@ class Pipeline:
         if self._constant.any():
             moving = motion.covariance - self._constant
             own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
-        self._forces.constant_load, self._forces.turning = whole - own, (motion.rate[-1], motion.rate_variance)
-        return np.asarray(own + self._factor**2 * self._carried.covariance)
+        still, moving = self._loads.covariance_of_cg(motion.motion[-1], self.vehicle.gravity)
+        self._forces.constant_load, self._forces.turning = whole - own + still, (motion.rate[-1], motion.rate_variance)
+        return np.asarray(own + moving + self._factor**2 * self._carried.covariance)
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
@@ -402,6 +403,7 @@ class Pipeline:
         inertia, inertia_std = self._parameters.inertia()
         self._loads = InertialLoads(
             body.mass.value * self._factor, body.mass.value * self._factor * relative, inertia * self._factor, inertia_std,
+            self._loads.cg_std,
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
@@ -413,9 +415,9 @@ class Pipeline:
     # -- results ----------------------------------------------------------------------------------------------------------
 
     @property
-    def inertia(self) -> Array:
-        """Return the inertia about the CG as it is estimated, shape (3, 3) [kg m^2]."""
-        return self._loads.inertia
+    def loads(self) -> InertialLoads:
+        """Return what makes loads of motion now: mass and inertia as they are estimated."""
+        return self._loads
 
     def parameters(self) -> tuple[Estimate, ...]:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""

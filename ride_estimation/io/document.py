@@ -7,10 +7,13 @@ A field is addressed by its name without unit; the key in the file carries the u
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, TypedDict, TypeVar, Unpack
 
@@ -84,6 +87,47 @@ def as_number(value: Any) -> float | None:
     return number if math.isfinite(number) else None
 
 
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """One key that a loader asked a document for: the source of the reference pages.
+
+    Attributes
+    ----------
+    form
+        What stands there: ``number``, ``quantity``, ``three numbers``, ``text``, ``true or false``, or empty (see the meaning).
+    unit
+        SI unit, empty where the value has none.
+    default
+        What holds where the key is absent, None where that is for the meaning to say.
+    choices
+        Allowed texts.
+    """
+
+    form: str = ""
+    unit: str = ""
+    required: bool = False
+    default: Any = None
+    lower: float = -math.inf
+    upper: float = math.inf
+    choices: tuple[str, ...] = ()
+    meaning: str = ""
+
+
+#: (path of the mapping, key) -> what is asked; None while nobody collects it
+_asked: ContextVar[dict[tuple[str, str], Field] | None] = ContextVar("asked", default=None)
+
+
+@contextlib.contextmanager
+def recorded_fields() -> Iterator[dict[tuple[str, str], Field]]:
+    """Collect every key that is asked for while the block runs, in the order of asking, keys in SI units."""
+    found: dict[tuple[str, str], Field] = {}
+    token = _asked.set(found)
+    try:
+        yield found
+    finally:
+        _asked.reset(token)
+
+
 class Limits(TypedDict, total=False):
     """What a number of a document must be: given at all, between bounds in SI; and what it means, for the message."""
 
@@ -140,8 +184,19 @@ class Section:
     def _line(self, key: str) -> str:
         return f" (line {self._lines[key]})" if key in self._lines else ""
 
+    def _ask(self, key: str, field: Field) -> None:
+        """Record a key that is asked for; what says more about the same key stays."""
+        asked = _asked.get()
+        if asked is None:
+            return
+        base, printed, _ = split_suffix(key)
+        si_key = base + suffixes_of(si_unit(printed))[0] if printed else key
+        if field.form or (self.path, si_key) not in asked:
+            asked[self.path, si_key] = field
+
     def raw(self, key: str, *, required: bool = False, meaning: str = "") -> Any:
         """Return the value as YAML gave it, None where absent."""
+        self._ask(key, Field(required=required, meaning=meaning))
         self._used.add(key)
         self._known.add(key)
         value = self._mapping.get(key)
@@ -167,10 +222,11 @@ class Section:
         self, key: str, default: str | None = "", *, allowed: Iterable[str] | None = None, meaning: str = ""
     ) -> str | None:
         """Return a text; ``default=None`` makes it required; ``allowed`` lists the choices."""
+        choices = None if allowed is None else tuple(allowed)
+        self._ask(key, Field("text", "", default is None, default, choices=choices or (), meaning=meaning))
         value = self.raw(key, required=default is None, meaning=meaning)
         if value is None:
             return default
-        choices = None if allowed is None else tuple(allowed)
         if not isinstance(value, str):
             self.note(key, f"{shown(value)} is not a text" + (f"; allowed: {', '.join(choices)}" if choices else ""))
             return default
@@ -180,8 +236,9 @@ class Section:
             return default
         return value
 
-    def flag(self, key: str, default: bool) -> bool:
+    def flag(self, key: str, default: bool, *, meaning: str = "") -> bool:
         """Return true or false."""
+        self._ask(key, Field("true or false", default=default, meaning=meaning))
         value = self.raw(key)
         if value is None:
             return default
@@ -194,6 +251,7 @@ class Section:
         """Return (key in the file, factor to SI) of the field ``name`` given in any unit of the dimension of ``unit``."""
         suffixes = suffixes_of(unit)
         allowed = tuple(name + suffix for suffix in suffixes)
+        self._ask(allowed[0], Field("", unit, required, meaning=meaning))
         self._known.update(allowed)
         found = []
         for key in self._mapping:
@@ -216,7 +274,14 @@ class Section:
 
     def number(self, name: str, unit: str, **limits: Unpack[Limits]) -> float | None:
         """Return a plain number in SI."""
+        return self._number(name, unit, None, limits)
 
+    def number_or(self, name: str, unit: str, default: float, **limits: Unpack[Limits]) -> float:
+        """Return a plain number in SI, ``default`` where it is absent or wrong."""
+        found = self._number(name, unit, default, limits)
+        return default if found is None else found
+
+    def _number(self, name: str, unit: str, default: float | None, limits: Limits) -> float | None:
         def read(key: str, factor: float) -> float | None:
             value = as_number(self._mapping[key])
             if value is None:
@@ -224,7 +289,7 @@ class Section:
                 return None
             return value * factor
 
-        return self._within(name, unit, read, float, limits)
+        return self._within(name, Field("number", unit, default=default), read, float, limits)
 
     def quantity(self, name: str, unit: str, **limits: Unpack[Limits]) -> Prior | None:
         """Return a number or ``{value, std | relative_std, range, source}`` in SI."""
@@ -235,23 +300,28 @@ class Section:
             self.problems += [problem if _HAS_LINE.search(problem) else problem + self._line(key) for problem in problems]
             return found
 
-        return self._within(name, unit, read, lambda prior: prior.value, limits)
+        return self._within(name, Field("quantity", unit), read, lambda prior: prior.value, limits)
 
     def _within(
-        self, name: str, unit: str, read: Callable[[str, float], Read | None], size: Callable[[Read], float], limits: Limits
+        self, name: str, field: Field, read: Callable[[str, float], Read | None], size: Callable[[Read], float], limits: Limits
     ) -> Read | None:
         """Return what stands under a key of some unit, None after noting that it is missing, unreadable or out of bounds."""
-        located = self.unit_key(name, unit, required=limits.get("required", False), meaning=limits.get("meaning", ""))
+        required, meaning = limits.get("required", False), limits.get("meaning", "")
+        lower, upper = limits.get("lower", -math.inf), limits.get("upper", math.inf)
+        unit = field.unit
+        asked = dataclasses.replace(field, required=required, lower=lower, upper=upper, meaning=meaning)
+        self._ask(name + suffixes_of(unit)[0], asked)
+        located = self.unit_key(name, unit, required=required, meaning=meaning)
         found = None if located is None else read(*located)
         if located is None or found is None:
             return None
-        lower, upper = limits.get("lower", -math.inf), limits.get("upper", math.inf)
         return None if self._bounded(located[0], size(found), unit, lower, upper) is None else found
 
     def plain(
-        self, key: str, *, lower: float = -math.inf, upper: float = math.inf, positive: bool = False
+        self, key: str, *, lower: float = -math.inf, upper: float = math.inf, positive: bool = False, meaning: str = ""
     ) -> float | None:
         """Return a number without unit."""
+        self._ask(key, Field("number", lower=0.0 if positive else lower, upper=upper, meaning=meaning))
         value = self.raw(key)
         if value is None:
             return None
@@ -266,6 +336,8 @@ class Section:
 
     def vector(self, name: str, unit: str, *, required: bool = False, limit: float = math.inf, meaning: str = "") -> Array | None:
         """Return three numbers in SI, shape (3,)."""
+        field = Field("three numbers", unit, required, lower=-limit, upper=limit, meaning=meaning)
+        self._ask(name + suffixes_of(unit)[0], field)
         located = self.unit_key(name, unit, required=required, meaning=meaning)
         if located is None:
             return None
@@ -332,14 +404,14 @@ def quantity_from(value: Any, where: str, unit: str, factor: float, problems: li
         return None
     before = len(problems)
     section = Section(value, where, problems)
-    centre = section.plain("value")
+    centre = section.plain("value", meaning="the number, in the unit of the key")
     if centre is None and "value" not in section:
         section.note("value", f"missing [{unit}]")
-    std = section.plain("std", positive=True)
-    relative = section.plain("relative_std", positive=True)
+    std = section.plain("std", positive=True, meaning="standard deviation, in the unit of the key")
+    relative = section.plain("relative_std", positive=True, meaning="standard deviation as a share of the value")
     if std is not None and relative is not None:
         section.note("", "std and relative_std are both given; one is allowed")
-    bounds = section.raw("range")
+    bounds = section.raw("range", meaning="`[lowest, highest]` the number can be, in the unit of the key; estimates stay inside")
     low, high = -math.inf, math.inf
     if bounds is not None:
         pair = [as_number(v) for v in bounds] if isinstance(bounds, list) else []
@@ -349,7 +421,7 @@ def quantity_from(value: Any, where: str, unit: str, factor: float, problems: li
             low, high = pair[0], pair[1]
             if centre is not None and not low <= centre <= high:
                 section.note("value", f"{centre:g} is outside its own range {low:g} to {high:g}")
-    source = section.text("source", "")
+    source = section.text("source", "", meaning="where the number comes from")
     section.finish()
     if len(problems) > before or centre is None:
         return None

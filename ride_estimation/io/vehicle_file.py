@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Vehicle files: YAML to :class:`~ride_estimation.vehicles.vehicle.Vehicle` and back, all mistakes reported at once.
 
-Schema: ``config/vehicles/truck_cab.yaml`` shows it with comments.
+Schema: ``docs/vehicle_file.md`` lists every key, ``config/vehicles/every_key.yaml`` shows every key in use.
 """
 
 from __future__ import annotations
@@ -93,11 +93,11 @@ def vehicle_from_mapping(document: Any, where: str = "vehicle") -> Vehicle:
     top = Section(document, "", problems)
     top.text("schema", None, allowed=(SCHEMA,), meaning=f"must be {SCHEMA}")
     name = top.text("name", None, meaning="a short name of the vehicle")
-    description = top.text("description", "")
-    gravity = top.number("gravity", "m/s^2", lower=0.0, upper=30.0)
+    description = top.text("description", "", meaning="what the vehicle is and where its numbers come from")
+    gravity = top.number_or("gravity", "m/s^2", STANDARD_GRAVITY, lower=0.0, upper=30.0, meaning="local acceleration of gravity")
     body_sections = top.sections("bodies", required=True, meaning="at least one rigid body")
     mount_sections = top.sections("mounts", required=True, meaning="at least one mount")
-    sensor_sections = top.sections("sensors")
+    sensor_sections = top.sections("sensors", meaning="sensors by name; none for a vehicle that is only simulated")
     bodies = read_bodies(body_sections, problems)
     mounts = read_mounts(mount_sections, tuple(body_sections), problems)
     names = Names(tuple(body_sections), tuple(mount_sections), tuple(sensor_sections), mounts)
@@ -115,7 +115,7 @@ def vehicle_from_mapping(document: Any, where: str = "vehicle") -> Vehicle:
         mounts=mounts,
         sensors=sensors,
         force_references=references,
-        gravity=STANDARD_GRAVITY if gravity is None else gravity,
+        gravity=gravity,
         description=description or "",
     )
 
@@ -199,7 +199,10 @@ def _mount_mapping(mount: Mount) -> dict[str, Any]:
             if address in priors:
                 _put(mapping, address, p.key, _quantity(dataclasses.replace(priors[address], value=value)))
         axes[axis] = _turned(mapping) if axis in COORDINATES[3:] else mapping
-    return {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+    mapping = {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
+    if mount.static_load is not None:
+        mapping["static_load_n"] = _quantity(mount.static_load)
+    return mapping
 
 
 def _turned(mapping: Any) -> Any:

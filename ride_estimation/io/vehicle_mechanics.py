@@ -29,6 +29,8 @@ MOUNT_FREQUENCY = (0.03, 1000.0)
 
 _MOMENTS = ("ixx", "iyy", "izz")
 _PRODUCTS = ("ixy", "ixz", "iyz")
+_AXES = f"force element by axis ({', '.join(COORDINATES)}): `kind` and its keys, see [elements.md](elements.md)"
+_SAME_ELEMENT = f"one force element for the axes {', '.join(AXES)}, instead of `axes`; entries of `axes` replace it"
 
 
 def read_bodies(sections: Mapping[str, Section], problems: list[str]) -> dict[str, Body]:
@@ -39,7 +41,7 @@ def read_bodies(sections: Mapping[str, Section], problems: list[str]) -> dict[st
         cg, cg_std = _read_cg(section)
         coordinates = _read_coordinates(section)
         inertia, relative = _read_inertia(section, None if mass is None else mass.value, coordinates)
-        source = section.text("source", "")
+        source = section.text("source", "", meaning="where the numbers of the body come from")
         section.finish()
         if mass is not None and cg is not None and inertia is not None:
             bodies[name] = Body(name, mass, cg, inertia, relative, cg_std, coordinates, source or "")
@@ -49,7 +51,7 @@ def read_bodies(sections: Mapping[str, Section], problems: list[str]) -> dict[st
 
 
 def _read_cg(section: Section) -> tuple[Array | None, Array | None]:
-    located = section.unit_key("cg", "m", required=True, meaning="centre of gravity")
+    located = section.unit_key("cg", "m", required=True, meaning="CG at rest: three numbers or `{value, std, source}`")
     if located is None:
         return None, None
     key, factor = located
@@ -57,9 +59,9 @@ def _read_cg(section: Section) -> tuple[Array | None, Array | None]:
     if not isinstance(value, Mapping):
         return section.three(key, value, "m", factor, FARTHEST), None
     inner = Section(value, section.where(key), section.problems)
-    cg = inner.three("value", inner.raw("value", required=True), "m", factor, FARTHEST)
-    std = inner.raw("std")
-    inner.text("source", "")
+    cg = inner.three("value", inner.raw("value", required=True, meaning="three numbers"), "m", factor, FARTHEST)
+    std = inner.raw("std", meaning="standard deviation, one number or one per axis; at least 0")
+    inner.text("source", "", meaning="where the numbers come from")
     inner.finish()
     if std is None:
         return cg, None
@@ -71,7 +73,7 @@ def _read_cg(section: Section) -> tuple[Array | None, Array | None]:
 
 
 def _read_coordinates(section: Section) -> tuple[str, ...]:
-    value = section.raw("degrees_of_freedom")
+    value = section.raw("degrees_of_freedom", meaning=f"list of some of {', '.join(COORDINATES)}; default all six")
     if value is None:
         return COORDINATES
     if not isinstance(value, list) or not value or any(v not in COORDINATES for v in value) or len(set(value)) != len(value):
@@ -84,14 +86,18 @@ def _read_inertia(
     section: Section, mass: float | None, coordinates: tuple[str, ...]
 ) -> tuple[Array | None, float | None]:
     needed = [m for m, c in zip(_MOMENTS, COORDINATES[3:]) if c in coordinates]
-    located = section.unit_key("inertia", "kg m^2", required=bool(needed), meaning="moments of inertia about the CG")
+    meaning = "inertia tensor about the CG; needed where a rotation is free"
+    located = section.unit_key("inertia", "kg m^2", required=bool(needed), meaning=meaning)
     if located is None:
         return (None, None) if needed or mass is None else (_complete(np.zeros((3, 3)), mass), None)
     key, factor = located
     inner = Section(section.raw(key), section.where(key), section.problems)
-    values = {m: inner.plain(m) for m in (*_MOMENTS, *_PRODUCTS)}
-    relative = inner.plain("relative_std", lower=0.0, upper=10.0)
-    inner.text("source", "")
+    axes = dict(zip((*_MOMENTS, *_PRODUCTS), COORDINATES[3:]))
+    meanings = {m: f"moment about the {m[-1]} axis; needed where {axes[m]} is free" for m in _MOMENTS}
+    meanings |= {m: "entry of the tensor itself, with its sign; default 0" for m in _PRODUCTS}
+    values = {m: inner.plain(m, meaning=words) for m, words in meanings.items()}
+    relative = inner.plain("relative_std", lower=0.0, upper=10.0, meaning="standard deviation of the tensor as a share of it")
+    inner.text("source", "", meaning="where the numbers come from")
     inner.finish()
     for moment in needed:
         if moment not in inner:
@@ -150,9 +156,10 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
             section.note("base", f"{shown(base)} is the body itself; a mount joins two different bodies")
             base = None
         elements, priors = _read_axes(section)
+        load = section.quantity("static_load", "N", lower=-1e7, upper=1e7, meaning="vertical force on the body at rest, weighed")
         section.finish()
         if position is not None and body and base:
-            mounts[name] = Mount(name, position, body, base, elements, priors)
+            mounts[name] = Mount(name, position, body, base, elements, priors, load)
     if not sections and not problems:
         problems.append("mounts: at least one mount is needed")
     return mounts
@@ -161,8 +168,8 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
 def _read_axes(section: Section) -> tuple[dict[str, ForceElement], dict[tuple[str, str], Prior]]:
     entries: dict[str, Any] = {}
     if "element" in section:
-        entries = {axis: section.raw("element") for axis in AXES}
-    axes = section.raw("axes", required=not entries, meaning="one force element per axis")
+        entries = {axis: section.raw("element", meaning=_SAME_ELEMENT) for axis in AXES}
+    axes = section.raw("axes", required=not entries, meaning=_AXES)
     if axes is not None and not isinstance(axes, Mapping):
         section.note("axes", f"{shown(axes)} is not a mapping of axis to force element")
         axes = None

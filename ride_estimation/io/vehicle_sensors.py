@@ -27,9 +27,15 @@ _KIND_DEFAULTS: dict[str, tuple[str, float]] = {
     "speed": ("m/s", 0.1),
     "force": ("N", 20.0),
 }
+#: of one angular rate [rad/s], standard deviation where the file states none
+_GYRO_NOISE = 0.001
 #: largest delay that is a correction and not another clock [s], range of a gain, largest bias by kind
 LONGEST_DELAY = 0.25
 GAIN_RANGE = (0.1, 10.0)
+_MOUNT = {
+    True: "the mount it measures", False: "mount whose base motion it measures; its base end is then taken to move as the sensor",
+}
+_PLACE = {True: "place of the sensor", False: "place of the sensor; default: that of its mount"}
 _LARGEST_BIAS = {"accelerometer": 50.0, "imu": 50.0, "displacement": 0.5, "speed": 20.0, "force": 1e5}
 REFERENCE_KINDS = ("known_mass", "known_stiffness", "load_cell", "air_spring_pressure", "known_added_mass")
 
@@ -77,23 +83,32 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
         return None
     unit, default_noise = _KIND_DEFAULTS[kind]
     needs_mount = kind in ("displacement", "force")
-    mount_name = section.text("mount", None if needs_mount else "", allowed=names.mounts or None, meaning="the mount it measures")
+    mount_name = section.text("mount", None if needs_mount else "", allowed=names.mounts or None, meaning=_MOUNT[needs_mount])
     mount = names.readable_mounts.get(mount_name or "")
-    axis = section.text("axis", None, allowed=AXES, meaning="x, y or z") if kind == "displacement" else ""
+    axis = section.text("axis", None, allowed=AXES, meaning="axis of the mount it measures") if kind == "displacement" else ""
     body = _read_body(section, kind, mount, names)
     default_topic = {
         "displacement": "/mounts/displacement", "speed": "/vehicle/speed", "force": f"/mounts/{mount_name}/force_measured",
     }
-    topic = section.text("topic", default_topic.get(kind), meaning="ROS topic")
+    topic = section.text("topic", default_topic.get(kind), meaning="ROS topic of the messages")
     if topic is not None and (not topic.strip("/") or any(c.isspace() for c in topic)):
         section.note("topic", f"{topic!r} is not a topic name")
     motion = kind in ("accelerometer", "imu")
-    position = section.vector("position", "m", required=motion, limit=FARTHEST, meaning="place of the sensor")
-    noise = section.number("noise", unit, lower=1e-12, upper=1e6, meaning="standard deviation of one sample")
-    gyro = section.number("gyro_noise", "rad/s", lower=1e-12, upper=10.0) if kind == "imu" else None
-    full_scale = section.number("full_scale", unit, lower=1e-9)
-    element = (section.text("element", f"{mount_name}_{axis}") if kind == "displacement" else "") or ""
-    coupling = section.text("coupling", "dc", allowed=("dc", "ac"))
+    position = section.vector("position", "m", required=motion, limit=FARTHEST, meaning=_PLACE[motion])
+    noise = section.number_or("noise", unit, default_noise, lower=1e-12, upper=1e6, meaning="standard deviation of one sample")
+    gyro = _GYRO_NOISE
+    if kind == "imu":
+        gyro = section.number_or(
+            "gyro_noise", "rad/s", _GYRO_NOISE, lower=1e-12, upper=10.0, meaning="standard deviation of one angular rate"
+        )
+    full_scale = section.number_or(
+        "full_scale", unit, float("inf"), lower=1e-9, meaning="largest magnitude of a reading; needed to notice clipping"
+    )
+    named = "name in the JointState message; default <mount>_<axis>"
+    element = (section.text("element", f"{mount_name}_{axis}", meaning=named) if kind == "displacement" else "") or ""
+    coupling = section.text(
+        "coupling", "dc", allowed=("dc", "ac"), meaning="dc: gravity is in the signal; ac: the mean is removed in the sensor"
+    )
     fallback = mount.position if mount is not None else np.zeros(3)
     return Sensor(
         name=name,
@@ -105,31 +120,44 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
         element=element,
         position=fallback.copy() if position is None else position,
         rotation=_read_rotation(section),
-        noise_std=default_noise if noise is None else noise,
-        gyro_noise_std=0.001 if gyro is None else gyro,
-        full_scale=float("inf") if full_scale is None else full_scale,
+        noise_std=noise,
+        gyro_noise_std=gyro,
+        full_scale=full_scale,
         coupling=coupling or "dc",
-        trust_despite_minus_one=section.flag("trust_despite_minus_one", False),
+        trust_despite_minus_one=section.flag(
+            "trust_despite_minus_one", False, meaning="use messages whose covariance[0] is -1, which means: not provided"
+        ),
         correction=_read_correction(section, kind, unit),
     )
 
 
 def _read_correction(section: Section, kind: str, unit: str) -> Correction:
     """Return what the file says is wrong with the readings; one number of a sensor with axes holds for all of them."""
-    delay = section.number("delay", "s", lower=-LONGEST_DELAY, upper=LONGEST_DELAY, meaning="how late the values are")
+    delay = section.number_or(
+        "delay", "s", 0.0, lower=-LONGEST_DELAY, upper=LONGEST_DELAY, meaning="how late the values are behind their stamps"
+    )
     axes = 3 if SENSOR_KINDS[kind][0] >= 3 else 1
-    gain = _per_axis(section, "gain", section.raw("gain"), "", 1.0, axes)
+    gain = _per_axis(section, "gain", section.raw("gain", meaning=_gain_meaning(axes)), "", 1.0, axes)
     if any(not GAIN_RANGE[0] <= g <= GAIN_RANGE[1] for g in gain):
         section.note("gain", f"{list(gain)!r} is outside {GAIN_RANGE[0]:g} to {GAIN_RANGE[1]:g} (a turned axis is a rotation)")
         gain = ()
-    located = section.unit_key("bias", unit)
-    bias = () if located is None else _per_axis(section, located[0], section.raw(located[0]), unit, located[1], axes)
     largest = _LARGEST_BIAS[kind]
+    meaning = f"added to the reading: {_numbers(axes)}, -{largest:g} to {largest:g}; default 0"
+    located = section.unit_key("bias", unit, meaning=meaning)
+    bias = () if located is None else _per_axis(section, located[0], section.raw(located[0]), unit, located[1], axes)
     if located is not None and any(abs(b) > largest for b in bias):
         section.note(located[0], f"{list(bias)!r} {unit} is outside {-largest:g} to {largest:g} {unit}")
         bias = ()
     right = all(g == 1.0 for g in gain) and all(b == 0.0 for b in bias)
-    return Correction(delay or 0.0, () if right else gain or (1.0,) * axes, () if right else bias or (0.0,) * axes)
+    return Correction(delay, () if right else gain or (1.0,) * axes, () if right else bias or (0.0,) * axes)
+
+
+def _numbers(axes: int) -> str:
+    return "one number, or one per axis" if axes > 1 else "one number"
+
+
+def _gain_meaning(axes: int) -> str:
+    return f"reading over truth: {_numbers(axes)}, {GAIN_RANGE[0]:g} to {GAIN_RANGE[1]:g}; default 1"
 
 
 def _per_axis(section: Section, key: str, value: Any, unit: str, factor: float, axes: int) -> tuple[float, ...]:
@@ -147,10 +175,11 @@ def _per_axis(section: Section, key: str, value: Any, unit: str, factor: float, 
 def _read_body(section: Section, kind: str, mount: Mount | None, names: Names) -> str | None:
     """Return the body of a sensor and check that it fits its mount."""
     if kind == "speed":
-        return section.text("body", "chassis")
+        return section.text("body", "chassis", meaning="what moves at this speed")
     default = mount.body if mount is not None and kind in ("displacement", "force") else None
     allowed = (*names.bodies, *names.bases) if names.bodies else None
-    body = section.text("body", default, allowed=allowed, meaning="the body it sits on")
+    meaning = "body or base it sits on" + ("; default: the body of the mount" if kind in ("displacement", "force") else "")
+    body = section.text("body", default, allowed=allowed, meaning=meaning)
     if mount is not None and body and body not in (mount.body, mount.base):
         section.note("body", f"{body!r} is not a side of mount {mount.name!r}, which joins {mount.body!r} and {mount.base!r}")
     return body
@@ -158,8 +187,9 @@ def _read_body(section: Section, kind: str, mount: Mount | None, names: Names) -
 
 def _read_rotation(section: Section) -> Array:
     """Return the rotation from sensor to body axes, from roll-pitch-yaw angles or a matrix; identity by default."""
-    angles = section.vector("rotation", "rad", limit=2.0 * np.pi + 1e-9)
-    matrix = section.raw("rotation_matrix")
+    turned = "roll, pitch, yaw that take sensor axes to body axes; default none"
+    angles = section.vector("rotation", "rad", limit=2.0 * np.pi + 1e-9, meaning=turned)
+    matrix = section.raw("rotation_matrix", meaning="the same as three rows of three numbers, instead of the angles")
     if matrix is None:
         return np.eye(3) if angles is None else rotation_from_rpy(*angles)
     if angles is not None:
@@ -196,7 +226,7 @@ def topic_problems(sensors: Mapping[str, Sensor]) -> list[str]:
 
 def read_force_references(top: Section, names: Names, sensors: Mapping[str, Sensor]) -> tuple[ForceReference, ...]:
     """Return what anchors forces in absolute terms; mistakes are noted in ``top``."""
-    entries = top.raw("force_references")
+    entries = top.raw("force_references", meaning="list of what fixes the absolute scale of forces; see below")
     if entries is None:
         return ()
     if not isinstance(entries, list):
@@ -226,7 +256,8 @@ def _read_reference(section: Section, names: Names, sensors: Mapping[str, Sensor
     else:
         mount = section.text("mount", None, allowed=names.mounts or None, meaning="the mount") or ""
     if kind in ("known_stiffness", "air_spring_pressure"):
-        axis = section.text("axis", "z" if kind == "air_spring_pressure" else None, allowed=AXES, meaning="x, y or z") or ""
+        usual = "z" if kind == "air_spring_pressure" else None
+        axis = section.text("axis", usual, allowed=AXES, meaning="axis of the mount") or ""
         elements = names.readable_mounts[mount].elements if mount in names.readable_mounts else None
         if elements is not None and axis and axis not in elements:
             section.note("axis", f"mount {shown(mount)} has no force element on axis {axis!r}")
@@ -235,12 +266,13 @@ def _read_reference(section: Section, names: Names, sensors: Mapping[str, Sensor
         sensor = section.text("sensor", None, allowed=cells, meaning="a sensor of kind force") or ""
     if kind == "known_added_mass":
         details["mass"] = section.number("mass", "kg", required=True, lower=-1e6, upper=1e6, meaning="mass added")
-        details["position"] = section.vector("position", "m", limit=FARTHEST)
+        details["position"] = section.vector("position", "m", limit=FARTHEST, meaning="place of the mass; default: the CG")
         details["from_s"] = section.number("from", "s", required=True, lower=0.0, meaning="when, since the start of the run")
-        details["to_s"] = section.number("to", "s", lower=0.0)
+        details["to_s"] = section.number("to", "s", lower=0.0, meaning="until when; default: the end of the run")
     if kind == "air_spring_pressure":
         details["pressure"] = section.number("pressure", "Pa", required=True, lower=0.0, upper=1e8, meaning="gauge, at rest")
         details["area"] = section.number("area", "m^2", required=True, lower=1e-6, upper=10.0, meaning="effective area")
-        details["force_std"] = section.number("force_std", "N", lower=1e-9)
-    details["relative_std"] = section.plain("relative_std", lower=1e-9, upper=10.0)
+        details["force_std"] = section.number("force_std", "N", lower=1e-9, meaning="standard deviation of pressure times area")
+    meaning = "standard deviation as a share of the reference"
+    details["relative_std"] = section.plain("relative_std", lower=1e-9, upper=10.0, meaning=meaning)
     return ForceReference(kind, body, mount, axis, sensor, {k: v for k, v in details.items() if v is not None})

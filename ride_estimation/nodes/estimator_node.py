@@ -310,7 +310,7 @@ class EstimatorNode(LifecycleNode):
         elif self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
             self._reported_ns = now_ns
             self._diagnostics_due = True
-            outputs.publish_parameters(now_ns, session.body, session.pipeline.inertia, session.pipeline.parameters())
+            outputs.publish_parameters(now_ns, session.body, session.pipeline.loads.inertia, session.pipeline.parameters())
 
     def _publish_diagnostics(self) -> None:
         self._diagnostics.publish(self._statuses())

@@ -373,13 +373,15 @@ class StampAligner:
         if not references:
             return
         fastest = min(references, key=lambda s: s.period)
-        leader = next(s for s in references if s.period <= 1.02 * fastest.period)
+        fast = sorted(s.stamps[0] for s in references if s.period <= 1.02 * fastest.period)
         self._step = self._fixed_step or max(tidy_step(fastest.period), self._least_step)
         self._last_step = self._step
         for s in self._streams:
             s.points = max(1, round(self._step / s.period)) if s.period else 1
             s.silent = not s.stamps
-        self._begin_block(leader.stamps[0])
+        # whatever the order of the streams: where all have begun that begin together; one that starts much later does not decide
+        together = fast[(len(fast) - 1) // 2] + self._step
+        self._begin_block(max(stamp for stamp in fast if stamp <= together))
 
     def _begin_block(self, first_tick: int) -> None:
         self._next = first_tick

@@ -77,6 +77,8 @@ class Mount:
         is static equilibrium under own weight.
     priors
         What is known of each element parameter: (axis, parameter name) -> Prior.
+    static_load
+        Vertical force on the body at rest [N], None where nobody weighed it.
     """
 
     name: str
@@ -85,6 +87,7 @@ class Mount:
     base: str
     elements: Mapping[str, ForceElement]
     priors: Mapping[tuple[str, str], Prior] = dataclasses.field(default_factory=dict)
+    static_load: Prior | None = None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -46,6 +46,13 @@ def test_compare_models_prints_and_writes_the_table(bags, tmp_path, capsys):
     document = json.loads((tmp_path / "comparison.json").read_text())
     assert len(document["models"]) == 6
     assert document["models"][0]["scores"][1]["r_squared"] > 0.99
+    # measured against simulated at every accelerometer of the body, on the unseen run (document 000 Figures 9 to 15)
+    head, *rows = (tmp_path / "spectra.csv").read_text().splitlines()
+    assert head.startswith("frequency [Hz],body measured [(m/s^2)^2/Hz],body Voigt [(m/s^2)^2/Hz]")
+    table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    ride = (table[:, 0] > 1) & (table[:, 0] < 10)
+    assert np.median(np.abs(np.log(table[ride, 2] / table[ride, 1]))) < 0.1
+    assert "measured and simulated" in (tmp_path / "report.html").read_text()
 
 
 def test_the_longest_stretch_without_gaps_is_used(bags):

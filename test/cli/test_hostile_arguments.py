@@ -101,6 +101,7 @@ def test_a_run_that_is_none(verb: str, run: str, words: str, capsys: pytest.Capt
     ["simulate", str(BAGS / "standing" / "recipe.yaml")],
     ["fleet", str(BAGS), "--vehicle", "truck_cab"],
     ["identify", "table.csv"],
+    ["design-test", "--model", "kelvin_voigt", "--expect", "stiffness=2e5", "damping=900"],
     ["quarter-car", "road.csv", "--sprung-mass-kg", "3000", "--unsprung-mass-kg", "300"],
 ])  # fmt: skip
 def test_output_that_cannot_be_written_is_refused_before_the_work(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,6 +121,13 @@ def test_output_that_cannot_be_written_is_refused_before_the_work(command: list[
     (["import-file", "unitless.csv", "--vehicle", "truck_cab", "--out", "o"], "a channel map is needed"),
     (["identify", "unitless.csv", "--out", "o"], "pass --displacement-unit"),
     (["identify", "table.csv", "--out", "o", "--rate", "nan"], "--rate nan"),
+    (["design-test", "--model", "kelvin_voigt", "--expect", "stiffness=2e5", "damping=nan", "--out", "o"], "--expect"),
+    (["design-test", "--model", "kelvin_voigt", "--expect", "stiffness=2e5", "damping=9", "--stroke-mm", "nan", "--out", "o"],
+     "--stroke-mm nan"),
+    (["procedure", "force", "table.csv", "--element", "absent.yaml", "--out", "o.csv"], "does not exist"),
+    (["procedure", "damping", "road.csv", "--body", "body_acceleration", "--base", "axle_acceleration", "--mass-kg", "-3",
+      "--stiffness-n-per-m", "1e4", "--block", "64"], "above 0"),
+    (["procedure", "operating-range", "table.csv"], "no column 'travel'"),
     (["quarter-car", "table.csv", "--sprung-mass-kg", "3000", "--unsprung-mass-kg", "300"], "no column 'road' (such as road_m)"),
     (["quarter-car", "road.csv", "--sprung-mass-kg", "3000", "--unsprung-mass-kg", "300", "--speed-m-per-s", "-1"], "0 or more"),
     (["procedure", "loop", "unitless.csv", "--frequency", "1"], "has no unit in its name; needed is m"),
@@ -143,7 +151,7 @@ def test_one_message_names_what_was_given(command: list[str], words: str, capsys
 
 
 def test_the_table_above_knows_every_command() -> None:
-    assert set(WITH_VEHICLE) | {"identify", "quarter-car", "procedure", "completion", "demo"} == set(verb_helps())
+    assert set(WITH_VEHICLE) | {"identify", "design-test", "quarter-car", "procedure", "completion", "demo"} == set(verb_helps())
 
 
 def test_a_long_and_foreign_name_goes_in_and_out(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,6 +74,11 @@ def test_files_have_the_shapes_outsiders_rely_on(case: Case) -> None:
             assert s[name].shape == shape and np.isfinite(s[name]).all(), name
         assert np.allclose(np.diff(s["time_s"]), 0.005)
     result = json.loads((case.out / "result.json").read_text())
+    inertia = result["inertia_kg_m2"]
+    assert set(inertia) == {"ixx", "iyy", "izz"}
+    for moment in inertia.values():  # what the moments were computed with, and how sure it is
+        assert 0.0 < moment["std"] < 0.2 * moment["value"]
+        assert abs(moment["value"] - moment["file"]) < 4 * moment["std"]
     assert set(result) >= {"schema", "software", "run", "vehicle", "parameters", "identifiability", "fit", "warnings"}
     assert result["run"]["path"] == "run" and len(result["run"]["checksum"]) == 64
     assert result["run"]["duration_s"] == pytest.approx(SECONDS, abs=0.05)

@@ -177,6 +177,13 @@ def test_full_modes_with_mounts_below_the_cg_and_rotational_stiffness():
     np.testing.assert_allclose(found[:4], [0.97, 1.71, 2.02, 24.85], atol=0.005)  # Hz
 
 
+def test_the_bundled_cab_of_table_4_has_the_modes_of_the_table():
+    vehicle = dataclasses.replace(load_vehicle("document_000_cab"), gravity=0.0)
+    body = dataclasses.replace(vehicle.bodies["cab"], inertia=np.diag([730.0, 540.0, 810.0]))
+    found = frequencies(dataclasses.replace(vehicle, bodies={"cab": body}))
+    np.testing.assert_allclose(found, frequencies(table_4_cab(-0.7, TABLE_4_ROTATIONAL)), rtol=1e-9)
+
+
 def test_rotational_column_matters_little_as_n_m_per_rad_and_is_absurd_as_n_per_mm():
     plain, turned = (frequencies(table_4_cab(-0.7, r)) for r in ((0.0, 0.0, 0.0), TABLE_4_ROTATIONAL))
     assert (plain[0], turned[0]) == pytest.approx((0.949, 0.972), abs=0.001)  # Hz, roll

@@ -53,10 +53,38 @@ def test_a_spring_of_foreign_form_is_named_and_pays_on_the_other_record():
     assert other.ci95[0] > 0.0
 
 
-def test_dry_friction_is_not_called_a_bent_spring():
-    answer = diagnose_oscillator(record(1305, lambda y, v: 0.3 * np.tanh(v / 0.5)))
-    assert answer.verdict == "unexplained"
-    assert answer.causes == ()
+@pytest.mark.parametrize(
+    ("cause", "law", "number", "value"),
+    [
+        ("coulomb_friction", lambda y, v: 0.3 * np.tanh(v / 0.5), "friction", 0.3 * OMEGA**2),
+        ("bump_stop", lambda y, v: 2.0 * (max(y - 4.0, 0.0) + min(y + 4.0, 0.0)), "gap", 4.0),
+        ("damping_nonlinearity", lambda y, v: 0.002 * abs(v) * v, "square damping", 0.002 * OMEGA**2),
+    ],
+)
+def test_a_law_of_the_library_beside_a_straight_spring_is_named_with_its_number(cause, law, number, value):
+    answer = diagnose_oscillator(record(1305, law), validation=[record(1306, law)])
+    assert [c.id for c in answer.causes] == [cause] and answer.verdict == "explained"
+    stated = next(p for p in answer.causes[0].parameters if number in p.name)
+    assert stated.value == pytest.approx(value, rel=0.05)
+    other = next(g for g in answer.gain.validation if g.run == "seed 1306")
+    assert other.extended < 0.1 * other.baseline
+
+
+def test_a_hysteretic_loop_is_named_and_predicts_another_excitation():
+    """A chain of three sliders, a law that the library does not have in this form."""
+    class Chain:
+        def __init__(self):
+            self.slip, self.last = np.zeros(3), 0.0
+
+        def __call__(self, y, v):
+            self.slip = np.clip(self.slip + (y - self.last), [-0.5, -1.0, -2.0], [0.5, 1.0, 2.0])
+            self.last = y
+            return float(0.2 * self.slip.sum())
+
+    answer = diagnose_oscillator(record(1307, Chain()), validation=[record(1308, Chain())])
+    assert answer.causes[0].id == "coulomb_friction"
+    other = next(g for g in answer.gain.validation if g.run == "seed 1308")
+    assert other.extended < 0.35 * other.baseline
 
 
 @pytest.mark.parametrize("fault", ["short", "unrelated", "constant"])

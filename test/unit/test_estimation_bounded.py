@@ -8,8 +8,11 @@ import json
 import numpy as np
 import pytest
 from replay.loss_run import Chain, Course, course, undisturbed_rows
+from worlds.adapters import plane_inputs
+from worlds.plane_scenario import machine_case
 
 from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL
+from ride_estimation.estimation.offline import run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.signals.recording import Channel, Recording
@@ -104,3 +107,26 @@ def test_deflections_stay_within_the_travel_whatever_the_sensors_say(drive: Cour
     assert np.isfinite(found.force).all() and np.isfinite(found.std).all()
     assert np.abs(chain.pipeline._deflection._state[0]).max() <= LARGEST_TRAVEL
     json.dumps(chain.pipeline.save_state(), allow_nan=False)
+
+
+def test_a_planar_body_keeps_its_attitude_and_its_forces_live_and_smoothed():
+    case = machine_case(None, 1, duration=25.0)
+    vehicle, run, _ = plane_inputs(case)
+    stamps = run.start_ns + np.round(np.arange(len(run.data["cab_front"])) * 1e9 / case.rate_hz).astype(np.int64)
+    recording = Recording("plane", {name: Channel(name, stamps, values, stamps) for name, values in run.data.items()})
+    found = run_offline(recording, Pipeline(vehicle))
+    cab = np.mean([values for name, values in run.data.items() if name.startswith("cab")], axis=0)
+    row = np.round((found.stamp_ns - run.start_ns) * 1e-9 * case.rate_hz).astype(int)
+    late = found.time_s > 5.0
+    pitch = -cab[row, 0] / 9.80665
+    assert np.ptp(pitch[late]) > 0.01
+    np.testing.assert_allclose(found.signals["tilt"][late, 1], pitch[late], atol=0.01)
+    assert not any("disagree" in text for text in found.health.messages)
+    assert found.valid[late].all()
+    assert not isinstance(found.hindsight, str)
+    live, smoothed = (force[late, :, 2] for force in (found.signals["mount_force"], found.force))
+    # what the mounts together carry is the mass times the specific force, either way
+    carried = vehicle.bodies["cab"].mass.value * found.signals["cg_specific_force"][late, 2]
+    for force in (live, smoothed):
+        assert np.std(force.sum(axis=1) - carried) < 0.02 * np.std(carried)
+    assert np.std(smoothed - live) < 0.1 * np.std(live)

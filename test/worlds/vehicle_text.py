@@ -16,7 +16,7 @@ class Belief:
 
     ``stiffness_off``, ``damping_off``: relative standard deviation of the (lognormal, shared per axis plus a tenth per mount)
     error of the priors; the file states ``stiffness_std``, ``damping_std``. ``mass_off`` relative error of the mass; ``cg_off``
-    [m] added to the CG; ``force_references`` lines of YAML flow maps.
+    [m] added to the CG, ``cg_std`` [m] what the file states of it (nothing for 0); ``force_references`` lines of YAML flow maps.
     """
 
     stiffness_off: float = 0.15
@@ -26,6 +26,7 @@ class Belief:
     mass_off: float = 0.0
     mass_std: float = 0.01
     cg_off: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cg_std: float = 0.0
     inertia_off: float = 0.0
     inertia_std: float = 0.03
     force_references: tuple[str, ...] = ("{kind: known_mass, body: cab}",)
@@ -85,7 +86,9 @@ def vehicle_yaml(
         "bodies:",
         "  cab:",
         f"    mass_kg: {{value: {mass:.9g}, relative_std: {belief.mass_std:.6g}, source: weighed}}",
-        f"    cg_m: {_list(vehicle.cg + np.array(belief.cg_off))}",
+        f"    cg_m: {{value: {_list(vehicle.cg + np.array(belief.cg_off))}, std: {belief.cg_std:g}}}"
+        if belief.cg_std
+        else f"    cg_m: {_list(vehicle.cg + np.array(belief.cg_off))}",
         f"    inertia_kg_m2: {{ixx: {j[0, 0]:.9g}, iyy: {j[1, 1]:.9g}, izz: {j[2, 2]:.9g}, ixy: {j[0, 1]:.9g}, "
         f"ixz: {j[0, 2]:.9g}, iyz: {j[1, 2]:.9g}, relative_std: {belief.inertia_std:.6g}}}",
         "    degrees_of_freedom: [x, y, z, roll, pitch, yaw]",

@@ -49,6 +49,7 @@ class MassChange(Cause):
         # how the body bounces after a sudden load tells the instant to a twentieth of a second, and only there
         apart = (last - first) / (_INSTANTS - 1)
         bounds = (Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart),)
+        sinks = any(s.kind == "displacement" for s in scene.plant.outputs)
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
 
@@ -70,7 +71,7 @@ class MassChange(Cause):
 
             out.append(Hypothesis(
                 self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
-                shows_in_means=True,
+                shows_in_means=sinks, only_alone=not sinks,
             ))
         return out
 

@@ -22,8 +22,8 @@ ACCELEROMETERS = ("accelerometer", "imu")
 #: distance of a base sensor from its mount that matters [m], extent across their longest line that base sensors need to tell the
 #: rotation of the frame [m]
 AWAY, LEAST_SPREAD = 0.02, 0.2
-#: how brackets follow the twist of their frame until it is known, see :func:`relative_tilt_maps`
-USUAL_SHARES = np.array([0.7, 0.0, 0.5, 0.0])
+#: how brackets follow the twist of their frame until it is known, alike in roll and pitch, see :func:`relative_tilt_maps`
+USUAL_SHARES = np.array([0.6, 0.0, 0.6, 0.0])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,8 +28,9 @@ Array = NDArray[np.float64]
 
 #: share of the dynamic mount force that frame twist hides from the body (34 to 40 % in pilots, up to 80 % on twisting frames)
 TWIST_SHARE = 0.7
-#: relative standard deviation of the static share that equilibrium leaves open (levelling, free lengths)
-STATIC_SHARE = 0.003
+#: relative standard deviation of a static load that nobody weighed: half of the five per cent within which levelling, free
+#: lengths and spring rates of one model keep the loads of its mounts
+STATIC_LOAD_STD = 0.025
 #: memory of mean squares [s], and of those of spring forces where that is more: a bend is over before a mean has followed it
 _MEMORY, _SHORT_MEMORY = 5.0, 0.5
 #: time between two recomputations of the gains [s]
@@ -40,6 +41,8 @@ _CONSISTENCY_MEMORY = 5.0
 _ROWS = ((0, 1, 5), (2, 3, 4))
 #: corner below which the residual wrench is shared by stiffness [rad/s]
 _SLOW_CORNER = 0.8
+#: deflection that no mount is known better than, keeps the equations regular [m]
+_LEAST_DEFLECTION = 2e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -200,12 +203,29 @@ class MountForceEstimator:
         total = float(stiffness.max()) if stiffness.size else 0.0
         self._stiffness = stiffness + 1e-9 * (total if total > 0.0 else 1.0)
         share = share_by_stiffness(self._g, self._stiffness)
-        self.static_force = static_share(self._g, self._stiffness, weight[self._free]).reshape(self._count, 3)
+        shared = static_share(self._g, self._stiffness, weight[self._free])
+        self.static_force, self._static_left = self._weighed(shared, weight[self._free])
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
-        vertical = np.zeros_like(self._stiffness)
-        vertical[2::3] = self._stiffness[2::3]
-        self._open_share = np.eye(3 * self._count) - share_by_stiffness(self._g, vertical) @ self._g
+
+    def _weighed(self, shared: Array, weight: Array) -> tuple[Array, Array]:
+        """Return the static forces, shape (M, 3), and what equilibrium leaves of their covariance, (3 M, 3 M).
+
+        Loads that the file states, else shares of the weight, with standard deviations; equilibrium holds without error:
+        ``f = s + K (w - G s)``, ``K = S G^T (G S G^T)^+``.
+        """
+        prior, std = shared.copy(), STATIC_LOAD_STD * np.abs(shared)
+        for i, mount in enumerate(self.arrangement.mounts):
+            if mount.static_load is not None:
+                load = mount.static_load
+                prior[3 * i + 2] = load.value
+                std[3 * i + 2] = STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std
+        # what is carried sideways at rest follows from equilibrium alone
+        std = np.maximum(std, 1e-6 * max(float(np.abs(weight).max(initial=0.0)), 1.0))
+        gain = share_by_stiffness(self._g, std**2)
+        left = np.eye(len(prior)) - gain @ self._g
+        force = prior + gain @ (weight - self._g @ prior) if any(m.static_load for m in self.arrangement.mounts) else shared
+        return force.reshape(self._count, 3), (left * std**2) @ left.T
 
     def observe(
         self,
@@ -333,12 +353,13 @@ class MountForceEstimator:
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
         seen = np.where(self.known, variance, hidden).ravel()
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
-        model = prior = np.diag(seen + 1e-6 * self._stiffness)
+        floor = (_LEAST_DEFLECTION * self._stiffness) ** 2
+        model = prior = np.diag(seen + floor)
         if not self.known.all():
             spread = float(np.mean(hidden)) / float(np.mean(self._stiffness))
             prior = np.diag(np.where(self.known.ravel(), np.diag(prior), self._stiffness * spread))
         elif self._frame is not None:
-            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(1e-6 * self._stiffness)
+            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(floor)
         g = self._g
         load = load_covariance[np.ix_(self._free, self._free)]
         inverse = np.linalg.inv(g @ prior @ g.T + load)
@@ -365,10 +386,8 @@ class MountForceEstimator:
         return np.asarray(np.diag([0.0, 0.0, 0.0, *(weight**2 * span[::-1] ** 2 / 12.0), 0.0]))
 
     def _static_variance(self) -> Array:
-        """Return the variance of the static forces, shape (3 M,): stiffness that shares them is only so well known; levelling."""
-        # without motion of the bases the share of the twist, which is as wide as the forces, stands for this too
-        relative = STATIC_SHARE**2 + np.where(self.known, self.parameter_std[0] ** 2, 0.0).ravel()
-        return np.asarray(self._open_share**2 @ (relative * self.static_force.ravel() ** 2))
+        """Return the variance of the static forces that equilibrium leaves, shape (3 M,)."""
+        return np.asarray(np.diag(self._static_left))
 
     def _covariance(self, deflection: DeflectionBlock, frame: FrameDeformation, parameters: Array) -> Array:
         """Return the covariance of the constitutive forces: rigid motion, deformation of the frame, parameters."""

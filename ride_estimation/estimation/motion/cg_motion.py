@@ -57,8 +57,8 @@ _RATE_KNOWN, _RATE_LOST = 0.03, 0.15
 _LONGEST = 100
 #: memory of the residual test, longest time for which attitude and rates wait for the verdict on a gross error [s]
 _TEST_MEMORY, _HOLD = 60.0, 0.5
-#: ticks of residuals that say something; cosine from which a channel reads of an acceleration that is no coordinate of the body
-_LEAST_SUMS, _ACROSS = 50.0, 0.1
+#: ticks of residuals that say something
+_LEAST_SUMS = 50.0
 #: time after which a sensor that does not speak or is refused counts as left out [s]
 _LEFT_OUT = 2.0
 #: time in which attitude and rates are lost while the sensors that speak do not determine the motion [s]: a quarter of the period
@@ -124,14 +124,15 @@ class CgMotionEstimator:
         self._observed_tilt = bool(self._free[3] or self._free[4])
         self._sums = ResidualSums.empty(len(directions))
         self._accelerometer_rows = np.ascontiguousarray(self.rows[: len(directions)])
-        #: channels that are compared: of accelerations that are no coordinate of a planar body its model knows nothing
-        self._asked: BoolArray = np.all(np.abs(directions[:, ~self._free[:3]]) < _ACROSS, axis=1)
-        self._spare = max(int(np.sum(self._asked)) - self._needed, 0)
-        self._free_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._free])
+        #: what is estimated: along an axis that is no coordinate of a planar body gravity and motion of the base are there too
+        self._estimated: BoolArray = self._free | (np.arange(6) < 3)
+        self._unknowns = int(np.sum(self._estimated))
+        self._spare = max(len(directions) - self._unknowns, 0)
+        self._used_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._estimated])
         self._centripetal = centripetal_terms(self.directions, self.points)
         told = self._spare if self._free[3:].all() else 0
         self._turning = SpareRate(self._centripetal[: len(directions)], self._accelerometer_rows, told)
-        self._faults = FaultTest(self.sensors, self._free_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
+        self._faults = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
         self.doubted, self._held = False, 0.0
@@ -176,7 +177,7 @@ class CgMotionEstimator:
             self._gyro_fit[gyro] = False
             self._cache.clear()
             points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
-            self._faults = FaultTest(self.sensors, self._free_rows, points, rate_std)
+            self._faults = FaultTest(self.sensors, self._used_rows, points, rate_std)
             self._faults.set_variance(self.variance)
             self._sums = ResidualSums.empty(3 * len(self.sensors))
             self.reset()
@@ -202,7 +203,7 @@ class CgMotionEstimator:
         gyro_ok = np.repeat(mask[list(self.gyros)] & self._gyro_fit, 3) if self.gyros else np.zeros(0, dtype=bool)
         variance = np.concatenate([self.variance, np.repeat(2.0 * self._gyro_variance / dt**2, 3)])
         inverse = np.concatenate([channels, gyro_ok]) / variance
-        prior = np.diag(np.where(self._free, np.repeat([UNKNOWN_ACCEL**-2, UNKNOWN_ANGULAR_ACCEL**-2], 3), 1e12))
+        prior = np.diag(np.where(self._estimated, np.repeat([UNKNOWN_ACCEL**-2, UNKNOWN_ANGULAR_ACCEL**-2], 3), 1e12))
         information = self.rows.T @ (inverse[:, None] * self.rows)
         covariance = np.linalg.inv(information + prior)
         covariance = 0.5 * (covariance + covariance.T)
@@ -297,8 +298,7 @@ class CgMotionEstimator:
         tells = weights.rank == needed and not self.doubted and not astray and self._tells(mask, len(y) * dt)
         if tells:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
-            asked = self._asked & np.repeat(mask, 3)
-            said = y if asked.all() else np.where(asked, y, predicted)
+            said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
             (self._sums if self._rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
             left = said - predicted
             self._fresh += [*np.sum(left, axis=0), len(y)]
@@ -337,7 +337,7 @@ class CgMotionEstimator:
         if self._same > _LEFT_OUT and not mask.all() and not np.array_equal(mask, self._summed):
             # what a sensor left in the residuals before it was left out says nothing about the others
             self._summed, self._sums = mask.copy(), ResidualSums.empty(3 * len(mask))
-        return bool(mask.all()) or (self._same > _LEFT_OUT and 3 * int(mask.sum()) > self._needed)
+        return bool(mask.all()) or (self._same > _LEFT_OUT and 3 * int(mask.sum()) > self._unknowns)
 
     def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
         """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
@@ -407,19 +407,19 @@ class CgMotionEstimator:
         """
         drift = self._follow_drift(dt)
         sums, stated = self._compared()
-        used = np.flatnonzero(self._asked & np.repeat(self._mask, 3))
-        if len(used) <= self._needed or sums.count < _LEAST_SUMS:
+        used = np.flatnonzero(np.repeat(self._mask, 3))
+        if len(used) <= self._unknowns or sums.count < _LEAST_SUMS:
             return 1.0, np.zeros((6, 6)), drift
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
         mean, moving = sums.moments()
-        spare = len(used) - self._needed
+        spare = len(used) - self._unknowns
         factor, biases = residual_doubt(mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare)
         constant = biases + drift
         if sums is self._sums:
             self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
         if sums.noise_ratio(self.variance) / max(self._spare, 1) <= MEANINGFUL:
             return factor, np.zeros((6, 6)), constant
-        test = residual_test(sums, stated, self._free_rows, [s.name for s in self.sensors])
+        test = residual_test(sums, stated, self._used_rows, [s.name for s in self.sensors])
         share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
         if share == 0.0 or not test.sensor:
             return factor, np.zeros((6, 6)), constant
@@ -454,7 +454,7 @@ class CgMotionEstimator:
         return (self._early, self.variance + _CENTRIPETAL**2) if early else (self._sums, self.variance)
 
     def _sized(self) -> ResidualTest:
-        return residual_test(*self._compared(), self._free_rows, [s.name for s in self.sensors])
+        return residual_test(*self._compared(), self._used_rows, [s.name for s in self.sensors])
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

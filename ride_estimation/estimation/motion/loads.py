@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.frames import skew
 from ride_estimation.jit import compile_kernel
 from ride_estimation.vehicles.vehicle import Body
 
@@ -26,17 +27,31 @@ class InertialLoads:
         About the CG, shape (3, 3) [kg m^2].
     inertia_relative_std
         Relative standard deviation of the inertia, 0 where not stated.
+    cg_std
+        Standard deviation of the CG position, shape (3,) [m], zero where not stated.
     """
 
     mass: float
     mass_std: float
     inertia: Array
     inertia_relative_std: float = 0.0
+    cg_std: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def of(cls, body: Body) -> InertialLoads:
         """Return the loads of a body of the vehicle file."""
-        return cls(body.mass.value, body.mass.std or 0.0, np.asarray(body.inertia, dtype=float), body.inertia_relative_std or 0.0)
+        std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        inertia = np.asarray(body.inertia, dtype=float)
+        return cls(body.mass.value, body.mass.std or 0.0, inertia, body.inertia_relative_std or 0.0, std)
+
+    def moments(self, body: Body) -> dict[str, dict[str, float]]:
+        """Return the moments of inertia in use and those of the file, by name [kg m^2].
+
+        The standard deviation holds that of the mass and the largest of the three moments, as the loads do.
+        """
+        std = float(np.hypot(self.inertia_relative_std, self.mass_std / self.mass))
+        pairs = zip(("ixx", "iyy", "izz"), np.diag(self.inertia), np.diag(body.inertia), strict=True)
+        return {name: {"value": float(v), "std": float(std * v), "file": float(file)} for name, v, file in pairs}
 
     def load(self, accel: Array, rate: Array) -> Array:
         """Return force and moment at the CG.
@@ -54,6 +69,26 @@ class InertialLoads:
         load = np.empty((len(accel), 6))
         _load(accel, rate, self.mass, self.inertia, load)
         return load
+
+    def covariance_of_cg(self, motion: Array, gravity: float) -> tuple[Array, Array]:
+        """Return the covariance of the wrench the mounts carry from an uncertain CG: by the weight, by what moves, (6, 6) each.
+
+        An offset d of the CG adds ``m alpha x d`` to the force and ``d x F`` to the moment about the CG of the file.
+
+        Parameters
+        ----------
+        motion
+            Specific force and angular acceleration, shape (6,).
+        gravity
+            [m/s^2].
+        """
+        weight = np.array([0.0, 0.0, self.mass * gravity])
+        jacobians = (
+            np.vstack([np.zeros((3, 3)), -skew(weight)]),
+            np.vstack([self.mass * skew(motion[3:]), -skew(self.mass * motion[:3] - weight)]),
+        )
+        still, moving = ((j * self.cg_std**2) @ j.T for j in jacobians)
+        return still, moving
 
     def covariance(self, accel_covariance: Array, accel: Array, rate: Array, rate_variance: float = 0.0) -> Array:
         """Return the covariance of the load, shape (6, 6), at one tick.

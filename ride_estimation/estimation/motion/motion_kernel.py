@@ -250,14 +250,19 @@ def force_at(motion: Array, rate: Array, arms: Array) -> Array:
 
 @compile_kernel
 def remove_gravity(motion: Array, tilt: Array, gravity: float, free: NDArray[np.bool_], accel: Array) -> None:
-    """Write acceleration (K, 6) from specific force and tilt; coordinates the body does not have are zero."""
+    """Write acceleration (K, 6) from specific force and tilt; coordinates the body does not have are zero.
+
+    Roll and pitch, integrals of body rates, are the components of a rotation vector ``(roll, pitch, 0)``: no axis comes first.
+    """
     for k in range(motion.shape[0]):
         roll, pitch = tilt[k, 0], tilt[k, 1]
+        angle = np.sqrt(roll * roll + pitch * pitch)
+        sideways = gravity * (np.sin(angle) / angle if angle > 0.0 else 1.0)
         for a in range(6):
             accel[k, a] = motion[k, a]
-        accel[k, 0] += gravity * np.sin(pitch)
-        accel[k, 1] -= gravity * np.cos(pitch) * np.sin(roll)
-        accel[k, 2] -= gravity * np.cos(pitch) * np.cos(roll)
+        accel[k, 0] += sideways * pitch
+        accel[k, 1] -= sideways * roll
+        accel[k, 2] -= gravity * np.cos(angle)
         for a in range(6):
             if not free[a]:
                 accel[k, a] = 0.0

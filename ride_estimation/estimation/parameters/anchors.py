@@ -26,7 +26,7 @@ from ride_estimation.vehicles.vehicle import ForceReference
 Array = NDArray[np.float64]
 
 #: relative standard deviation of a reference that states none
-_DEFAULT_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.03, "known_added_mass": 0.005}
+DEFAULT_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.03, "known_added_mass": 0.005}
 #: relative standard deviation of a mount's share of the weight (levelling)
 _SHARE_STD = 0.03
 #: memory of the means of a load cell [s] and correlation time of its misfit [s]
@@ -187,7 +187,7 @@ class MassAnchor:
         self, r: ForceReference, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float
     ) -> tuple[float, float] | None:
         """Return (logarithm of the factor, its standard deviation) of one reference, None while it tells nothing."""
-        own = float(r.details.get("relative_std", _DEFAULT_STD.get(r.kind, 0.0)))
+        own = float(r.details.get("relative_std", DEFAULT_STD.get(r.kind, 0.0)))
         if r.kind == "known_stiffness":
             slot = self._slot(r)
             return None if slot is None or std[slot] > 0.1 else (-float(theta[slot]), math.hypot(own, float(std[slot])))

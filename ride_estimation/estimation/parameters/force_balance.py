@@ -61,7 +61,8 @@ class BalanceChunk:
         The same from the mount law with the present multipliers, shape (K, 6).
     columns
         Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
-        inverse principal inertia that is estimated, shape (K, 6, N + 1 + R).
+        inverse principal inertia that is estimated, then by every coordinate of the CG that is not known for certain, shape
+        (K, 6, N + 1 + R + O).
     step
         Distance of the ticks [s].
     """
@@ -100,11 +101,13 @@ class ForceBalance:
         Corner of the common high-pass [Hz].
     turns
         Axes (0 to 2) about which the inertia is estimated.
+    offsets
+        Axes (0 to 2) along which the position of the CG is not known for certain.
     """
 
     def __init__(
         self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float,
-        turns: tuple[int, ...] = (),
+        turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (),
     ) -> None:
         self.arrangement = arrangement
         self.slots = slots
@@ -117,7 +120,7 @@ class ForceBalance:
                 element = mount.elements.get(axis)
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
-        self.turns = turns
+        self.turns, self.offsets = turns, offsets
         self._file_inverse = inverse_mass(arrangement)
         self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
@@ -133,8 +136,9 @@ class ForceBalance:
         #: acceleration per unit tension of every mount axis, (6, 3 M)
         self.push = -self.inverse_mass @ self.arrangement.wrench
         turn = np.eye(6)[:, [3 + a for a in self.turns]]
-        #: acceleration per unit of what every parameter scales, (6, N + 1 + R)
-        self.direction = np.hstack([self.push[:, self._slot_axis], np.zeros((6, 1)), turn])
+        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O)
+        still = np.zeros((6, len(self.offsets)))
+        self.direction = np.hstack([self.push[:, self._slot_axis], np.zeros((6, 1)), turn, still])
 
     def _root(self, logs: Array) -> Array:
         root = np.ones(6)
@@ -156,7 +160,7 @@ class ForceBalance:
         self._swing = np.zeros((8, 3))
         self._integrators = np.zeros((9, n))
         self._turned = np.zeros((7, 2 * n))
-        self._wrench = np.zeros((7, 12))
+        self._wrench = np.zeros((7, 12 + 6 * len(self.offsets)))
         self._nonlinear = np.zeros((7, 3 * n))
         self._offset: tuple[Array, Array] | None = None
         #: high-passed deflections and rates of the last chunk, (K, 3 M) each
@@ -198,14 +202,16 @@ class ForceBalance:
         # what turns with the brackets: the dynamic force here, the static one after the filters, where the tilt is exact
         turned_wrench = cross(data.turn, data.dynamic).reshape(ticks, n) @ self.arrangement.wrench.T
         both = np.hstack([(data.support + follow * turned_wrench) @ self.inverse_mass.T, turned_wrench @ self.inverse_mass.T])
+        if self.offsets:
+            both = np.hstack([both, self._offset_columns(data.support)])
         relative = data.relative.reshape(ticks, n)
         if self._offset is None:
             self._offset = (relative.mean(axis=0), both.mean(axis=0))
         x, v, turn = self._integrate(relative - self._offset[0], data.swing, dt)
-        accelerations = np.empty((ticks, 12))
+        accelerations = np.empty_like(both)
         high_pass_block(both - self._offset[1], self.corner, dt, self._wrench, accelerations)
         static = cross(turn.reshape(ticks, self._count, 3), static_force).reshape(ticks, n) @ self.arrangement.wrench.T
-        accelerations[:, 6:] += static @ self.inverse_mass.T
+        accelerations[:, 6:12] += static @ self.inverse_mass.T
         accelerations[:, :6] += follow * static @ self.inverse_mass.T
         turned = np.empty((ticks, 2 * n))
         high_pass_block(
@@ -218,9 +224,23 @@ class ForceBalance:
         # the follow share moves the measured side, hence the sign, and the deflections
         held = follow * accelerations[:, [9 + a for a in self.turns]]
         moved = turned[:, :n] * self.law.stiffness.ravel() + turned[:, n:] * self.law.damping.ravel()
-        accelerations[:, 6:] = moved @ self.push.T - accelerations[:, 6:]
+        accelerations[:, 6:12] = moved @ self.push.T - accelerations[:, 6:12]
+        # where the CG lies moves the measured side too
+        accelerations[:, 12:] *= -1.0
         stacked = self._averaged(np.hstack([accelerations, held, elastic, viscous, rest]), average)
         return self._assemble(stacked, n, dt * average)
+
+    def _offset_columns(self, support: Array) -> Array:
+        """Return by how much the measured acceleration rises per metre of every offset of the CG, shape (K, 6 O).
+
+        An offset d adds the force ``m alpha x d`` and the moment ``d x F``.
+        """
+        angular, mass = (support @ self.inverse_mass.T)[:, 3:], self.arrangement.body.mass.value
+        added = []
+        for axis in self.offsets:
+            turn = skew(np.eye(3)[axis])
+            added.append(np.hstack([mass * (angular @ turn), -support[:, :3] @ turn]) @ self.inverse_mass.T)
+        return np.hstack(added)
 
     def _integrate(self, relative: Array, swing: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return high-passed deflection, rate and rotation against the brackets, each (K, 3 M)."""
@@ -244,12 +264,14 @@ class ForceBalance:
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
-        held, forces = np.split(stacked[:, 12:], [len(self.turns)], axis=1)
+        placed, held, forces = np.split(stacked[:, 12:], np.cumsum([6 * len(self.offsets), len(self.turns)]), axis=1)
         elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
         chosen = np.where(self._slot_role == 0, elastic[:, self._slot_axis], viscous[:, self._slot_axis])
         count = len(self.slots)
-        columns = np.zeros((len(stacked), 6, count + 1 + len(self.turns)))
+        offset = count + 1 + len(self.turns)
+        columns = np.zeros((len(stacked), 6, offset + len(self.offsets)))
+        columns[:, :, offset:] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)
         columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._slot_axis]
         columns[:, :, count] = follow_column
         for r, a in enumerate(self.turns):
@@ -307,7 +329,7 @@ class ForceBalance:
         self._tilt = np.array(saved["tilt"], dtype=float).reshape(3, n)
         self._swing = np.array(saved["swing"], dtype=float).reshape(8, 3)
         self._turned = np.array(saved["turned"], dtype=float).reshape(7, 2 * n)
-        self._wrench = np.array(saved["wrench"], dtype=float).reshape(7, 12)
+        self._wrench = np.array(saved["wrench"], dtype=float).reshape(self._wrench.shape)
         self._nonlinear = np.array(saved["nonlinear"], dtype=float).reshape(7, 3 * n)
         self._left = [np.array(p, dtype=float) for p in saved["left"]]
         offset = saved["offset"]

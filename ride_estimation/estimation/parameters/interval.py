@@ -28,16 +28,19 @@ _FEWEST_STEADY = 8
 
 
 class Interval:
-    """Normal equations of an interval: ``A = sum psi^T W psi``, ``g = sum psi^T W nu``, ``sum nu^T W nu``.
+    """Normal equations of an interval: ``A = sum psi^T W psi``, ``g = sum psi^T W nu``, ``sum nu^T W nu``, ``sum psi^T W c``.
 
     Parameters
     ----------
     count
         Number of parameters.
+    considered
+        Number of quantities that are not estimated but whose uncertainty is considered; c are their gradients.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, considered: int) -> None:
         self.information = np.zeros((count, count))
+        self.cross = np.zeros((count, considered))
         self.gradient = np.zeros(count)
         self.square = 0.0
         self.samples = 0
@@ -49,14 +52,16 @@ class Interval:
         Parameters
         ----------
         innovation, gradient
-            Shapes (K, 6) and (K, 6, N).
+            Shapes (K, 6) and (K, 6, N + O), parameters first.
         weights
             L with ``L L^T`` the inverse covariance of an innovation, shape (6, 6).
         duration
             [s].
         """
         white = innovation @ weights
-        rows = np.matmul(weights.T, gradient).reshape(-1, gradient.shape[2])
+        both = np.matmul(weights.T, gradient).reshape(-1, gradient.shape[2])
+        rows, considered = both[:, : len(self.gradient)], both[:, len(self.gradient) :]
+        self.cross += rows.T @ considered
         self.information += rows.T @ rows
         self.gradient += rows.T @ white.reshape(-1)
         self.square += float(np.sum(white**2))
@@ -108,10 +113,12 @@ class IntervalMemory:
     ----------
     count
         Number of parameters.
+    considered
+        Number of quantities whose uncertainty is considered, see :class:`Interval`.
     """
 
-    def __init__(self, count: int) -> None:
-        self._count = count
+    def __init__(self, count: int, considered: int) -> None:
+        self._count, self._considered = count, considered
         self.clear()
 
     def clear(self) -> None:
@@ -119,6 +126,7 @@ class IntervalMemory:
         self._information: list[Array] = []
         self._gradient: list[Array] = []
         self._centre: list[Array] = []
+        self._cross: list[Array] = []
         self._stack: Array | None = None
         self._told: tuple[Array, Array] | None = None
         self.inflation = _START
@@ -148,6 +156,7 @@ class IntervalMemory:
             (self._information, interval.information),
             (self._gradient, interval.gradient),
             (self._centre, centre),
+            (self._cross, interval.cross),
         ):
             stack.append(np.array(item))
             if len(stack) > _LENGTH:
@@ -220,11 +229,26 @@ class IntervalMemory:
         excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
         return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
 
+    def sensitivity(self, prior_std: Array) -> Array:
+        """Return by how much the parameters move per unit of what is considered, ``(A + lambda P0^-1)^-1 C``, shape (N, O).
+
+        The consider covariance of Schmidt (Jazwinski, Stochastic Processes and Filtering Theory, 8.4) follows from it.
+
+        Parameters
+        ----------
+        prior_std
+            Standard deviations before anything was learned, shape (N,).
+        """
+        if not self._cross or not self._considered:
+            return np.zeros((self._count, self._considered))
+        information = self.total + self.inflation * np.diag(prior_std**-2.0)
+        return np.asarray(np.linalg.solve(information, np.sum(self._cross, axis=0)))
+
     def snapshot(self) -> dict[str, Any]:
         """Return the state; its arrays are shared and never change."""
         return {
             "information": list(self._information), "gradient": list(self._gradient), "centre": list(self._centre),
-            "inflation": self.inflation,
+            "cross": list(self._cross), "inflation": self.inflation,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -232,5 +256,6 @@ class IntervalMemory:
         self._information = [np.array(i, dtype=float) for i in saved["information"]]
         self._gradient = [np.array(g, dtype=float) for g in saved["gradient"]]
         self._centre = [np.array(c, dtype=float) for c in saved["centre"]]
+        self._cross = [np.array(c, dtype=float).reshape(self._count, self._considered) for c in saved["cross"]]
         self.inflation = float(saved["inflation"])
         self._stack = self._told = None

@@ -24,6 +24,7 @@ from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.estimation.forces.slots import find_slots
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
+from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
 from ride_estimation.estimation.parameters.force_balance import BalanceChunk, BalanceInput
 from ride_estimation.estimation.parameters.identifiable import null_directions
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
@@ -85,7 +86,12 @@ class ParameterEstimator:
         seen = arrangement.has_base_motion or by_transducers
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._turns = () if by_transducers else self._inertia_axes()
-        model = (arrangement, tilting, self.slots, self._turns, settings.parameter_corner_hz, by_transducers)
+        body = arrangement.body
+        cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        offsets = () if by_transducers else tuple(int(a) for a in np.flatnonzero(cg_std > 0.0))
+        #: standard deviation of what is considered, not estimated: the position of the CG [m]
+        self._considered_std = cg_std[list(offsets)]
+        model = (arrangement, tilting, self.slots, self._turns, offsets, settings.parameter_corner_hz, by_transducers)
         self._model = ParameterModel(*model)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
@@ -105,6 +111,7 @@ class ParameterEstimator:
         self._doubt: MountingDoubt | None = None
         if self._model.inertial is not None:
             self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
+        self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
         self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
         self._reviews: tuple[float, ...] = _REVIEWS
@@ -127,10 +134,15 @@ class ParameterEstimator:
         self._pending_ticks = 0
         self._settled = self._followed = 0.0
         self._upright = 0.0
-        self._interval = Interval(len(self.theta))
+        self._begin_interval()
         self._kept: list[Kept] = []
         self._repetition = Repetition()
         self._drop_look()
+
+    def _begin_interval(self) -> None:
+        self._interval = Interval(len(self.theta), len(self._considered_std))
+        #: sums of squares of deflection and rate in it, shape (2, 3 M), and their ticks
+        self._squares, self._square_ticks = np.zeros((2, 3 * len(self.arrangement.mounts))), 0
 
     def _fresh(self, theta: Array) -> ParameterFilter:
         kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
@@ -138,7 +150,7 @@ class ParameterEstimator:
         common = np.zeros((len(theta), 2))
         common[: self.count] = roles[:, None] == (0, 1)
         common = common[:, common.any(axis=0)] / np.sqrt(max(self.count, 1))
-        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common)
+        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common, len(self._considered_std))
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
@@ -199,14 +211,15 @@ class ParameterEstimator:
         """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
         if self._filter is None:
             return []
-        names = [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
-        return null_directions(self._filter.covariance[: self.count, : self.count], self._prior_std[: self.count], names)
+        learned = self._filter.covariance[: self.count, : self.count]
+        return null_directions(learned, self._prior_std[: self.count], self._names())
 
     def notes(self) -> list[str]:
         """Return what the person in the field should know about the parameters."""
         found = []
         if self.changes:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
+        found += self._amplitude.notes(self._names())
         vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
         moved = self.theta[: self.count][vertical]
         sure = self.std[: self.count][vertical]
@@ -219,11 +232,11 @@ class ParameterEstimator:
 
     def at_bound(self) -> tuple[str, ...]:
         """Return the names of multipliers at a bound."""
-        names = []
-        for n, slot in enumerate(self.slots):
-            if self.theta[n] <= self._lower[n] + 1e-9 or self.theta[n] >= self._upper[n] - 1e-9:
-                names.append(f"{self.arrangement.mounts[slot.mount].name}.{AXES[slot.axis]}.{ROLES[slot.role]}")
-        return tuple(names)
+        low, high = self.theta <= self._lower + 1e-9, self.theta >= self._upper - 1e-9
+        return tuple(name for n, name in enumerate(self._names()) if low[n] or high[n])
+
+    def _names(self) -> list[str]:
+        return [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
 
     # -- input ------------------------------------------------------------------------------------------------------------
 
@@ -269,6 +282,8 @@ class ParameterEstimator:
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         if self._doubt is not None and self._model.inertial is not None:
             self._doubt.observe(*self._model.inertial.moved, dt)
+            self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
+            self._square_ticks += len(joined.support)
             self._doubt.weigh(joined.relative, dt)
         return chunk
 
@@ -298,7 +313,7 @@ class ParameterEstimator:
         if self._interval.duration < self.settings.parameter_interval:
             return False
         self._update(self._filter, self._interval, chunk.step)
-        self._interval = Interval(len(self.theta))
+        self._begin_interval()
         due = bool(self._reviews) and self.excited_time >= self._reviews[0]
         if due and self._look is None and self._duration(self._kept) >= _FIRST:
             self._begin_look(weights, covariance)
@@ -375,13 +390,17 @@ class ParameterEstimator:
             # the simulated body of the look saw every chunk, with parameters hardly different
             self._model.response.take_state(response)
             self._followed = _FADE
-        self._interval = Interval(len(self.theta))
+        self._begin_interval()
         return True
 
     # -- tracking ---------------------------------------------------------------------------------------------------------
 
     def _update(self, own: ParameterFilter, interval: Interval, step: float) -> None:
         before, changes = self.theta.copy(), own.changes
+        if self._square_ticks:
+            rms = np.sqrt(self._squares / self._square_ticks)
+            amplitude = np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.slots])
+            self._amplitude.observe(interval, before, amplitude, own.memory.inflation)
         if own.learn(interval, before):
             largest = self.settings.largest_step
             own.hold(np.clip(own.theta, before - largest, before + largest))
@@ -399,6 +418,7 @@ class ParameterEstimator:
         if not count:
             return False
         self.changes += count
+        self._amplitude.clear()
         self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         return True
 
@@ -406,7 +426,9 @@ class ParameterEstimator:
         """Take over parameters, standard deviations and status from a filter."""
         self.theta, self.std = own.theta.copy(), own.std.copy()
         mine = slice(0, self.count)
-        self.std[mine] = self._with_doubt(self.std[mine])
+        moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std
+        considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1) + self._amplitude.std**2)
+        self.std[mine] = self._with_doubt(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
         self.status.follow(
             self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
         )  # fmt: skip
@@ -431,12 +453,14 @@ class ParameterEstimator:
 
     def snapshot(self) -> dict[str, Any]:
         """Return what was learned; the filters of the signals start again. Costs little, arrays are shared."""
-        memory = IntervalMemory(len(self.theta)).snapshot() if self._filter is None else self._filter.memory.snapshot()
+        empty = IntervalMemory(len(self.theta), len(self._considered_std))
+        memory = (empty if self._filter is None else self._filter.memory).snapshot()
         return {
             "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
-            "status": self.status.save(), "innovation_ratio": self.innovation_ratio, "changes": self.changes,
+            "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
+            "innovation_ratio": self.innovation_ratio, "changes": self.changes,
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -452,6 +476,7 @@ class ParameterEstimator:
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.changes = int(saved["changes"])
         self.status.load(saved["status"])
+        self._amplitude.load(saved["amplitude"])
         self._filter = None
         if saved["p"] is None:
             self._reviews = _REVIEWS

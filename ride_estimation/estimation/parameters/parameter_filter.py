@@ -38,15 +38,19 @@ class ParameterFilter:
         Share of what was learned that an interval leaves in the directions it excites.
     common
         Directions along which all change alike, shape (N, C).
+    considered
+        Number of quantities that are not estimated but whose uncertainty is considered.
     """
 
-    def __init__(self, theta: Array, prior_std: Array, lower: Array, upper: Array, kept: float, common: Array) -> None:
+    def __init__(
+        self, theta: Array, prior_std: Array, lower: Array, upper: Array, kept: float, common: Array, considered: int
+    ) -> None:
         self._common = common
         self._prior_std, self._lower, self._upper, self._kept = prior_std, lower, upper, kept
         self._ekf = GuardedEkf(theta, np.diag(prior_std**2))
         self.theta = np.array(theta, dtype=float)
         self.std = np.array(prior_std, dtype=float)
-        self.memory = IntervalMemory(len(theta))
+        self.memory = IntervalMemory(len(theta), considered)
         #: mean over ten intervals of the normalised innovation squared: one is expected
         self.innovation_ratio = 0.0
         #: intervals learned, and changes of the vehicle that were noticed

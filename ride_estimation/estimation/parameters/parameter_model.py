@@ -33,6 +33,8 @@ class ParameterModel:
         Multipliers that are estimated, N of them.
     turns
         Axes (0 to 2) about which the inertia is estimated, R of them.
+    offsets
+        Axes (0 to 2) along which the position of the CG is not known for certain, O of them.
     corner_hz
         Corner of the high-pass of the balance [Hz].
     by_transducers
@@ -40,10 +42,10 @@ class ParameterModel:
     """
 
     def __init__(
-        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], turns: tuple[int, ...], corner_hz: float,
-        by_transducers: bool,
+        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], turns: tuple[int, ...],
+        offsets: tuple[int, ...], corner_hz: float, by_transducers: bool,
     ) -> None:  # fmt: skip
-        self.arrangement, self.slots, self.turns = arrangement, slots, turns
+        self.arrangement, self.slots, self.turns, self.offsets = arrangement, slots, turns, offsets
         self.law = MountLaw(arrangement)
         #: where inertia is part of the vector
         self.inertial: ForceBalance | None = None
@@ -53,7 +55,7 @@ class ParameterModel:
             self.balance = TransducerBalance(arrangement, slots, self.law, corner_hz)
             self.response = MeasuredResponse()
         else:
-            self.balance = self.inertial = ForceBalance(arrangement, tilting, slots, self.law, corner_hz, turns)
+            self.balance = self.inertial = ForceBalance(arrangement, tilting, slots, self.law, corner_hz, turns, offsets)
             self.response = ModelResponse(self.inertial, arrangement.vehicle.gravity)
         self._static_of: Array | None = None
         self._static = np.zeros((len(arrangement.mounts), 3))

@@ -140,7 +140,7 @@ class Refinement:
     def _interval(self, kept: Kept, theta: Array, weights: Array) -> Interval:
         chunk = self._rescaled(kept, theta)
         innovation, gradient = self.model.response.observe(chunk)
-        interval = Interval(len(theta))
+        interval = Interval(len(theta), len(self.model.offsets))
         interval.add(innovation, gradient, weights, len(chunk.measured) * chunk.step)
         return interval
 
@@ -165,7 +165,7 @@ class Refinement:
             c = self._rescaled(kept, np.zeros(count))
             residual = c.measured - c.modelled
             scale = np.sqrt(np.mean(residual**2, axis=0)) + 1e-9
-            rows = (c.columns / scale[:, None]).reshape(-1, count)
+            rows = (c.columns[:, :, :count] / scale[:, None]).reshape(-1, count)
             target = (residual / scale).reshape(-1)
             rls.update(rows.T @ rows, rows.T @ (target - rows @ rls.theta))
             yield 2

@@ -32,7 +32,7 @@ class ModelResponse:
 
     def __init__(self, balance: ForceBalance, gravity: float) -> None:
         self._balance = balance
-        self._count = len(balance.slots) + 1 + len(balance.turns)
+        self._count = balance.direction.shape[1]
         self._gravity = gravity
         #: step the response is prepared for [s], 0 before
         self.step = 0.0

@@ -1,0 +1,80 @@
+# Copyright 2026 ride_estimation contributors
+"""``ride-estimation new-vehicle``: a vehicle file to start from."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from ride_estimation.cli.finite import require_finite
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.io.atomic import write_atomically
+from ride_estimation.io.vehicle_template import Template, vehicle_template
+
+Answer = TypeVar("Answer", int, float, str)
+
+HELP = "write a vehicle file to start from, for a number of mounts and sensors"
+EXAMPLES = """\
+  ride-estimation new-vehicle --mounts 4 --sensors 4 --out my_vehicle.yaml
+  ride-estimation new-vehicle --mounts 3 --sensors 3 --mass-kg 480 --name tractor --out tractor.yaml
+  ride-estimation new-vehicle --out my_vehicle.yaml                 (on a terminal: asks for what is not given)
+"""
+_DEFAULT = Template()
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the verb."""
+    parser.add_argument("--out", required=True, metavar="V.yaml", help="vehicle file to write; an existing file is not replaced")
+    parser.add_argument("--mounts", type=int, metavar="N", help=f"number of mounts (default {_DEFAULT.mounts})")
+    parser.add_argument(
+        "--sensors", type=int, metavar="N", help=f"number of three-axis accelerometers on the body (default {_DEFAULT.sensors})"
+    )
+    parser.add_argument("--no-base-sensors", action="store_true", help="no accelerometers at the bases of the mounts")
+    parser.add_argument("--mass-kg", type=float, metavar="M", help=f"mass of the body [kg] (default {_DEFAULT.mass:g})")
+    parser.add_argument("--name", metavar="NAME", help=f"name of the vehicle (default {_DEFAULT.name})")
+    parser.add_argument("--body", default=_DEFAULT.body, metavar="NAME", help=f"name of the body (default {_DEFAULT.body})")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the file; see :data:`HELP`."""
+    require_finite(options)
+    path = Path(options.out)
+    if path.exists():
+        raise ConfigurationError("exists already and is not replaced; give another name or remove it", where=str(path))
+    if not path.parent.is_dir():
+        raise ConfigurationError("the folder does not exist", where=str(path.parent))
+    template = Template(
+        name=_given_or_asked(options.name, "name of the vehicle", _DEFAULT.name, str),
+        body=options.body,
+        mass=_given_or_asked(options.mass_kg, "mass of the body [kg]", _DEFAULT.mass, float),
+        mounts=_given_or_asked(options.mounts, "number of mounts", _DEFAULT.mounts, int),
+        sensors=_given_or_asked(options.sensors, "number of accelerometers on the body", _DEFAULT.sensors, int),
+        base_sensors=not options.no_base_sensors,
+    )
+    write_atomically(path, vehicle_template(template))
+    print(f"written: {path}; replace the numbers marked 'replace', then: ride-estimation plan --vehicle {path}")
+    return 0
+
+
+def at_terminal() -> bool:
+    """Return whether a person can be asked."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _given_or_asked(given: Answer | None, question: str, default: Answer, convert: Callable[[str], Answer]) -> Answer:
+    """Return the option, the answer of a person at a terminal, or the default."""
+    if given is not None:
+        return given
+    if not at_terminal():
+        return default
+    try:
+        answer = input(f"{question} [{default}]: ").strip()
+    except EOFError:
+        return default
+    try:
+        return convert(answer) if answer else default
+    except ValueError as error:
+        raise ConfigurationError(f"{question}: {answer!r} is not a number") from error

@@ -1,0 +1,61 @@
+# Copyright 2026 ride_estimation contributors
+"""``new-vehicle``: what it writes loads, stands, and goes into ``plan``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ride_estimation.cli.main import main
+from ride_estimation.io.vehicle_file import body_layout, load_vehicle
+
+
+@pytest.mark.parametrize(("mounts", "sensors"), [(1, 3), (2, 4), (3, 5), (4, 4), (7, 9), (8, 24)])
+def test_the_file_loads_with_the_numbers_asked_for(mounts: int, sensors: int, tmp_path: Path) -> None:
+    path = tmp_path / "v.yaml"
+    assert main(["new-vehicle", "--mounts", str(mounts), "--sensors", str(sensors), "--out", str(path)]) == 0
+    vehicle = load_vehicle(path)
+    assert len(vehicle.mounts) == mounts
+    assert sum(s.body == "cab" for s in vehicle.sensors.values()) == sensors
+    assert {s.mount for s in vehicle.sensors.values() if s.body == "chassis"} == set(vehicle.mounts)
+    assert body_layout(vehicle, "cab").complete
+
+
+@pytest.mark.parametrize(("mounts", "sensors", "mass"), [(4, 4, 1000.0), (2, 3, 0.5), (3, 0, 4e4)])
+def test_plan_runs_on_it_and_the_vehicle_stands(
+    mounts: int, sensors: int, mass: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(tmp_path / "v.yaml")
+    numbers = ["--mounts", str(mounts), "--sensors", str(sensors), "--mass-kg", str(mass)]
+    assert main(["new-vehicle", *numbers, "--out", path]) == 0
+    assert main(["plan", "--vehicle", path]) == 0
+    said = capsys.readouterr().out
+    assert "undamped modes" in said and "does not stand" not in said
+
+
+def test_an_existing_file_and_impossible_numbers_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "v.yaml"
+    path.write_text("mine", encoding="utf-8")
+    assert main(["new-vehicle", "--out", str(path)]) == 2
+    assert path.read_text(encoding="utf-8") == "mine" and "exists already" in capsys.readouterr().err
+    new = str(tmp_path / "new.yaml")
+    wrong = ["--mounts", "0", "--sensors", "999", "--mass-kg", "-3", "--name", "a: b"]
+    assert main(["new-vehicle", *wrong, "--out", new]) == 2
+    message = capsys.readouterr().err
+    assert all(word in message for word in ("0 mounts", "999 sensors", "-3 kg", "'a: b'")) and not Path(new).exists()
+    assert main(["new-vehicle", "--out", str(tmp_path / "no" / "v.yaml")]) == 2
+
+
+def test_a_terminal_is_asked_for_what_is_not_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def answer(question: str) -> str:
+        asked.append(question)
+        return {"number of mounts": "3"}.get(question.partition(" [")[0], "")
+
+    monkeypatch.setattr("ride_estimation.cli.new_vehicle.at_terminal", lambda: True)
+    monkeypatch.setattr("builtins.input", answer)
+    assert main(["new-vehicle", "--sensors", "5", "--out", str(tmp_path / "v.yaml")]) == 0
+    vehicle = load_vehicle(tmp_path / "v.yaml")
+    assert len(vehicle.mounts) == 3 and len(asked) == 3
