@@ -42,7 +42,7 @@ SETTLED = 5.0
 def estimator_rows(name: str, vehicle: Vehicle, run: Recording) -> Iterator[str]:
     """Yield one line per relation: movement in standard deviations."""
     before = estimates(run_offline(run, Pipeline(vehicle), hindsight=False), vehicle)
-    for relation in relations(vehicle):
+    for relation in relations():
         after = changed_run(vehicle, run, relation)
         yield _row(name, relation.name, relation.exact, movement(before, after, 0.0 if relation.exact else SETTLED))
     yield _row(name, "cut in two and continued", False, movement(before, continued_run(vehicle, run), SETTLED))
@@ -76,7 +76,7 @@ def foreign_case(folder: pathlib.Path) -> tuple[Vehicle, list[Recording]]:
 def verdict_rows(name: str, vehicle: Vehicle, runs: Sequence[Recording]) -> Iterator[tuple[bool, bool, str]]:
     """Yield per relation whether the verdict and whether the whole answer stayed, and a line."""
     first = diagnosed(vehicle, runs, Relation("none", True))
-    for relation in relations(vehicle):
+    for relation in relations():
         began = time.process_time()
         other = diagnosed(vehicle, runs, relation)
         same, whole = other.verdict == first.verdict, other == first

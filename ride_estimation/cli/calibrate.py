@@ -7,8 +7,8 @@ import argparse
 from pathlib import Path
 
 from ride_estimation.assessment.standstill import calibrate, summary_lines
+from ride_estimation.cli.parts import add_part_arguments, read_part
 from ride_estimation.errors import InputDataError
-from ride_estimation.io.bags import read_recording
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.vehicle_file import find_vehicle_file, load_vehicle, save_vehicle
 
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("recording", metavar="RUN", help="recording of the standing vehicle")
     parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
+    add_part_arguments(parser)
     parser.add_argument("--out", type=Path, metavar="V2.yaml", help="vehicle file to write; without it the table is only printed")
 
 
@@ -35,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputDataError(f"{options.out}: a vehicle file is written as .yaml or .yml")
     if options.out is not None and options.out.exists() and options.out.samefile(find_vehicle_file(options.vehicle)):
         raise InputDataError(f"{options.out}: is the vehicle file that is read; its comments would be lost: write another file")
-    found = calibrate(read_recording(options.recording, vehicle), vehicle)
+    found = calibrate(read_part(options.recording, vehicle, options), vehicle)
     print("\n".join(summary_lines(found)))
     if options.out is not None:
         output_folder(options.out.parent)

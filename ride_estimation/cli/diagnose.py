@@ -7,28 +7,25 @@ import argparse
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
+from ride_estimation.api.diagnosing import DiagnosedRun, diagnose
+from ride_estimation.api.runs import read_run
 from ride_estimation.cli.identify import add_reading_arguments, reading_options
+from ride_estimation.cli.parts import add_part_arguments, part_of_options
 from ride_estimation.cli.progress import Progress
 from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
-from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
 from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
 from ride_estimation.errors import ConfigurationError, InputDataError
-from ride_estimation.io.bags import read_recording
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_oscillator_record
-from ride_estimation.io.json_file import written_last
-from ride_estimation.io.results import output_folder, software
-from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
-from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
-from ride_estimation.signals.alignment import align
-from ride_estimation.signals.recording import UniformRun
-from ride_estimation.vehicles.vehicle import Vehicle
+from ride_estimation.io.results import output_folder
+from ride_estimation.io.vehicle_file import load_vehicle
+
+Answer = TypeVar("Answer", Diagnosis, DiagnosedRun)
 
 HELP = "find what the simulation of a recorded run gets wrong, name the cause, extend the model, measure the gain"
 EXAMPLES = """\
@@ -65,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fit-range", nargs=2, type=float, metavar=("FROM", "TO"),
         help="seconds of an --oscillator record that are fitted (default: the first half); the rest chooses and judges",
     )
+    add_part_arguments(parser)
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
     # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)
     add_reading_arguments(parser)
@@ -78,11 +76,14 @@ def run(options: argparse.Namespace) -> int:
         if not 0.0 < low < high:
             raise ConfigurationError(f"--band {low:g} {high:g}: two frequencies with 0 < LOW < HIGH are needed [Hz]")
         settings = dataclasses.replace(settings, band_hz=(low, high))
+    bench = Path(options.recording).suffix.lower() in _BENCH_SUFFIXES or options.vehicle is None
+    if (options.oscillator or bench) and part_of_options(options) != (None, None):
+        raise ConfigurationError("--from, --to: only for a run of a vehicle")
     if options.oscillator:
         return _run_oscillator(options)
     if options.fit_range is not None:
         raise ConfigurationError("--fit-range: only with --oscillator INPUT,OUTPUT")
-    if Path(options.recording).suffix.lower() in _BENCH_SUFFIXES or options.vehicle is None:
+    if bench:
         return _run_bench(options, settings)
     if dataclasses.replace(reading_options(options), rate_hz=0.0) != ReadOptions():
         raise ConfigurationError(
@@ -91,28 +92,16 @@ def run(options: argparse.Namespace) -> int:
     vehicle = load_vehicle(options.vehicle)
     folder = output_folder(options.out)
     rate = options.rate if options.rate > 0.0 else None
-    measured, checksum = _load(options.recording, vehicle, rate)
-    loaded = [_load(path, vehicle, rate) for path in options.validate]
-    for path, (_, sum_of_other) in zip(options.validate, loaded):
-        if sum_of_other == checksum:
+    begin, end = part_of_options(options)
+    run = read_run(options.recording, vehicle, start_s=begin, end_s=end)
+    others = [read_run(path, vehicle) for path in options.validate]
+    for path, other in zip(options.validate, others):
+        if other.recording.checksum == run.recording.checksum:
             raise ConfigurationError(f"--validate {path}: is the run that is fitted; only another one can judge the gain")
-    others = [run for run, _ in loaded]
-    chain = diagnose_travel if needs_travel(vehicle, measured) else diagnose
-    answer = _shown(lambda report: chain(vehicle, measured, others, settings, report))
-    answer = dataclasses.replace(answer, warnings=(*answer.warnings, *_unused_rates(measured)))
-    run_facts = {"path": str(options.recording), "checksum": checksum, "duration_s": measured.samples / measured.rate_hz}
-    return _write(answer, run_facts, {"name": vehicle.name, "checksum": vehicle.checksum}, measured.name, folder, options)
+    return _write(_shown(lambda report: diagnose(run, others, settings=settings, rate_hz=rate, report=report)), folder, options)
 
 
-def _unused_rates(run: UniformRun) -> tuple[str, ...]:
-    """Return words on gyros: the model is compared with accelerations and displacements alone."""
-    gyros = [name for name, values in run.data.items() if values.ndim > 1 and values.shape[1] > 3]
-    if not gyros:
-        return ()
-    return (f"the angular rates of {', '.join(gyros)} are not used: a diagnosis compares accelerations and displacements",)
-
-
-def _shown(work: Callable[[Callable[[float], None]], Diagnosis]) -> Diagnosis:
+def _shown(work: Callable[[Callable[[float], None]], Answer]) -> Answer:
     """Return the answer of some work that tells the share it has done, shown on a terminal."""
     progress = Progress(1.0, "diagnose")
     shown = 0.0
@@ -154,7 +143,8 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
     answer = _shown(lambda report: diagnose_bench(samples[0], tuple(samples[1:]), settings, band, report))
     answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
     facts = {"path": str(options.recording), "checksum": "", "duration_s": len(samples[0].force) / samples[0].rate_hz}
-    return _write(answer, facts, {"name": answer.extended.name, "checksum": ""}, samples[0].name, folder, options)
+    found = DiagnosedRun(answer, samples[0].name, facts, {"name": answer.extended.name, "checksum": ""})
+    return _write(found, folder, options)
 
 
 def _run_oscillator(options: argparse.Namespace) -> int:
@@ -182,24 +172,17 @@ def _run_oscillator(options: argparse.Namespace) -> int:
     folder = output_folder(options.out)
     answer = diagnose_oscillator(record, fit, others)
     facts = {"path": str(options.recording), "checksum": "", "duration_s": duration}
-    return _write(answer, facts, {"name": answer.extended.name, "checksum": ""}, record.name, folder, options)
+    found = DiagnosedRun(answer, record.name, facts, {"name": answer.extended.name, "checksum": ""})
+    return _write(found, folder, options)
 
 
 _MOST_FITTED = 0.8  # share of an oscillator record
 
 
-def _write(
-    answer: Diagnosis, run_facts: dict[str, Any], vehicle: dict[str, Any], name: str, folder: Path, options: argparse.Namespace
-) -> int:
+def _write(found: DiagnosedRun, folder: Path, options: argparse.Namespace) -> int:
     """Write the files of an answer and say it."""
-    document = answer.to_mapping()
-    document["software"] = software()
-    document["run"] = run_facts
-    document["vehicle"] = vehicle
-    with written_last(folder / "diagnosis.json", document):
-        save_vehicle(answer.extended, folder / "vehicle_extended.yaml")
-        if not options.no_report:
-            write_diagnosis_report(answer, name, folder / "report.html")
+    answer = found.answer
+    found.save(folder, report=not options.no_report)
     print(answer.sentence)
     for line in (*answer.remarks, *answer.warnings):
         print(f"  {line}")
@@ -207,15 +190,3 @@ def _write(
     unchanged = " (as given, nothing was found out about it)" if answer.verdict == INSUFFICIENT else ""
     print(f"written to {folder}: diagnosis.json, vehicle_extended.yaml{unchanged}{'' if options.no_report else ', report.html'}")
     return 0
-
-
-_HIGHEST_RATE_HZ = 400.0  # the analysis band ends at 40 Hz; more samples cost time and tell nothing
-
-
-def _load(path: str, vehicle: Vehicle, rate_hz: float | None) -> tuple[UniformRun, str]:
-    """Return a run on a uniform time base and its checksum."""
-    recording = read_recording(path, vehicle)
-    uniform = align(recording, rate_hz)
-    if rate_hz is None and uniform.rate_hz > _HIGHEST_RATE_HZ:
-        uniform = align(recording, _HIGHEST_RATE_HZ)
-    return uniform, recording.checksum

@@ -11,10 +11,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ride_estimation.api.replaying import require_layout
 from ride_estimation.cli.fleet_task import FleetRow, FleetTask, process_task
 from ride_estimation.cli.pool import run_on_cluster, run_on_pool
 from ride_estimation.cli.progress import Progress
-from ride_estimation.cli.replay import ReplayJob, add_replay_arguments, require_layout
+from ride_estimation.cli.replay import ReplayJob, add_replay_arguments
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.bag_source import SUFFIXES

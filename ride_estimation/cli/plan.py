@@ -7,12 +7,10 @@ import argparse
 import math
 import statistics
 
+from ride_estimation.api.planning import ROAD_CLASSES, plan
 from ride_estimation.cli.finite import require_finite
-from ride_estimation.errors import ConfigurationError
 from ride_estimation.identification.fisher import Identifiability
-from ride_estimation.identification.sensitivities import Excitation
-from ride_estimation.identification.sensor_plan import Option, SensorPlan, plan
-from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.identification.sensor_plan import Option, SensorPlan
 from ride_estimation.vehicles.modes import NEUTRAL_HZ
 
 _SHOWN = 6  # null directions that are printed one by one
@@ -22,11 +20,6 @@ EXAMPLES = """\
   ride-estimation plan --vehicle truck_cab
   ride-estimation plan --vehicle truck_cab --unknown-mass --road B --speed 22 --duration 300       (a motorway, cab not weighed)
 """
-#: what a test drive can be: option, least, largest, unit
-RANGES = (("speed", 0.5, 60.0, "m/s"), ("duration", 1.0, 86400.0, "s"), ("rate", 20.0, 20000.0, "Hz"))
-
-#: G_d(n0) at the geometric middle of each ISO 8608 class [m^3]
-ROAD_CLASSES = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,21 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print what is identifiable, what is not and why, and the ranked additions."""
     require_finite(options)
-    vehicle = load_vehicle(options.vehicle)
-    wrong = [
-        f"--{name} {getattr(options, name):g}; allowed: {low:g} to {high:g} {unit}"
-        for name, low, high, unit in RANGES if not low <= getattr(options, name) <= high
-    ]  # fmt: skip
-    if wrong:
-        raise ConfigurationError(wrong)
-    excitation = Excitation(
-        roughness=ROAD_CLASSES[options.road],
-        speed=options.speed,
-        duration_s=options.duration,
-        rate_hz=options.rate,
-        twist_share=0.0 if options.rigid_frame else 0.3,
-    )
-    result = plan(vehicle, excitation, known=() if options.unknown_mass else None)
+    found = plan(
+        options.vehicle, road=options.road, speed=options.speed, duration=options.duration, rate=options.rate,
+        rigid_frame=options.rigid_frame, unknown_mass=options.unknown_mass,
+    )  # fmt: skip
+    vehicle, result = found.vehicle, found.result
     print(
         f"{vehicle.name}: class {options.road} road, {options.speed:g} m/s, {options.duration:g} s at {options.rate:g} Hz, "
         f"{'rigid' if options.rigid_frame else 'twisting'} frame"

@@ -11,6 +11,7 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.errors import InputDataError
 from ride_estimation.signals.correction import NO_CORRECTION, Correction
 
 Array = NDArray[np.float64]
@@ -71,6 +72,17 @@ class Recording:
     ignored: Mapping[str, int] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    @property
+    def start_ns(self) -> int:
+        """Return the first stamp of all sensors [ns]."""
+        return min((int(c.stamp_ns.min()) for c in self.channels.values() if len(c.stamp_ns)), default=0)
+
+    @property
+    def duration_s(self) -> float:
+        """Return the time from the first to the last stamp of all sensors [s]."""
+        last = max((int(c.stamp_ns.max()) for c in self.channels.values() if len(c.stamp_ns)), default=0)
+        return (last - self.start_ns) * 1e-9
+
     def in_order(self) -> Iterator[tuple[int, int, tuple[float, ...], tuple[float, ...] | None]]:
         """Yield (channel index, stamp [ns], values, variance or None) of every sample in order of arrival."""
         channels = list(self.channels.values())
@@ -85,6 +97,47 @@ class Recording:
             stamps, values, variance = columns[index]
             stated = None if variance is None or math.isnan(variance[k][0]) else variance[k]
             yield index, stamps[k], values[k], stated
+
+
+def part_of(recording: Recording, start_s: float | None, end_s: float | None) -> Recording:
+    """Return the samples whose stamps are within a part of a recording, the recording itself where no limit is given.
+
+    Parameters
+    ----------
+    recording
+        The whole run.
+    start_s, end_s
+        Seconds since its first stamp, the limits included; None is the begin or the end of the run.
+
+    Raises
+    ------
+    InputDataError
+        Limits in the wrong order or outside of the run, or a sensor that has no sample between them.
+    """
+    if start_s is None and end_s is None:
+        return recording
+    whole = recording.duration_s
+    begin, end = 0.0 if start_s is None else start_s, whole if end_s is None else end_s
+    if not 0.0 <= begin < end or begin >= whole:
+        raise InputDataError(
+            f"{recording.name}: the part from {begin:g} s to {end:g} s; allowed are 0 <= from < to, from before {whole:.6g} s"
+        )
+    first, last = (recording.start_ns + round(limit * 1e9) for limit in (begin, min(end, whole)))
+    channels = {}
+    for name, c in recording.channels.items():
+        inside = (c.stamp_ns >= first) & (c.stamp_ns <= last)
+        channels[name] = dataclasses.replace(
+            c,
+            stamp_ns=c.stamp_ns[inside],
+            values=c.values[inside],
+            arrival_ns=c.arrival_ns[inside],
+            variance=None if c.variance is None else c.variance[inside],
+            order=None if c.order is None else c.order[inside],
+        )
+    silent = [name for name, c in channels.items() if not len(c.stamp_ns)]
+    if silent:
+        raise InputDataError(f"{recording.name}: no sample of {', '.join(silent)} from {begin:g} s to {end:g} s")
+    return dataclasses.replace(recording, name=f"{recording.name} ({begin:g} s to {min(end, whole):g} s)", channels=channels)
 
 
 def run_title(path: str) -> str:

@@ -112,7 +112,7 @@ class ForceReference:
     details: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Vehicle:
     """One vehicle file: everything the estimator, the simulation and the diagnosis know beforehand."""
 
@@ -124,6 +124,10 @@ class Vehicle:
     gravity: float = STANDARD_GRAVITY
     description: str = ""
     checksum: str = ""
+
+    def __repr__(self) -> str:
+        bodies = ", ".join(f"{name} {body.mass.value:g} kg" for name, body in self.bodies.items())
+        return f"Vehicle({self.name}: {bodies}; {len(self.mounts)} mounts, {len(self.sensors)} sensors)"
 
     @property
     def mount_names(self) -> tuple[str, ...]:

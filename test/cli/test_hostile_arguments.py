@@ -31,6 +31,7 @@ WITH_VEHICLE = {
     "compare": [str(BAGS / "standing"), "--out", "out"],
     "fleet": [str(BAGS), "--out", "out"],
     "plan": [],
+    "inspect": [str(BAGS / "standing")],
     "import-file": ["table.csv", "--out", "out"],
     "export-file": [str(BAGS / "standing"), "--out", "out.csv"],
     "compare-models": [str(BAGS / "standing")],
@@ -86,10 +87,10 @@ def test_a_vehicle_that_is_none(verb: str, capsys: pytest.CaptureFixture[str]) -
     assert "Is a directory" in refused(capsys, verb, *WITH_VEHICLE[verb], "--vehicle", "empty")
 
 
-@pytest.mark.parametrize("verb", ["replay", "diagnose", "calibrate", "compare", "export-file", "compare-models"])
+@pytest.mark.parametrize("verb", ["replay", "diagnose", "calibrate", "compare", "export-file", "compare-models", "inspect"])
 @pytest.mark.parametrize(("run", "words"), [("absent", "does not exist"), ("empty", "holds no"), ("nothing.mcap", "empty")])
 def test_a_run_that_is_none(verb: str, run: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    out = [] if verb in ("calibrate", "compare-models") else ["--out", "out.csv" if verb == "export-file" else "out"]
+    out = [] if verb in ("calibrate", "compare-models", "inspect") else ["--out", "out.csv" if verb == "export-file" else "out"]
     message = refused(capsys, verb, run, "--vehicle", "truck_cab", *out)
     assert words in message and run in message
 
@@ -151,7 +152,8 @@ def test_one_message_names_what_was_given(command: list[str], words: str, capsys
 
 
 def test_the_table_above_knows_every_command() -> None:
-    assert set(WITH_VEHICLE) | {"identify", "design-test", "quarter-car", "procedure", "completion", "demo"} == set(verb_helps())
+    others = {"identify", "design-test", "quarter-car", "procedure", "completion", "demo", "new-vehicle"}
+    assert set(WITH_VEHICLE) | others == set(verb_helps())
 
 
 def test_a_long_and_foreign_name_goes_in_and_out(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ride_estimation.api.simulating import find_vehicle
 from ride_estimation.cli.main import main
-from ride_estimation.cli.simulate import find_vehicle
 from ride_estimation.frames import point_motion_matrix
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.scenario_file import load_scenario

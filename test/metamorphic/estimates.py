@@ -31,7 +31,7 @@ class Estimates:
 def estimates(run: OfflineRun, original: Vehicle, relation: Relation | None = None) -> Estimates:
     """Return what a run of the changed vehicle says about the original one."""
     relation = relation or Relation("none", True)
-    places = [run.mount_names.index(relation.mounts(name)) for name in original.mounts]
+    places = [run.mount_names.index(new) for new in map(relation.mounts, original.mounts) if new in run.mount_names]
     signals = {}
     for name, grows in SIGNALS.items():
         value, std = run.signals[name], run.signals[f"{name}_std"]

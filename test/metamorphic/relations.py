@@ -8,10 +8,11 @@ Nothing here knows the truth: the relations hold on any recording, foreign ones 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
+from ride_estimation.frames import COORDINATES
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import ForceReference, Mount, Prior, Vehicle
@@ -44,7 +45,7 @@ class Relation:
 
     def axis(self, axis: str) -> str:
         """Return the axis of the changed vehicle along which an axis of the original one lies; other words stay."""
-        return axes_of(self.turn)[axis] if axis in AXES else axis
+        return axes_of(self.turn).get(axis, axis)
 
     def parameter(self, name: str) -> str:
         """Return the name that a parameter of the original vehicle has in the changed one."""
@@ -63,8 +64,9 @@ class Relation:
 
 
 def axes_of(turn: np.ndarray) -> dict[str, str]:
-    """Return for every axis the one it becomes."""
-    return {axis: AXES[int(np.argmax(np.abs(turn[:, i])))] for i, axis in enumerate(AXES)}
+    """Return for every coordinate the one it becomes; a rotation goes with the axis it turns about."""
+    to = [int(np.argmax(np.abs(turn[:, i]))) for i in range(3)]
+    return {words[i]: words[to[i]] for words in (AXES, ("roll", "pitch", "yaw")) for i in range(3)}
 
 
 # -- vehicles ------------------------------------------------------------------------------------------------------------------
@@ -88,7 +90,11 @@ def turned(vehicle: Vehicle, turn: np.ndarray) -> Vehicle:
 
     bodies = {
         name: dataclasses.replace(
-            b, cg=turn @ b.cg, inertia=turn @ b.inertia @ turn.T, cg_std=None if b.cg_std is None else np.abs(turn) @ b.cg_std
+            b,
+            cg=turn @ b.cg,
+            inertia=turn @ b.inertia @ turn.T,
+            cg_std=None if b.cg_std is None else np.abs(turn) @ b.cg_std,
+            coordinates=tuple(c for c in COORDINATES if c in {to[own] for own in b.coordinates}),
         )
         for name, b in vehicle.bodies.items()
     }
@@ -211,19 +217,18 @@ def between(run: Recording, from_ns: int, to_ns: int) -> Recording:
 # -- the relations ---------------------------------------------------------------------------------------------------------------
 
 
-def _number(mounts: Mapping[str, Mount]) -> Callable[[str], str]:
-    names = {name: f"point_{chr(ord('q') - i)}" for i, name in enumerate(mounts)}
-    return lambda name: names.get(name, name)
+def _new_name(mount: str) -> str:
+    """Return another name, which sorts in another order and says nothing about the place."""
+    return f"point_{mount[::-1]}"
 
 
-def relations(vehicle: Vehicle, seed: int = 0) -> tuple[Relation, ...]:
-    """Return all relations of one recording; ``seed`` draws the order of the sensors and the added noise."""
-    new = _number(vehicle.mounts)
+def relations(seed: int = 0) -> tuple[Relation, ...]:
+    """Return all relations; ``seed`` draws the order of the sensors and the added noise."""
     return (
         Relation("stamps + 1 microsecond", True, recording=lambda v, r: shifted(r, MICROSECOND), shift_ns=MICROSECOND),
         Relation("stamps + 1 year", True, recording=lambda v, r: shifted(r, YEAR), shift_ns=YEAR),
         Relation("sensors permuted", True, lambda v: permuted_sensors(v, seed)),
-        Relation("mounts renamed and permuted", True, lambda v: renamed_mounts(v, new), mounts=new),
+        Relation("mounts renamed and permuted", True, lambda v: renamed_mounts(v, _new_name), mounts=_new_name),
         Relation(
             "left and right mirrored",
             True,

@@ -42,11 +42,11 @@ def unchanged() -> Estimates:
 
 
 def relation(name: str) -> Relation:
-    return next(r for r in relations(run()[0]) if r.name == name)
+    return next(r for r in relations() if r.name == name)
 
 
-EXACT = [r.name for r in relations(run()[0]) if r.exact]
-NOISY = [r.name for r in relations(run()[0]) if not r.exact]
+EXACT = [r.name for r in relations() if r.exact]
+NOISY = [r.name for r in relations() if not r.exact]
 
 
 @pytest.mark.parametrize("name", EXACT)

@@ -11,6 +11,7 @@ from relations import Relation
 
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.result import Diagnosis
+from ride_estimation.frames import COORDINATES
 from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Channel, Recording, UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -33,17 +34,10 @@ class Answer:
 def answer(found: Diagnosis, vehicle: Vehicle, relation: Relation) -> Answer:
     """Return what a diagnosis of the changed vehicle says about the original one."""
     mounts = {relation.mounts(name): name for name in vehicle.mounts}
-    axes = {relation.axis(a): a for a in ("x", "y", "z")}
+    axes = {relation.axis(a): a for a in COORDINATES}
     return Answer(
-        found.verdict, frozenset((c.id, mounts.get(c.location, c.location), _turned(c.axis, axes)) for c in found.causes)
+        found.verdict, frozenset((c.id, mounts.get(c.location, c.location), axes.get(c.axis, c.axis)) for c in found.causes)
     )
-
-
-def _turned(axis: str, axes: dict[str, str]) -> str:
-    """Return an axis, or a coordinate that turns about one, of the original vehicle."""
-    about = {"x": "roll", "y": "pitch", "z": "yaw"}
-    turning = {word: about[axes[a]] for a, word in about.items()}
-    return axes.get(axis, turning.get(axis, axis))
 
 
 def diagnosed(vehicle: Vehicle, runs: Sequence[Recording], relation: Relation) -> Answer:

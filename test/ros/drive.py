@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import cmath
 import math
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -58,12 +60,26 @@ def wire(message: object) -> bytes:
     return bytes(serialize_message(message))
 
 
+#: frequencies [Hz] and amplitudes [m/s^2] at which the chassis shakes, all brackets alike
+SHAKE = ((1.3, 0.6), (3.1, 1.0), (7.0, 1.5))
+#: natural frequency of the cab on its mounts [rad/s] and damping ratio
+NATURAL, RATIO = 2.0 * math.pi * 2.0, 0.25
+#: of every channel, standard deviation [m/s^2]
+NOISE = 0.01
+
+
 def reading(sensor: Sensor, time_s: float) -> np.ndarray:
-    """Return the specific force of a cab that heaves 1.3 Hz over a chassis that shakes with 7 Hz."""
-    heave = 0.8 * math.sin(2 * math.pi * 1.3 * time_s)
-    shake = 1.5 * math.sin(2 * math.pi * 7.0 * time_s + sensor.position[0])
-    vertical = 9.80665 + (heave if sensor.body == "cab" else shake)
-    return np.array([0.05 * math.sin(time_s), 0.0, vertical])
+    """Return the specific force of a cab that heaves on linear mounts over a chassis that shakes."""
+    vertical = 9.80665
+    for frequency, amplitude in SHAKE:
+        omega = 2.0 * math.pi * frequency
+        passed = complex(NATURAL**2, 2.0 * RATIO * NATURAL * omega)
+        response = passed / (passed - omega**2) if sensor.body == "cab" else 1.0
+        vertical += amplitude * (response * cmath.exp(1j * omega * time_s)).imag
+    # slow enough for the stiff horizontal mounts to pass it on
+    along, across = (0.3 * math.sin(2.0 * math.pi * frequency * time_s) for frequency in (0.7, 0.9))
+    noise = NOISE * np.random.default_rng([zlib.crc32(sensor.name.encode()), round(1e6 * time_s)]).standard_normal(3)
+    return np.array([along, across, vertical]) + noise
 
 
 def drive(vehicle: Vehicle, seconds: float, rate_hz: float = 100.0, start_ns: int = START_NS) -> Iterator[Message]:

@@ -324,8 +324,12 @@ class BaseBalance:
         return np.asarray(left)
 
     def messages(self) -> list[str]:
-        """Return one sentence per sensor that is left out."""
-        return [
+        """Return one sentence per sensor that is left out, or that none can be named."""
+        found = [
+            "the sensors at the mount bases contradict the motion of the body and no single error of one explains it: nothing is "
+            "learned while that lasts, forces are less certain: check wiring, gain and fixing of the base sensors, and the mounts"
+        ]
+        return [*found[: int(self.unusual)]] + [
             f"{self._names[m]} is not used: it disagrees with the other sensors at the mount bases and with the motion of the "
             f"body: {words}: check its wiring, gain, delay and fixing"
             for m, words in self.refused.items()

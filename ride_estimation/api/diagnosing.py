@@ -1,0 +1,147 @@
+# Copyright 2026 ride_estimation contributors
+"""What the simulation of a run gets wrong, by which cause, and what the extended model gains."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ride_estimation.api.runs import Run
+from ride_estimation.api.tables import dataframe, html_table
+from ride_estimation.diagnosis.diagnose import diagnose as diagnose_run
+from ride_estimation.diagnosis.result import Diagnosis
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.io.json_file import written_last
+from ride_estimation.io.results import output_folder, software
+from ride_estimation.io.vehicle_file import save_vehicle
+from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
+from ride_estimation.reporting.numbers import plain, with_std
+from ride_estimation.signals.alignment import align
+from ride_estimation.signals.recording import Recording, UniformRun
+
+_HIGHEST_RATE_HZ = 400.0  # the analysis band ends at 40 Hz; more samples cost time and tell nothing
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class DiagnosedRun:
+    """The answer of a diagnosis and what it was asked about.
+
+    Attributes
+    ----------
+    answer
+        Verdict, causes, gain, extended vehicle.
+    name
+        Of the run or record.
+    run_facts, vehicle_facts
+        What ``diagnosis.json`` says about both.
+    """
+
+    answer: Diagnosis
+    name: str
+    run_facts: dict[str, Any]
+    vehicle_facts: dict[str, Any]
+
+    @property
+    def verdict(self) -> str:
+        """Return ``no_discrepancy``, ``explained``, ``unexplained`` or ``insufficient_data``."""
+        return self.answer.verdict
+
+    def to_dataframe(self, table: str = "causes") -> Any:
+        """Return ``causes`` (one row per cause and parameter) or the calibrated ``parameters`` as ``pandas.DataFrame``, SI.
+
+        Raises
+        ------
+        ConfigurationError
+            Unknown table, or pandas is not installed.
+        """
+        if table == "parameters":
+            keys = ("name", "value", "std", "unit", "prior")
+            return dataframe({key: [getattr(p, key) for p in self.answer.parameters] for key in keys}, "name")
+        if table != "causes":
+            raise ConfigurationError(f"table {table!r}; allowed: causes, parameters")
+        pairs = [(c, p) for c in self.answer.causes for p in (c.parameters or (None,))]
+        columns: dict[str, Any] = {key: [getattr(c, key) for c, _ in pairs] for key in ("id", "location", "axis", "confidence")}
+        columns |= {key: [getattr(p, key, None) for _, p in pairs] for key in ("name", "value", "std", "unit")}
+        return dataframe(columns)
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report as one HTML file and return its path."""
+        write_diagnosis_report(self.answer, self.name, Path(path))
+        return Path(path)
+
+    def save(self, folder: str | Path, *, report: bool = True) -> None:
+        """Write ``diagnosis.json``, ``vehicle_extended.yaml`` and ``report.html`` into a folder."""
+        folder = output_folder(folder)
+        document = self.answer.to_mapping()
+        document |= {"software": software(), "run": self.run_facts, "vehicle": self.vehicle_facts}
+        with written_last(folder / "diagnosis.json", document):
+            save_vehicle(self.answer.extended, folder / "vehicle_extended.yaml")
+            if report:
+                self.report(folder / "report.html")
+
+    def __repr__(self) -> str:
+        return f"DiagnosedRun({self.name}: {self.verdict}; {self.answer.sentence})"
+
+    def _repr_html_(self) -> str:
+        rows = [[p.name, *with_std(p.value, p.std), plain(p.prior), p.unit] for p in self.answer.parameters]
+        return html_table(("parameter", "value", "std", "prior", "unit"), rows, self.answer.sentence)
+
+
+def diagnose(
+    run: Run,
+    validate: Sequence[Run] = (),
+    *,
+    settings: Settings | None = None,
+    rate_hz: float | None = None,
+    report: Callable[[float], None] = lambda share: None,
+) -> DiagnosedRun:
+    """Find what the simulation of a recorded run gets wrong, name the cause, extend the model, measure the gain.
+
+    Parameters
+    ----------
+    run
+        From :func:`~ride_estimation.api.runs.read_run`.
+    validate
+        Validation runs of the same vehicle: they neither fit nor select.
+    settings
+        Analysis band and limits of the search.
+    rate_hz
+        Of the common time base [Hz]; the fastest sensor, 400 Hz at most, where None.
+    report
+        Called with the share of the work that is done.
+
+    Raises
+    ------
+    RideEstimationError
+        A run that validates itself, or a vehicle or run that cannot be diagnosed.
+    """
+    for other in validate:
+        if other.recording.checksum == run.recording.checksum and other.recording.name == run.recording.name:
+            raise ConfigurationError(f"{other.recording.name}: is the run that is fitted; only another one can judge the gain")
+    measured = _uniform(run.recording, rate_hz)
+    others = [_uniform(other.recording, rate_hz) for other in validate]
+    chain = diagnose_travel if needs_travel(run.vehicle, measured) else diagnose_run
+    answer = chain(run.vehicle, measured, others, Settings() if settings is None else settings, report)
+    answer = dataclasses.replace(answer, warnings=(*answer.warnings, *_unused_rates(measured)))
+    checksum, duration = run.recording.checksum, measured.samples / measured.rate_hz
+    facts = {"path": run.recording.name, "checksum": checksum, "duration_s": duration}
+    return DiagnosedRun(answer, measured.name, facts, {"name": run.vehicle.name, "checksum": run.vehicle.checksum})
+
+
+def _unused_rates(run: UniformRun) -> tuple[str, ...]:
+    """Return words on gyros: the model is compared with accelerations and displacements alone."""
+    gyros = [name for name, values in run.data.items() if values.ndim > 1 and values.shape[1] > 3]
+    if not gyros:
+        return ()
+    return (f"the angular rates of {', '.join(gyros)} are not used: a diagnosis compares accelerations and displacements",)
+
+
+def _uniform(recording: Recording, rate_hz: float | None) -> UniformRun:
+    uniform = align(recording, rate_hz)
+    if rate_hz is None and uniform.rate_hz > _HIGHEST_RATE_HZ:
+        uniform = align(recording, _HIGHEST_RATE_HZ)
+    return uniform

@@ -1,0 +1,112 @@
+# Copyright 2026 ride_estimation contributors
+"""What a sensor set will be able to tell, before the vehicle is instrumented."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+from ride_estimation.api.tables import dataframe, html_table
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.identification.sensitivities import Excitation
+from ride_estimation.identification.sensor_plan import SensorPlan
+from ride_estimation.identification.sensor_plan import plan as plan_sensors
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.vehicles.vehicle import Vehicle
+
+#: what a test drive can be: option, least, largest, unit
+RANGES = (("speed", 0.5, 60.0, "m/s"), ("duration", 1.0, 86400.0, "s"), ("rate", 20.0, 20000.0, "Hz"))
+
+#: G_d(n0) at the geometric middle of each ISO 8608 class [m^3]
+ROAD_CLASSES = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Plan:
+    """What the sensors of a vehicle can tell.
+
+    Attributes
+    ----------
+    vehicle
+        The vehicle.
+    result
+        Bounds on the parameters, additions ranked.
+    """
+
+    vehicle: Vehicle
+    result: SensorPlan
+
+    def to_dataframe(self) -> Any:
+        """Return the smallest relative standard deviation per parameter as ``pandas.DataFrame``; inf: not identifiable."""
+        present = self.result.present
+        return dataframe({"parameter": present.names, "relative_std": present.relative_std}, "parameter")
+
+    def __repr__(self) -> str:
+        present = self.result.present
+        return f"Plan({self.vehicle.name}: rank {present.rank} of {len(present.names)} parameters)"
+
+    def _repr_html_(self) -> str:
+        present = self.result.present
+        rows = [
+            [name, f"{100.0 * std:.2g} %" if math.isfinite(std) else "not identifiable"]
+            for name, std in zip(present.names, present.relative_std.tolist())
+        ]
+        return html_table(("parameter", "smallest std"), rows, repr(self))
+
+
+def plan(
+    vehicle: Vehicle | str | Path,
+    *,
+    road: str = "C",
+    speed: float = 15.0,
+    duration: float = 60.0,
+    rate: float = 200.0,
+    rigid_frame: bool = False,
+    unknown_mass: bool = False,
+) -> Plan:
+    """Tell which parameters the sensors of a vehicle can identify and which addition would help most.
+
+    Parameters
+    ----------
+    vehicle
+        A loaded vehicle, a vehicle file, or the name of a bundled one.
+    road
+        ISO 8608 class, A to H.
+    speed, duration, rate
+        Of the test drive [m/s], usable driving [s], sample rate [Hz].
+    rigid_frame
+        Assume that the frame does not twist.
+    unknown_mass
+        Ignore the force references of the vehicle file.
+
+    Raises
+    ------
+    ConfigurationError
+        Numbers outside of what is allowed, all at once.
+
+    Examples
+    --------
+    >>> import ride_estimation as re
+    >>> re.plan("single_imu", unknown_mass=True)
+    Plan(single_imu: rank 0 of 26 parameters)
+    """
+    known = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    given = {"speed": speed, "duration": duration, "rate": rate}
+    wrong = [
+        f"--{name} {given[name]:g}; allowed: {low:g} to {high:g} {unit}"
+        for name, low, high, unit in RANGES if not low <= given[name] <= high
+    ]  # fmt: skip
+    if road not in ROAD_CLASSES:
+        wrong.append(f"--road {road!r}; allowed: {', '.join(ROAD_CLASSES)}")
+    if wrong:
+        raise ConfigurationError(wrong)
+    excitation = Excitation(
+        roughness=ROAD_CLASSES[road],
+        speed=speed,
+        duration_s=duration,
+        rate_hz=rate,
+        twist_share=0.0 if rigid_frame else 0.3,
+    )
+    return Plan(known, plan_sensors(known, excitation, known=() if unknown_mass else None))

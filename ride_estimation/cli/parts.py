@@ -1,0 +1,34 @@
+# Copyright 2026 ride_estimation contributors
+"""The options ``--from`` and ``--to`` of every command that reads a run."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ride_estimation.api.runs import read_run
+from ride_estimation.cli.finite import require_finite
+from ride_estimation.signals.recording import Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+
+def add_part_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--from`` and ``--to``."""
+    parser.add_argument(
+        "--from", type=float, dest="from_s", metavar="S", help="use the run from this time on [s since its first stamp]"
+    )
+    parser.add_argument(
+        "--to", type=float, dest="to_s", metavar="S", help="use the run up to this time [s since its first stamp]"
+    )
+
+
+def part_of_options(options: argparse.Namespace) -> tuple[float | None, float | None]:
+    """Return begin and end of the part that was asked for, None where the run itself begins or ends."""
+    require_finite(argparse.Namespace(**{"from": options.from_s, "to": options.to_s}))
+    return options.from_s, options.to_s
+
+
+def read_part(path: str | Path, vehicle: Vehicle, options: argparse.Namespace) -> Recording:
+    """Return the part of a recorded run that a command line asks for."""
+    begin, end = part_of_options(options)
+    return read_run(path, vehicle, start_s=begin, end_s=end).recording
