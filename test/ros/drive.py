@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import cmath
+import functools
 import math
 import zlib
 from collections.abc import Iterator
@@ -66,6 +67,13 @@ SHAKE = ((1.3, 0.6), (3.1, 1.0), (7.0, 1.5))
 NATURAL, RATIO = 2.0 * math.pi * 2.0, 0.25
 #: of every channel, standard deviation [m/s^2]
 NOISE = 0.01
+#: values after which it begins again, one per millisecond
+NOISE_LENGTH = 10_007
+
+
+@functools.cache
+def _noise(name: str) -> np.ndarray:
+    return NOISE * np.random.default_rng(zlib.crc32(name.encode())).standard_normal((NOISE_LENGTH, 3))
 
 
 def reading(sensor: Sensor, time_s: float) -> np.ndarray:
@@ -78,8 +86,7 @@ def reading(sensor: Sensor, time_s: float) -> np.ndarray:
         vertical += amplitude * (response * cmath.exp(1j * omega * time_s)).imag
     # slow enough for the stiff horizontal mounts to pass it on
     along, across = (0.3 * math.sin(2.0 * math.pi * frequency * time_s) for frequency in (0.7, 0.9))
-    noise = NOISE * np.random.default_rng([zlib.crc32(sensor.name.encode()), round(1e6 * time_s)]).standard_normal(3)
-    return np.array([along, across, vertical]) + noise
+    return np.array([along, across, vertical]) + _noise(sensor.name)[round(1e3 * time_s) % NOISE_LENGTH]
 
 
 def drive(vehicle: Vehicle, seconds: float, rate_hz: float = 100.0, start_ns: int = START_NS) -> Iterator[Message]:
