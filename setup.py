@@ -47,7 +47,7 @@ COMPLETION = ["shtab>=1.6"]
 # npTDMS, rpc3-file, shtab: half a megabyte each. Tests of MDF4, Parquet, Dask (100 MB and more) are skipped without their extras.
 TEST = [
     "pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2",
-    "rainflow>=3.2", "mcap>=1.3", "npTDMS>=1.9", "rpc3-file>=1.0.0rc6", *COMPLETION,
+    "rainflow>=3.2", "mcap>=1.3", "npTDMS>=1.9", "rpc3-file>=1.0.0rc6", "fmpy>=0.3.20", *COMPLETION,
 ]
 LINT = ["ruff>=0.6", "mypy>=1.11", "import-linter>=2.0", "types-PyYAML"]
 COLCON = ["colcon-common-extensions", "colcon-ros", "catkin_pkg", "setuptools<80"]
@@ -63,6 +63,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.export": ["c/*"]},
     data_files=data_files(),
     zip_safe=False,
     install_requires=RUNTIME,

@@ -26,7 +26,7 @@ from ride_estimation.errors import RideEstimationError
 TOPICS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("start here", ("demo", "inspect", "new-vehicle", "plan", "calibrate", "replay", "diagnose")),
     ("several runs", ("compare", "fleet")),
-    ("other files", ("import-file", "export-file")),
+    ("other files and programs", ("import-file", "export-file", "export-model")),
 )
 EPILOG = """\
 A first day, on the recordings that come with the package:
