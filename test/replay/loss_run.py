@@ -225,9 +225,9 @@ def undisturbed(given: Course) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """One sequence: its kind, whether all numbers were finite, the largest force over the largest true one, error at the end of
-    the calm and without disturbance over the size of the forces (horizontal, vertical), ticks and those inside two standard
-    deviations (horizontal, vertical).
+    """One sequence: its kind, whether all numbers were finite, the largest valid force over the largest true one, error at the
+    end of the calm and without disturbance over the size of the forces (horizontal, vertical), ticks and those inside two
+    standard deviations (horizontal, vertical).
     """
 
     kind: str
@@ -270,7 +270,7 @@ def sequences(given: Course, seed: int, count: int, reference: np.ndarray | None
         finite = bool(np.isfinite(found.force).all() and np.isfinite(found.std).all() and np.isfinite(found.deflection).all())
         with np.errstate(all="ignore"):
             now = by_direction(error[late]) if late.sum() > rate else np.full(2, np.inf)
-            largest = float(np.abs(found.force).max(initial=0.0)) / largest_true
+            largest = float(np.abs(found.force[found.valid]).max(initial=0.0)) / largest_true
         yield Verdict(
             plan.kind, finite, largest, now / given.size, by_direction(own) / given.size, len(error),
             np.array([hits[..., :2].mean(axis=(1, 2)).sum(), hits[..., 2].mean(axis=1).sum()]),

@@ -11,9 +11,13 @@ from replay.loss_run import Chain, Course, course, undisturbed_rows
 from worlds.adapters import plane_inputs
 from worlds.plane_scenario import machine_case
 
-from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL, DeflectionEstimator, Equilibrium
+from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.offline import run_offline
 from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.quality import judge_sensors
 from ride_estimation.signals.recording import Channel, Recording
 
@@ -130,3 +134,29 @@ def test_a_planar_body_keeps_its_attitude_and_its_forces_live_and_smoothed():
     for force in (live, smoothed):
         assert np.std(force.sum(axis=1) - carried) < 0.02 * np.std(carried)
     assert np.std(smoothed - live) < 0.1 * np.std(live)
+
+
+@pytest.mark.parametrize("silent", ["bases", "body in doubt"])
+def test_equilibrium_a_block_late_never_drives_the_deflections_apart(silent: str):
+    a = arrange(load_vehicle("truck_cab"))
+    count, ticks, dt = len(a.mounts), 10, 0.002
+    estimator = DeflectionEstimator(a, BracketTilt(a))
+    still = np.tile([0.0, 0.0, 9.80665, 0.0, 0.0, 0.0], (ticks, 1))
+    variance = 1e-4 if silent == "bases" else 1e6
+    motion = MotionBlock(
+        still, variance * np.eye(6), np.zeros((ticks, 3)), np.zeros((ticks, 3)), 0.0, np.zeros((ticks, 0)),
+        np.ones(ticks, dtype=bool),
+    )  # fmt: skip
+    base, none = np.tile([0.0, 0.0, 9.80665], (ticks, count, 1)), np.zeros((ticks, count, 3))
+    spoke = np.full((ticks, count), silent != "bases")
+    lag, sizes = np.full((count, 3), 0.06), []
+    missing = np.tile([0.0, 0.0, 1e-3], (count, 1))
+    for _ in range(500):
+        rest = Equilibrium(none, lag, missing)
+        told = spoke.all(axis=1)
+        found = estimator.observe(motion, base, spoke, told, none, none > 0.0, np.full((count, 3), 1e-6), dt, rest)
+        # spring and damper at rest: what equilibrium misses is what the estimate has
+        missing = -np.mean(found.deflection + lag[None] * found.rate, axis=0)
+        sizes.append(float(np.abs(found.deflection).max()))
+    assert max(sizes) < 0.01
+    assert max(sizes[-50:]) < 1e-4

@@ -329,7 +329,7 @@ class BaseBalance:
             "the sensors at the mount bases contradict the motion of the body and no single error of one explains it: nothing is "
             "learned while that lasts, forces are less certain: check wiring, gain and fixing of the base sensors, and the mounts"
         ]
-        return [*found[: int(self.unusual)]] + [
+        return (found if self.possible and self.unusual else []) + [
             f"{self._names[m]} is not used: it disagrees with the other sensors at the mount bases and with the motion of the "
             f"body: {words}: check its wiring, gain, delay and fixing"
             for m, words in self.refused.items()
