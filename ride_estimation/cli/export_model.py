@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import hashlib
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,11 @@ def _read_element(path: Path, document: Any, origin: dict[str, Any]) -> tuple[Ex
             origin["identification"] = {
                 key: found[key] for key in ("method", "model", "parameters", "validation", "warnings") if key in found
             }
+            for known in found.get("parameters", []):
+                # a quantity of the identification that is a number of the element under the same name
+                prior = priors.get(str(known.get("name")))
+                if prior is not None and prior.std is None and known.get("value") == prior.value:
+                    priors[str(known["name"])] = dataclasses.replace(prior, std=known.get("std"))
     description = f"force element {element.KIND}"
     name = path.parent.name if path.stem == "element" else path.stem
     return element_model(name or element.KIND, {"z": element}, {("z", n): p for n, p in priors.items()}, description), origin

@@ -29,7 +29,7 @@ def element(tmp_path: Path) -> Path:
 
 def test_parameters_go_with_standard_deviation_and_range(element: Path, tmp_path: Path) -> None:
     plain = {"kind": "kelvin_voigt", "stiffness_n_per_m": 2.0e5, "damping_n_s_per_m": 800.0}
-    found = {"element": plain, "model": "kelvin_voigt", "parameters": [{"name": "k", "value": 2.0e5, "std": 1.5e3}]}
+    found = {"element": plain, "model": "kelvin_voigt", "parameters": [{"name": "damping", "value": 800.0, "std": 9.0}]}
     element.with_name("identification.json").write_text(json.dumps(found))
     out = tmp_path / "bushing.fmu"
     assert main(["export-model", str(element), "--out", str(out), "--source-only"]) == 0
@@ -42,6 +42,7 @@ def test_parameters_go_with_standard_deviation_and_range(element: Path, tmp_path
     stiffness = next(p for p in document["parameters"] if p["name"] == "stiffness")
     assert (stiffness["value"], stiffness["std"], stiffness["lower"], stiffness["upper"]) == (2.0e5, 1.5e3, 1.0e5, 3.0e5)
     assert document["origin"]["identification"]["parameters"] == found["parameters"]
+    assert next(p for p in document["parameters"] if p["name"] == "damping")["std"] == 9.0
     assert "standard deviation 1500; range 100000 to 300000" in description
 
 
