@@ -152,7 +152,7 @@ def test_one_message_names_what_was_given(command: list[str], words: str, capsys
 
 
 def test_the_table_above_knows_every_command() -> None:
-    others = {"identify", "design-test", "quarter-car", "procedure", "completion", "demo", "new-vehicle"}
+    others = {"identify", "design-test", "quarter-car", "procedure", "completion", "demo", "new-vehicle", "export-model"}
     assert set(WITH_VEHICLE) | others == set(verb_helps())
 
 

@@ -50,6 +50,7 @@ def test_one_imu_without_base_motion_is_refused_with_the_reason(real_data, tmp_p
     assert "base motion" in document["sentence"]
 
 
+@pytest.mark.slow
 def test_the_spring_of_the_silverbox_is_named_from_the_command_line(real_data, tmp_path):
     folder = real_data("silverbox_duffing_benchmark")
     rate = repr(1e7 / 2**14)  # Hz, a known fact of the benchmark

@@ -29,6 +29,8 @@ _MEMORY = 240.0
 _FEWEST = 16
 #: change of a logarithm over a factor of e in amplitude that is worth a sentence
 _RELEVANT = 0.05
+#: standard deviations beyond which it is said: chance makes one of two dozen larger once in a thousand runs
+_CLEAR = 4.0
 #: standard deviations of an exponent that count as scatter
 _SCATTER = 2.0
 
@@ -111,8 +113,9 @@ class AmplitudeDependence:
         names
             Of the multipliers, S of them.
         """
-        change = 100.0 * (2.0 ** self.exponents[0] - 1.0)
-        words = [f"{name} by {change[n]:+.0f} %" for n, name in enumerate(names) if self.std[n] > _RELEVANT]
+        value, spread = self.exponents
+        clear = np.abs(value) > np.maximum(_RELEVANT, _CLEAR * spread)
+        words = [f"{name} by {100.0 * (2.0 ** value[n] - 1.0):+.0f} %" for n, name in enumerate(names) if clear[n]]
         if not words:
             return []
         return [
