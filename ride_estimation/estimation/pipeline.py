@@ -198,7 +198,7 @@ class Pipeline:
         self._parameters.restart()
         self._fill.reset()
         self._hints.reset()
-        self._checks.reset()
+        self._checks.reset(same_time=reason == NUMERICAL_FAULT)
         self._excess = 1.0
 
     def _guarded(self, block: Block) -> OutputBlock:

@@ -131,7 +131,9 @@ class BaseBalance:
         self.suspicious, self._proven = math.inf, 0.0
         #: share of the load that the run usually leaves unexplained, and time over which that was followed [s]
         self._usual, self._followed = 0.0, 0.0
-        self.unusual = False
+        #: a single error would explain the readings better: nothing is learned; the residual is larger than that of the run, as
+        #: after a fault that none explains yet or a load that came on: forces are less certain
+        self.unusual = self.rises = False
 
     def _all_hypotheses(self) -> list[BaseError]:
         """Return the map of readings that are right, then those of all errors."""
@@ -273,7 +275,7 @@ class BaseBalance:
         self._found = best
         share = float(left[0]) / total
         rises = self._followed > _LEAST and share > max(_RISE * self._usual, _MATTERS)
-        self.unusual = not self.refused and (better > _HINT or rises)
+        self.unusual, self.rises = not self.refused and better > _HINT, not self.refused and rises
         self._followed = min(self._followed + duration, _RUN)
         self._usual += duration / self._followed * (min(share, _RISE * self._usual if rises else share) - self._usual)
         sound = float(left[self._strong].min()) > _SHOWS * left[0]

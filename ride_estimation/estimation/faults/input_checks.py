@@ -79,11 +79,18 @@ class InputChecks:
         #: stream -> reason -> ticks at which a base sensor was left out against the others
         self._lost: dict[int, Counter[str]] = {}
 
-    def reset(self) -> None:
-        """Begin a new time base; what was found out about the sensors stays."""
+    def reset(self, same_time: bool = False) -> None:
+        """Begin anew; what was found out about the sensors stays.
+
+        Parameters
+        ----------
+        same_time
+            Whether the time base goes on: gyros are compared with readings, which a failure of the estimates does not touch.
+        """
         self._gate.reset()
         self._swaps.reset()
-        self.gyros.reset()
+        if not same_time:
+            self.gyros.reset()
         self._bases.reset()
         self.base_faults.reset()
         self._noise.reset()
@@ -185,7 +192,8 @@ class InputChecks:
     @property
     def bases_in_doubt(self) -> bool:
         """Return whether one of the base sensors is wrong though nothing tells which."""
-        return self._bases.in_doubt or self._noise.in_doubt or (self._balance.possible and self._balance.unusual)
+        weighed = self._balance.possible and (self._balance.unusual or self._balance.rises)
+        return self._bases.in_doubt or self._noise.in_doubt or weighed
 
     @property
     def weighs(self) -> bool:
