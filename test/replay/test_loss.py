@@ -16,7 +16,7 @@ LATE = 0.1
 #: layouts on which single ticks after lost sensors are called valid and are still larger; finite and honest they have to be
 MISSED = {
     "air, 4 + 4 and travel of the mounts, 100 Hz": "up to 4 times the largest true force",
-    "air, 3 and an IMU on the cab + 4, 200 Hz": "up to 43 times the largest true force when the attitude begins anew, 22 % recover late",
+    "air, 3 and an IMU on the cab + 4, 200 Hz": "up to 43 times it when the attitude begins anew, 22 % recover late",
 }
 #: share of the truth inside two standard deviations
 COVERAGE = 0.9
