@@ -180,13 +180,9 @@ class BaseBalance:
         """
         new = [int(streams[m]) for m in self.refused if m not in self._told]
         self._told = frozenset(self.refused)
-        if new:
-            newly = (*verdict.newly_refused, *new)
-            spoiled = max(verdict.spoiled, self.suspicious + 2.0 * _MEMORY)
-            verdict = dataclasses.replace(verdict, began=True, newly_refused=newly, spoiled=spoiled)
         if self.unusual:
             verdict = dataclasses.replace(verdict, unusual=True)
-        return verdict.without(streams[list(self.refused)]) if self.refused else verdict
+        return verdict.with_refused([int(streams[m]) for m in self.refused], new, self.suspicious + 2.0 * _MEMORY)
 
     # -- samples ----------------------------------------------------------------------------------------------------------
 

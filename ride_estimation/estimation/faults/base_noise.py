@@ -9,7 +9,6 @@ missing. A line of one frequency does not reach deflections, as they are a doubl
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -80,11 +79,7 @@ class BaseNoise:
         """
         new = [int(streams[n]) for n in self.refused if n not in self._told]
         self._told = frozenset(self.refused)
-        if new:
-            newly = (*verdict.newly_refused, *new)
-            spoiled = max(verdict.spoiled, _MEMORY)
-            verdict = dataclasses.replace(verdict, began=True, newly_refused=newly, spoiled=spoiled)
-        return verdict.without(streams[list(self.refused)]) if self.refused else verdict
+        return verdict.with_refused([int(streams[n]) for n in self.refused], new, _MEMORY)
 
     def interrupt(self) -> None:
         """Say that a block is missing."""

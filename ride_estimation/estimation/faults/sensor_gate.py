@@ -102,6 +102,24 @@ class GateVerdict:
     excess: float
     spoiled: float = 0.0
 
+    def with_refused(self, refused: Sequence[int], new: Sequence[int], spoiled: float) -> GateVerdict:
+        """Return the verdict without streams that are refused.
+
+        Parameters
+        ----------
+        refused
+            Streams.
+        new
+            Those of them that are refused from this block on.
+        spoiled
+            How long before they may have spoiled what was learned [s].
+        """
+        verdict = self
+        if new:
+            newly = (*self.newly_refused, *new)
+            verdict = dataclasses.replace(self, began=True, newly_refused=newly, spoiled=max(self.spoiled, spoiled))
+        return verdict.without(np.array(refused)) if refused else verdict
+
     def without(self, streams: int | NDArray[np.int64]) -> GateVerdict:
         """Return the verdict with some streams left out of the whole block."""
         valid = self.valid.copy()
