@@ -15,7 +15,7 @@ from ride_estimation.identification.sensitivities import AddedMass, Excitation, 
 from ride_estimation.sensors.layout import check_layout
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.assembly import assemble
-from ride_estimation.vehicles.modes import MODE_NAMES, Mode, linearise, undamped_modes, unheld_motions
+from ride_estimation.vehicles.modes import linearise, undamped_modes, unheld_motions
 from ride_estimation.vehicles.vehicle import Body, ForceReference, Vehicle
 
 _TRANSDUCER_NOISE = 2e-5  # m, a potentiometric or draw-wire transducer of 100 mm range
@@ -29,7 +29,6 @@ _ADDED_SHARE = 0.1  # added mass of the proposed second run over the mass of the
 _REFERENCE_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.042}
 #: a vehicle whose lowest mode is above this is not suspended [Hz]; earth-moving machines on tyres have 1 to 4 Hz
 _STIFFEST_RIDE = 25.0
-_PURE = 0.7  # share of the energy of a mode in one coordinate from which on it is called after that one alone
 _MOST_SENSITIVITIES = 10_000  # channels times parameters; each takes about 0.1 MB
 _RUN_SENSORS = ("accelerometer", "imu", "displacement")
 
@@ -164,7 +163,7 @@ def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | 
     ratio_to, ratios = _ratios(vehicle, runs, names, {**declared, **gains}, present)
     return SensorPlan(
         present, declared, ratio_to, ratios, _layouts(vehicle), _warnings(vehicle, cells),
-        tuple((_mode_words(m), m.frequency_hz) for m in undamped_modes(linearise(assemble(vehicle)))),
+        tuple((m.words, m.frequency_hz) for m in undamped_modes(linearise(assemble(vehicle)))),
         tuple(sorted(options, key=lambda o: (-o.identifiable, -o.rank, o.median_relative_std))),
     )  # fmt: skip
 
@@ -178,15 +177,6 @@ def _check_size(vehicle: Vehicle, everything: Sequence[Sensor]) -> None:
             f"their bodies {parameters} parameters: {channels * parameters} sensitivities; at most {_MOST_SENSITIVITIES} are "
             "computed. Leave out sensors that stand side by side, or plan with the mounts of one group as one"
         )
-
-
-def _mode_words(mode: Mode) -> str:
-    """Return the label of a mode, with the coordinate that has the second largest share where that one is large."""
-    (_, first), *rest = sorted(mode.energy_share.items(), key=lambda item: -item[1])
-    if first >= _PURE or not rest:
-        return mode.label
-    _, coordinate = rest[0][0]
-    return f"{mode.label} with {MODE_NAMES[coordinate]}"
 
 
 def _as_mapping(known: Mapping[str, float] | Sequence[str]) -> dict[str, float]:

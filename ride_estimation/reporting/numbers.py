@@ -19,7 +19,7 @@ def plain(value: float, digits: int = 4) -> str:
     ('434600', '0.0719', '2', '1.19e+20')
     """
     if value == 0.0 or not math.isfinite(value) or not _SMALL <= abs(value) < _LARGE:
-        return f"{value:.{digits}g}"
+        return f"{value + 0.0:.{digits}g}"  # a zero has no sign
     rounded = float(f"{value:.{digits}g}")
     decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
     text = f"{rounded:.{decimals}f}"
@@ -55,4 +55,38 @@ def with_std(value: float, std: float) -> tuple[str, str]:
     if not -8 < place < 8 or not abs(value) < _LARGE:
         return plain(value), plain(std, 2)
     decimals = max(-place, 0)
-    return f"{round(value, -place):.{decimals}f}", f"{round(std, -place):.{decimals}f}"
+    return f"{round(value, -place) + 0.0:.{decimals}f}", f"{round(std, -place):.{decimals}f}"
+
+
+def with_half(value: float, half: float) -> str:
+    """Return ``value ± half``, both to the place of the second digit of the half width.
+
+    Examples
+    --------
+    >>> with_half(4.2061, 0.0512), with_half(1.5, 0.0)
+    ('4.206 ± 0.051', '1.5')
+    """
+    return " ± ".join(with_std(value, half)) if half > 0.0 and math.isfinite(half) else plain(value)
+
+
+def interval(lower: float, upper: float, digits: int) -> str:
+    """Return an interval in words; a lower end of zero means that the value is not known."""
+    low, high = plain(lower, digits), plain(upper, digits)
+    if low == high:
+        return "not stated" if upper > 0.0 else "-"
+    return f"{low} to {high}" if lower > 0.0 else f"not known, below {high}"
+
+
+#: unit inside -> (unit people read, factor)
+_READ = {"N/m": ("N/mm", 1e-3), "N s/m": ("N s/mm", 1e-3), "N/m^3": ("N/mm³", 1e-9), "kg m^2": ("kg m²", 1.0)}
+
+
+def reading_unit(unit: str) -> tuple[str, float]:
+    """Return the unit a parameter is shown in and the factor to it; files keep SI.
+
+    Examples
+    --------
+    >>> reading_unit("N/m"), reading_unit("kg")
+    (('N/mm', 0.001), ('kg', 1.0))
+    """
+    return _READ.get(unit, (unit, 1.0))

@@ -1,15 +1,21 @@
 # Copyright 2026 ride_estimation contributors
-"""One report: headings, text, tables, figures; written as one HTML file that opens without network, as PDF or as PNG files."""
+"""One report: headings, text, tables, figures; written as one HTML file that opens without network, as PDF or as PNG files.
+
+The HTML file holds the numbers of its figures; ``web/report.js`` draws them, with cursor, zoom and export. The page
+allows no other script and no address outside of itself.
+"""
 
 from __future__ import annotations
 
 import base64
 import dataclasses
+import hashlib
 import html
 import io
-import math
+import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,28 +26,10 @@ from ride_estimation.text import printable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: resolution of the pictures in HTML and PNG files [dots per inch]
-SCREEN_DPI = 88
+#: resolution of the pictures in PDF and PNG files [dots per inch]
 PRINT_DPI = 150
-
-_STYLE = """
-body{font:15px/1.45 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1b1f24;background:#fff}
-h1{font-size:1.6em;margin-bottom:.2em;overflow-wrap:anywhere}h2{font-size:1.25em;margin-top:1.8em;border-bottom:1px solid #d0d7de}
-p{overflow-wrap:anywhere}td{overflow-wrap:break-word}
-nav{font-size:.92em;margin:1em 0}nav a{display:inline-block;margin:0 .9em .3em 0;color:#0969da;text-decoration:none}
-.wide{overflow-x:auto;margin:.8em 0}
-table{border-collapse:collapse;font-size:.92em}th,td{border:1px solid #d0d7de;padding:.25em .6em;text-align:left}
-th{background:#f3f5f7}td.number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-img{max-width:100%;height:auto}figure{margin:1em 0;overflow-x:auto}figcaption{color:#57606a;font-size:.9em}
-.verdict{font-size:1.15em;background:#eef6ff;border-left:5px solid #0969da;padding:.7em 1em}
-.warning{background:#fff8e5;border-left:5px solid #bf8700;padding:.4em 1em;margin:.3em 0}
-@media (max-width:700px){body{margin:.6em auto;padding:0 .6em}figure img{min-width:660px}td,th{padding:.2em .4em;max-width:22em}
-.wide table{width:max-content}}
-@media print{body{max-width:none;margin:0;font-size:10pt}nav{display:none}h2{break-after:avoid}
-figure,tr{break-inside:avoid}.wide,figure{overflow:visible}table{font-size:8pt}img{max-height:23cm}
-.verdict,.warning,th{-webkit-print-color-adjust:exact;print-color-adjust:exact}}
-"""
-
+#: characters from which a cell of a table is prose, which needs room on a narrow screen
+_PROSE = 40
 
 class Digits(str):
     """A number that is written already, with the digits it deserves."""
@@ -50,8 +38,19 @@ class Digits(str):
 
 
 @dataclasses.dataclass(frozen=True)
+class Link:
+    """A cell of a table that leads to a file beside the page; ``target`` is relative."""
+
+    text: str
+    target: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclasses.dataclass(frozen=True)
 class Text:
-    """A heading (``kind`` h2), a paragraph (p), the verdict or a warning."""
+    """A heading (``kind`` h2, h3), a paragraph (p), the verdict or a warning."""
 
     kind: str
     text: str
@@ -74,7 +73,14 @@ class Picture:
     tight: bool
 
 
-Block = Text | Table | Picture
+@dataclasses.dataclass(frozen=True)
+class Beside:
+    """Short tables side by side where the screen has room, each below its title."""
+
+    parts: tuple[tuple[str, Table], ...]
+
+
+Block = Text | Table | Picture | Beside
 
 
 class Page:
@@ -110,6 +116,11 @@ class Page:
         """Add a table; numbers are right-aligned and printed with four significant digits."""
         self.blocks.append(Table(tuple(headers), tuple(tuple(row) for row in rows)))
 
+    def beside(self, parts: Mapping[str, tuple[Sequence[str], Iterable[Sequence[object]]]]) -> None:
+        """Add tables side by side: title -> (headers, rows)."""
+        tables = {title: Table(tuple(headers), tuple(tuple(row) for row in rows)) for title, (headers, rows) in parts.items()}
+        self.blocks.append(Beside(tuple(tables.items())))
+
     def figure(self, figure: Figure, caption: str, tight: bool = True) -> None:
         """Add a matplotlib figure; ``tight`` cuts its margins."""
         self.blocks.append(Picture(figure, caption, tight))
@@ -134,10 +145,16 @@ class Page:
                 section += 1
             else:
                 parts.append(_html(block))
+        script = f"{_web('report.js')}\n" if self.pictures else ""
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
         text = (
             '<!doctype html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
-            f"<title>{_escaped(self.title)}</title><style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+            # nothing is loaded from anywhere, and no script but the one of this page runs
+            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
+            f"style-src 'unsafe-inline'; script-src 'sha256-{digest}'\">"
+            f"<title>{_escaped(self.title)}</title><style>{_web('report.css')}{_foot(self.title)}</style></head>"
+            f"<body>{''.join(parts)}{f'<script>{script}</script>' if script else ''}</body></html>\n"
         )
         write_atomically(path, text)
 
@@ -157,11 +174,9 @@ def png(picture: Picture, dpi: int) -> bytes:
     """Return a picture as PNG, the same bytes for the same figure."""
     from matplotlib.text import Text as Label
 
-    for axes in picture.figure.axes:  # a signal that is zero throughout has no logarithm
-        if axes.get_xscale() == "log" and not math.isfinite(axes.dataLim.minposx):
-            axes.set_xscale("linear")
-        if axes.get_yscale() == "log" and not math.isfinite(axes.dataLim.minposy):
-            axes.set_yscale("linear")
+    from ride_estimation.reporting.chart import settle_scales
+
+    settle_scales(picture.figure)
     for label in picture.figure.findobj(Label):
         if label.get_text() != printable(label.get_text()):
             label.set_text(printable(label.get_text()))
@@ -190,18 +205,49 @@ def _escaped(text: str) -> str:
 
 def _html(block: Block) -> str:
     if isinstance(block, Picture):
-        data = base64.b64encode(png(block, SCREEN_DPI)).decode("ascii")
-        caption = _escaped(block.caption)
-        return f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
+        return _chart(block)
+    if isinstance(block, Beside):
+        parts = (f"<div><h3>{_escaped(title)}</h3>{_html(table)}</div>" for title, table in block.parts)
+        return f'<div class="side">{"".join(parts)}</div>'
     if isinstance(block, Table):
-        heads = "".join(f"<th>{_escaped(h)}</th>" for h in block.headers)
+        numeric = [bool(block.rows) and all(is_number(row[i]) for row in block.rows) for i in range(len(block.headers))]
+        heads = "".join(f"<th{' class=number' * right}>{_escaped(h)}</th>" for h, right in zip(block.headers, numeric))
         head = f"<thead><tr>{heads}</tr></thead>" if any(block.headers) else ""
         body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in block.rows)
-        return f'<div class="wide"><table>{head}<tbody>{body}</tbody></table></div>'
+        fit = ' class="fit"' if len(block.headers) <= 2 else ""
+        return f'<div class="wide"><table{fit}>{head}<tbody>{body}</tbody></table></div>'
     text = _escaped(block.text)
     return f"<p>{text}</p>" if block.kind == "p" else f'<p class="{block.kind}">{text}</p>'
 
 
+def _chart(picture: Picture) -> str:
+    """Return a figure as its numbers, drawn by the script of the page."""
+    from ride_estimation.reporting.chart import chart_of
+
+    # "<" would end the data early where a name from outside holds markup
+    data = json.dumps(chart_of(picture.figure), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return (
+        '<figure class="chart"><div class="tools"></div><div class="plot"><noscript>The plots need JavaScript; --format pdf '
+        f'draws them without.</noscript></div><figcaption>{_escaped(picture.caption)}</figcaption>'
+        f'<script type="application/json">{data}</script></figure>'
+    )
+
+
 def _cell(value: object) -> str:
     text = _escaped(cell_text(value))
-    return f'<td class="number">{text}</td>' if is_number(value) else f"<td>{text}</td>"
+    if isinstance(value, Link):
+        return f'<td><a href="{html.escape(value.target)}">{text}</a></td>'
+    if is_number(value):
+        return f'<td class="number">{text}</td>'
+    return f'<td class="prose">{text}</td>' if len(text) > _PROSE else f"<td>{text}</td>"
+
+
+def _web(name: str) -> str:
+    """Return a file of the page's own script or style."""
+    return (files("ride_estimation.reporting") / "web" / name).read_text(encoding="utf-8")
+
+
+def _foot(title: str) -> str:
+    """Return the rule that prints the title at the foot of every sheet."""
+    plain_title = re.sub(r'[\\"<>\x00-\x1f]', " ", printable(title))
+    return f'@page{{@bottom-left{{content:"{plain_title}"}}}}'

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from ride_estimation.io.atomic import replacing
-from ride_estimation.reporting.page import PRINT_DPI, Page, Picture, Table, Text, cell_text, is_number, png
+from ride_estimation.reporting.page import PRINT_DPI, Beside, Page, Picture, Table, Text, cell_text, is_number, png
 from ride_estimation.text import printable
 
 _WIDTH, _HEIGHT, _MARGIN = 8.27, 11.69, 0.6  # A4 [inch]
@@ -22,7 +22,8 @@ _POINTS = 72.0
 _LINE = 1.25  # line height over font size
 #: font size [points], text columns that fit the sheet, weight and colour by kind of text
 _STYLES = {
-    "h1": (15.0, 48, "bold", "#1b1f24"), "h2": (12.0, 60, "bold", "#1b1f24"), "p": (8.5, 112, "normal", "#1b1f24"),
+    "h1": (15.0, 48, "bold", "#1b1f24"), "h2": (12.0, 60, "bold", "#1b1f24"), "h3": (9.5, 80, "bold", "#1b1f24"),
+    "p": (8.5, 112, "normal", "#1b1f24"),
     "verdict": (10.0, 76, "bold", "#0969da"), "warning": (8.5, 112, "normal", "#9a6700"),
     "caption": (7.5, 126, "normal", "#57606a"),
 }  # fmt: skip
@@ -50,6 +51,10 @@ def write_pdf(page: Page, path: Path) -> None:
                 sheets.picture(block)
             elif isinstance(block, Table):
                 sheets.table(block)
+            elif isinstance(block, Beside):
+                for title, table in block.parts:
+                    sheets.text(title, "h3")
+                    sheets.table(table)
             elif isinstance(block, Text):
                 sheets.text(block.text, block.kind)
         sheets.finish()
@@ -81,9 +86,9 @@ class _Sheets:
         """Set a text, line by line."""
         size, columns, weight, colour = _STYLES[kind]
         lines = textwrap.wrap(printable(" ".join(text.split())), columns) or [""]
-        before = 0.12 if kind in ("h1", "h2") else 0.03
+        before = 0.12 if kind in ("h1", "h2", "h3") else 0.03
         # a heading stays with what follows
-        self._room(before + len(lines[:40]) * size * _LINE / _POINTS + (0.8 if kind == "h2" else 0.0))
+        self._room(before + len(lines[:40]) * size * _LINE / _POINTS + (0.8 if kind in ("h2", "h3") else 0.0))
         self._top += before
         self._lines(lines, size, {"weight": weight, "color": colour})
         self._top += 0.04

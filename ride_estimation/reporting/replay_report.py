@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
-"""The report of a replay: data quality first, then motion, loads, forces and parameters with their uncertainty.
+"""The report of a replay: the result first, then forces, mounts, damage, comfort, parameters; data quality and sources last.
 
-Pages that other programs call fatigue, ride comfort and spectra follow; :mod:`ride_estimation.reporting.replay_sections`.
+Sections beside those of the estimates: :mod:`ride_estimation.reporting.replay_sections`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
 from ride_estimation.reporting import replay_sections as sections
-from ride_estimation.reporting.numbers import alike, plain, with_std
+from ride_estimation.reporting.numbers import alike, plain, reading_unit, with_std
 from ride_estimation.reporting.page import Digits, Page
+from ride_estimation.reporting.replay_summary import summary
 from ride_estimation.reporting.side_signals import SideSignals
 from ride_estimation.sensors.sensor import SENSOR_KINDS
 from ride_estimation.signals.quality import ChannelQuality
@@ -57,31 +58,27 @@ def replay_page(
         Content of ``diagnosis.json`` of the same run, for the ladder of models.
     """
     page = Page(f"Replay of {run_title(recording.name)} with {vehicle.name}")
-    _head(page, recording, vehicle, run, result)
-    _quality(page, vehicle, run, quality)
-    _fit(page, run, result)
-    page.heading("Motion and inertial load of the body")
-    page.text("At the centre of gravity, gravity removed; the load is m a and I alpha + omega x I omega.")
-    _signal_table(page, run)
-    page.figure(plots.motion_and_load(run), "Acceleration of the CG and inertial load over the run", tight=False)
+    summary(page, vehicle, run, result, assessment)
+    if result["warnings"]:
+        page.heading("Warnings")
+    for text in result["warnings"]:
+        page.warning(text)
     _forces(page, run)
-    sections.spectra(page, run, side)
     sections.mounts(page, run, side)
     sections.durability(page, run, assessment)
     sections.comfort(page, assessment)
     _parameters(page, run, result)
+    _motion(page, run)
+    sections.spectra(page, run, side)
+    _fit(page, run, result)
+    _quality(page, vehicle, run, quality)
     sections.ladder(page, diagnosis, recording.checksum)
+    _sources(page, recording, vehicle, run, result)
     return page
 
 
-def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, result: Mapping[str, Any]) -> None:
-    settled = sum(p.status.value == "valid" for p in run.parameters)
-    page.verdict(
-        f"{run.time_s[-1]:.1f} s, {100.0 * run.valid.mean():.1f} % of it usable; {settled} of {len(run.parameters)} parameters "
-        f"settled; {len(result['warnings'])} warnings."
-    )
-    for text in result["warnings"]:
-        page.warning(text)
+def _sources(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, result: Mapping[str, Any]) -> None:
+    page.heading("Sources and checksums")
     for text in result["layout"]:
         page.text(text)
     software = ", ".join(f"{name} {version}" for name, version in result["software"].items())
@@ -91,6 +88,13 @@ def _head(page: Page, recording: Recording, vehicle: Vehicle, run: OfflineRun, r
         ["software", software],
         ["digest of the estimates", run.digest],
     ])  # fmt: skip
+
+
+def _motion(page: Page, run: OfflineRun) -> None:
+    page.heading("Motion and inertial load of the body")
+    page.text("At the centre of gravity, gravity removed; the load is m a and I alpha + omega x I omega.")
+    _signal_table(page, run)
+    page.figure(plots.motion_and_load(run), "Acceleration of the CG and inertial load over the run with ± 2 std", tight=False)
 
 
 def _quality(page: Page, vehicle: Vehicle, run: OfflineRun, quality: Mapping[str, ChannelQuality]) -> None:
@@ -192,9 +196,10 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.heading("Parameters")
     rows = []
     for p in run.parameters:
-        value, half = with_std(p.value, 1.96 * p.std)
+        unit, factor = reading_unit(p.unit)
+        value, half = with_std(factor * p.value, 1.96 * factor * p.std)
         words = f"{p.status.value}: {_STATUS_WORDS[p.status.value]}"
-        rows.append([p.name, Digits(value), Digits(half), p.unit.replace(" ", "\u00a0"), p.prior, words, p.reason])
+        rows.append([p.name, Digits(value), Digits(half), unit.replace(" ", "\u00a0"), factor * p.prior, words, p.reason])
     page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
     if run.health.innovation_ratio > 0.0:
         page.text(

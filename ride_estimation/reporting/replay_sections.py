@@ -15,7 +15,7 @@ from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import damage_plots, replay_mounts, replay_spectra
-from ride_estimation.reporting.numbers import plain
+from ride_estimation.reporting.numbers import interval, plain
 from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.side_signals import SideSignals
 
@@ -96,24 +96,26 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
     if not assessment.damages:
         return
     page.text(
-        f"Rainflow counting after ASTM E1049, pseudo-damage = sum of range^{assessment.slope:g}; only its ratios mean anything. "
+        f"Rainflow counting after ASTM E1049, pseudo-damage = sum of range^{assessment.slope:g}; only its ratios mean "
+        "anything, so it is stated relative to the worst force (absolute values: result.json). "
         f"The equivalent amplitude is that of a sine of {EQUIVALENT_RATE_HZ:g} Hz that does the same damage in the same time. "
         "The interval (95 %) takes the stated uncertainty of the force as one unknown factor, the kind of error that changes "
         "damage most, and every cycle with the uncertainty of its time; where the lower end is zero the damage is not known."
     )
     measured = any(d.measured is not None for d in assessment.damages)
+    largest = max(d.estimated.value for d in assessment.damages)
     rows = []
     for d in assessment.damages:
         e = d.estimated
         row: list[object] = [
-            d.mount, d.axis, Digits(plain(e.equivalent_amplitude, 3)),
-            _interval(e.equivalent_lower, e.equivalent_upper, 3), e.largest_range, Digits(plain(e.value, 3)),
-            _interval(e.lower, e.upper, 2),
+            d.mount, d.axis, Digits(plain(1e-3 * e.equivalent_amplitude, 3)),
+            interval(1e-3 * e.equivalent_lower, 1e-3 * e.equivalent_upper, 3), Digits(plain(1e-3 * e.largest_range, 3)),
+            Digits(plain(100.0 * e.value / largest, 3)) if largest > 0.0 else "-",
+            interval(100.0 * e.lower / largest, 100.0 * e.upper / largest, 2) if largest > 0.0 else "-",
         ]  # fmt: skip
         rows.append([*row, "" if d.ratio is None else float(d.ratio)] if measured else row)
-    unit = f"N^{assessment.slope:g}"
     heads = [
-        "mount", "axis", "equivalent amplitude [N]", "95 % [N]", "largest range [N]", f"damage [{unit}]", f"95 % [{unit}]",
+        "mount", "axis", "equivalent amplitude [kN]", "95 % [kN]", "largest range [kN]", "damage [% of the worst]", "95 % [%]",
     ]  # fmt: skip
     page.table([*heads, "estimated / measured"] if measured else heads, rows)
     worst = damage_plots.worst(assessment.damages)
@@ -128,13 +130,6 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
         damage_plots.damage_time_plot(list(worst.values()), run.time_s[run.valid], replay_spectra.tick_rate(run)),
         "Share of every second in the damage: which second did it", tight=False,
     )  # fmt: skip
-
-
-def _interval(lower: float, upper: float, digits: int) -> str:
-    low, high = plain(lower, digits), plain(upper, digits)
-    if low == high:
-        return "not stated" if upper > 0.0 else "-"
-    return f"{low} to {high}" if lower > 0.0 else f"not known (below {high})"
 
 
 def comfort(page: Page, assessment: RunAssessment) -> None:
@@ -190,11 +185,10 @@ def _minutes(value: float) -> object:
 
 
 def ladder(page: Page, diagnosis: Mapping[str, Any] | None, checksum: str) -> None:
-    """Add the ladder of models of a diagnosis of the same run, or how to get one."""
-    page.heading("Ladder of models")
+    """Add the ladder of models of a diagnosis of the same run, where there is one."""
     if diagnosis is None:
-        page.text("Which extended model would explain what is left: ride-estimation diagnose, then replay --diagnosis DIR.")
         return
+    page.heading("Ladder of models")
     if diagnosis.get("run", {}).get("checksum") != checksum:
         page.warning("The diagnosis is of another recording than this replay.")
     page.verdict(str(diagnosis.get("sentence", "")))

@@ -20,6 +20,8 @@ ComplexArray = NDArray[np.complex128]
 
 #: what engineers call a mode that is mostly this coordinate
 MODE_NAMES = {"x": "fore-aft", "y": "lateral", "z": "bounce", "roll": "roll", "pitch": "pitch", "yaw": "yaw"}
+#: share of the energy of a mode in one coordinate from which on it is called after that one alone
+PURE_SHARE = 0.7
 #: slower than this a motion counts as not held [Hz]; a swing of this period takes a quarter of an hour
 NEUTRAL_HZ = 1e-3
 
@@ -82,6 +84,12 @@ class Mode:
     label: str
     energy_share: dict[tuple[str, str], float]
     shape: ComplexArray
+
+    @property
+    def words(self) -> str:
+        """Return the label, with the coordinate that has the second largest share where that one is large."""
+        (_, first), *rest = sorted(self.energy_share.items(), key=lambda item: -item[1])
+        return self.label if first >= PURE_SHARE or not rest else f"{self.label} with {MODE_NAMES[rest[0][0][1]]}"
 
 
 def linearise(assembly: Assembly, frequency_hz: float = 2.0, amplitude: float = 1.0e-3) -> LinearModel:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import doctest
 import re
@@ -18,8 +19,9 @@ from scipy import signal
 from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.offline import OfflineRun
-from ride_estimation.reporting import numbers
+from ride_estimation.reporting import numbers, replay_summary
 from ride_estimation.reporting import replay_sections as sections
+from ride_estimation.reporting.chart import chart_of
 from ride_estimation.reporting.page import Digits, Page, png
 from ride_estimation.reporting.pdf import _wrapped, write_pdf
 from ride_estimation.reporting.replay_mounts import mount_curves, stiffness_by_amplitude
@@ -156,9 +158,10 @@ def test_every_axis_of_every_picture_has_its_unit(page: Page) -> None:
 def test_nothing_from_outside_becomes_markup_and_nothing_is_loaded(page: Page, tmp_path: Path) -> None:
     page.write(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
-    assert "<script" not in text and "&lt;script&gt;" in text
-    assert not re.search(r"(src|href)=\"(?!data:|#)", text)
-    assert 'name="viewport"' in text and "@media print" in text and len(text) < 6_000_000
+    # the numbers of every figure and the one script of the page, which nothing from outside ends or joins
+    assert text.count("<script") == len(page.pictures) + 1 and "<script>alert" not in text and "&lt;script&gt;" in text
+    assert not re.search(r"(src|href)=\"(?!data:|#)", text) and "default-src 'none'" in text
+    assert 'name="viewport"' in text and "@media print" in text and len(text) < 4_000_000
     for part in ("Spectra", "hysteresis", "Durability", "Ride comfort", "floor, not seat", "Ladder", "another recording"):
         assert part in text
 
@@ -171,6 +174,48 @@ def test_the_report_as_pdf_and_as_pictures(page: Page, tmp_path: Path) -> None:
     files = short.write_png(tmp_path / "pictures")
     assert len(files) == 1 and all(f.read_bytes().startswith(b"\x89PNG") for f in files)
     assert all(re.fullmatch(r"\d\d_[a-z0-9_]+\.png", f.name) for f in files)
+
+
+def decoded(stored: dict[str, Any]) -> np.ndarray:
+    """Return an array of a chart as the script of the page reads it."""
+    if stored["t"] == "u":
+        return stored["a"] + stored["s"] * np.arange(stored["n"])
+    raw = base64.b64decode(stored["b"])
+    if stored["t"] == "f":
+        return np.frombuffer(raw, "<f4").astype(float)
+    codes = np.frombuffer(raw, "<i2").astype(float)
+    return np.where(codes == -32768, np.nan, stored["a"] + (stored["z"] - stored["a"]) * (codes + 32767) / 65534)
+
+
+def test_a_chart_holds_the_numbers_of_the_figure() -> None:
+    figure = Figure()
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    time = np.linspace(0.0, 10.0, 500)
+    values = np.sin(time) * np.exp(time)
+    values[100:110] = np.nan
+    upper.plot(time, values, label="signal")
+    upper.fill_between(time, -time, time**2, alpha=0.2)
+    upper.axhline(1.0)
+    lower.semilogy(time, np.exp(-3.0 * time))
+    lower.bar([0.0, 1.0], [3.0, 4.0], width=1.0, align="edge")
+    chart = chart_of(figure)
+    first, second = chart["panels"]
+    assert first["group"] == second["group"] and not first["x"]["numbers"] and second["x"]["numbers"] and second["y"]["log"]
+    items = {item["k"]: item for item in first["items"]}
+    assert items["level"]["v"] == 1.0
+    arrays = [decoded(a) for a in chart["arrays"]]
+    assert arrays[items["line"]["x"]] == pytest.approx(time)
+    shown, span = arrays[items["line"]["y"]], np.nanmax(values) - np.nanmin(values)
+    assert np.array_equal(np.isnan(shown), np.isnan(values)) and np.nanmax(np.abs(shown - values)) < 1e-5 * span
+    assert arrays[items["band"]["lo"]] == pytest.approx(-time, abs=1e-3)
+    assert arrays[items["band"]["hi"]] == pytest.approx(time**2, abs=2e-3)
+    bars, curve = second["items"]
+    assert bars["k"] == "bars" and list(arrays[bars["y"]]) == [3.0, 4.0]
+    assert arrays[curve["y"]] == pytest.approx(np.exp(-3.0 * time), rel=1e-6)  # a logarithmic axis needs relative precision
+
+
+def test_names_of_parameters_in_few_words() -> None:
+    assert doctest.testmod(replay_summary)[0] == 0
 
 
 def test_drawn_twice_a_picture_is_the_same(page: Page) -> None:
@@ -218,7 +263,7 @@ def test_every_cell_of_a_table_is_in_the_document_and_nothing_leaves_the_sheet(
 
 def test_numbers_have_the_digits_that_are_meant():
     failed, tried = doctest.testmod(numbers)
-    assert failed == 0 and tried == 3
+    assert failed == 0 and tried == 5
     for value in (0.99999, 9999.6, -123456.7, 2.5e-4, 0.0, 1e300):
         assert float(numbers.plain(value)) == pytest.approx(value, rel=5e-4)
     assert "e" not in numbers.plain(9.9e6) + numbers.plain(1.1e-4)
