@@ -3,6 +3,7 @@
 #   make demo       install, replay the bundled recording, compare what was found with the truth
 #   make test       fast test suite            make test-all   everything, also the statistical tests
 #   make lint       ruff, mypy --strict, layer rules
+#   make docs       documentation as a site: out/site/index.html
 #   make bench      benchmarks                 make clean      remove build products (keeps the environment)
 #
 #   make lock       resolve the versions of requirements/ anew for the Python of the environment
@@ -31,7 +32,7 @@ export OMP_NUM_THREADS ?= 1
 BIN := $(VENV)/bin
 STAMPS := $(VENV)/.installed
 
-.PHONY: demo test test-all lint bench lock clean
+.PHONY: demo test test-all lint docs bench lock clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -57,9 +58,12 @@ test-all: $(STAMPS)-ros,test
 	$(BIN)/python -m pytest -q -m "slow or not slow" -n $(WORKERS) $(PYTEST_ARGS)
 
 lint: $(STAMPS)-ros,test,lint
-	$(BIN)/ruff check ride_estimation test benchmarks launch requirements setup.py
+	$(BIN)/ruff check ride_estimation test benchmarks docs launch requirements setup.py
 	$(BIN)/mypy ride_estimation
 	$(BIN)/lint-imports
+
+docs: $(STAMPS)-docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/site
 
 bench: $(STAMPS)-ros,test
 	@for script in $(BENCH); do echo "== $$script"; $(BIN)/python $$script || exit 1; done

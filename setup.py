@@ -44,12 +44,16 @@ ROS = [
 FILES = ["asammdf>=8.1", "npTDMS>=1.9", "rpc3-file>=1.0.0rc6", "pyarrow>=15,<26"]
 FLEET = ["distributed>=2024.1"]
 COMPLETION = ["shtab>=1.6"]
+# What results of the Python interface become in a notebook.
+NOTEBOOK = ["pandas>=2.0", "xarray>=2023.1"]
 # npTDMS, rpc3-file, shtab: half a megabyte each. Tests of MDF4, Parquet, Dask (100 MB and more) are skipped without their extras.
 TEST = [
     "pytest>=8.0", "pytest-timeout>=2.2", "pytest-xdist>=3.5", "hypothesis>=6.100", "mujoco>=3.2",
     "rainflow>=3.2", "mcap>=1.3", "npTDMS>=1.9", "rpc3-file>=1.0.0rc6", "fmpy>=0.3.20", *COMPLETION,
 ]
 LINT = ["ruff>=0.6", "mypy>=1.11", "import-linter>=2.0", "types-PyYAML"]
+# The documentation site; its two notebooks are executed when it is built.
+DOCS = ["sphinx>=7.2", "myst-nb>=1.1", "furo>=2024.1", "numpydoc>=1.7", "fmpy>=0.3.20", *NOTEBOOK]
 COLCON = ["colcon-common-extensions", "colcon-ros", "catkin_pkg", "setuptools<80"]
 
 setup(
@@ -75,6 +79,8 @@ setup(
         "files": FILES,
         "fleet": FLEET,
         "completion": COMPLETION,
+        "notebook": NOTEBOOK,
+        "docs": DOCS,
         "dev": TEST + LINT,
     },
     entry_points={

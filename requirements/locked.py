@@ -27,7 +27,7 @@ from pip._vendor.packaging.utils import canonicalize_name
 ROOT = Path(__file__).resolve().parents[1]
 NAME = "ride-estimation"
 #: extras of setup.py that are locked ("dev" is test and lint)
-EXTRAS = ("ros", "test", "lint", "colcon", "files", "fleet", "completion")
+EXTRAS = ("ros", "test", "lint", "colcon", "files", "fleet", "completion", "notebook", "docs")
 
 
 def lock_file(python: str) -> Path:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ride_estimation.api.plots import DiagnosisPlots
 from ride_estimation.api.runs import Run
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.diagnosis.diagnose import diagnose as diagnose_run
@@ -49,6 +50,11 @@ class DiagnosedRun:
     def verdict(self) -> str:
         """Return ``no_discrepancy``, ``explained``, ``unexplained`` or ``insufficient_data``."""
         return self.answer.verdict
+
+    @property
+    def plot(self) -> DiagnosisPlots:
+        """Return the pictures, one method each."""
+        return DiagnosisPlots(self.answer)
 
     def to_dataframe(self, table: str = "causes") -> Any:
         """Return ``causes`` (one row per cause and parameter) or the calibrated ``parameters`` as ``pandas.DataFrame``, SI.

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ride_estimation.api.plots import ReplayPlots
 from ride_estimation.api.runs import Run
-from ride_estimation.api.tables import dataframe, html_table
+from ride_estimation.api.tables import dataframe, dataset, html_table
 from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, RunAssessment, assess_run
 from ride_estimation.errors import ConfigurationError, InputDataError
@@ -80,6 +81,11 @@ class Replay:
         """Return the parameters with standard deviation and status."""
         return self.result.parameters
 
+    @property
+    def plot(self) -> ReplayPlots:
+        """Return the pictures, one method each."""
+        return ReplayPlots(self.result)
+
     def to_dataframe(self, table: str = "parameters") -> Any:
         """Return one table as ``pandas.DataFrame``, SI.
 
@@ -112,6 +118,25 @@ class Replay:
                 if table == "forces":
                     columns[f"{mount}.{axis}.std"] = r.force_std[:, m, a]
         return dataframe(columns, "time_s")
+
+    def to_xarray(self) -> Any:
+        """Return motion, deflections and forces over time, mount and axis as ``xarray.Dataset``, SI.
+
+        Raises
+        ------
+        ConfigurationError
+            xarray is not installed.
+        """
+        r = self.result
+        over = ("time_s", "mount", "axis")
+        variables = {
+            "force": (over, r.force),
+            "force_std": (over, r.force_std),
+            "deflection": (over, r.deflection),
+            "cg_acceleration": (("time_s", "axis"), r.signals["cg_accel"][:, :3]),
+            "valid": (("time_s",), r.valid),
+        }
+        return dataset(variables, {"time_s": r.time_s, "mount": list(r.mount_names), "axis": list(AXES)})
 
     def page(self, diagnosis: Mapping[str, Any] | None = None) -> Page:
         """Return the report; ``diagnosis`` is the content of a ``diagnosis.json`` of this run."""

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Results as tables: text, HTML for notebooks, pandas where it is installed."""
+"""Results as tables: text, HTML for notebooks, pandas and xarray where they are installed."""
 
 from __future__ import annotations
 
@@ -29,12 +29,33 @@ def dataframe(columns: Mapping[str, Any], index: str = "") -> Any:
     ConfigurationError
         pandas is not installed.
     """
-    try:
-        pandas = importlib.import_module("pandas")
-    except ImportError as error:
-        raise ConfigurationError("to_dataframe needs pandas, which is not installed: pip install pandas") from error
-    frame = pandas.DataFrame(dict(columns))
+    frame = _module("pandas").DataFrame(dict(columns))
     return frame.set_index(index) if index else frame
+
+
+def dataset(variables: Mapping[str, Any], coordinates: Mapping[str, Any]) -> Any:
+    """Return arrays with named dimensions as an ``xarray.Dataset``.
+
+    Parameters
+    ----------
+    variables
+        Dimensions and values by name.
+    coordinates
+        Values along the dimensions by name.
+
+    Raises
+    ------
+    ConfigurationError
+        xarray is not installed.
+    """
+    return _module("xarray").Dataset(dict(variables), dict(coordinates))
+
+
+def _module(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ConfigurationError(f"this table needs {name}, which is not installed: pip install {name}") from error
 
 
 def html_table(heads: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:

@@ -97,6 +97,35 @@ def test_without_pandas_the_message_says_what_to_install(found: Replay, monkeypa
         found.to_dataframe()
 
 
+def test_arrays_with_names_hold_what_the_result_holds(found: Replay, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = types.ModuleType("xarray")
+    module.Dataset = lambda variables, coordinates: (variables, coordinates)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "xarray", module)
+    variables, coordinates = found.to_xarray()
+    assert coordinates["mount"][2] == "rear_left" and coordinates["axis"] == ["x", "y", "z"]
+    for over, values in variables.values():
+        assert values.shape == tuple(len(coordinates[name]) for name in over)
+    np.testing.assert_array_equal(variables["force"][1][:, 2, 2], found.result.force[:, 2, 2])
+
+
+def test_pictures_show_the_mount_that_was_asked_for(found: Replay, tmp_path: Path) -> None:
+    for plot in (
+        found.plot.forces("rear_left"),
+        found.plot.measured("cab_front_left"),
+        found.plot.motion(),
+        found.plot.parameters("front_left.z.stiffness", "rear_left.z.stiffness"),
+    ):
+        assert plot._repr_svg_().count("<svg") == 1
+    vertical = found.plot.forces("rear_left").figure.axes[4].lines[0].get_ydata()
+    assert np.isin(np.asarray(vertical), found.result.force[:, 2, 2]).all()
+    assert found.plot.motion().save(tmp_path / "motion.pdf").read_bytes().startswith(b"%PDF")
+    for call, given in ((found.plot.forces, "left"), (found.plot.measured, "left"), (found.plot.parameters, "left")):
+        with pytest.raises(ConfigurationError, match=r"'left' is no .*; there are"):
+            call(given)
+    with pytest.raises(ConfigurationError, match="no parameter"):
+        found.plot.parameters()
+
+
 def test_command_and_function_give_the_same(found: Replay, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["replay", STANDING, "--vehicle", "truck_cab", "--from", "1", "--to", "4", "--format", "none"]
     assert main([*command, "--out", str(tmp_path / "command")]) == 0

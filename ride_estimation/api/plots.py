@@ -1,0 +1,97 @@
+# Copyright 2026 ride_estimation contributors
+"""Pictures of results for notebooks and papers: ``result.plot.forces("front_left")``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from ride_estimation.diagnosis.result import Diagnosis, Evidence
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.reporting import diagnosis_report, replay_plots
+from ride_estimation.reporting.plot import Plot
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayPlots:
+    """Pictures of a replay; bands are two standard deviations."""
+
+    result: OfflineRun
+
+    def measured(self, sensor: str, window_s: float = 5.0) -> Plot:
+        """Return the reading of an accelerometer of the body, what the rigid body gives there, their difference and spectra.
+
+        Raises
+        ------
+        ConfigurationError
+            No such accelerometer of the body.
+        """
+        _one_of("accelerometer of the body", sensor, tuple(self.result.predicted))
+        return Plot(replay_plots.measured_against_model(self.result, sensor, window_s))
+
+    def motion(self) -> Plot:
+        """Return acceleration of the CG and inertial load over time."""
+        return Plot(replay_plots.motion_and_load(self.result))
+
+    def forces(self, mount: str, window_s: float = 5.0) -> Plot:
+        """Return the forces of a mount where it carries most.
+
+        Raises
+        ------
+        ConfigurationError
+            No such mount.
+        """
+        _one_of("mount", mount, self.result.mount_names)
+        return Plot(replay_plots.mount_forces(self.result, self.result.mount_names.index(mount), window_s))
+
+    def parameters(self, *names: str) -> Plot:
+        """Return parameters over time, divided by what the vehicle file says, for example ``"front_left.z.stiffness"``.
+
+        Raises
+        ------
+        ConfigurationError
+            No name, or an unknown one.
+        """
+        known = tuple(p.name for p in self.result.parameters)
+        for name in names or ("",):
+            _one_of("parameter", name, known)
+        return Plot(replay_plots.parameter_convergence(self.result, names, "parameter"))
+
+
+@dataclasses.dataclass(frozen=True)
+class DiagnosisPlots:
+    """Pictures of what the calibrated linear model leaves, and of what the extended model leaves."""
+
+    answer: Diagnosis
+
+    def residual(self) -> Plot:
+        """Return the spectra of both residuals and of the predicted noise."""
+        return Plot(diagnosis_report.residual_spectrum(self._evidence()))
+
+    def stretch(self) -> Plot:
+        """Return a few seconds of the channel with the largest relative misfit."""
+        return Plot(diagnosis_report.stretch(self._evidence()))
+
+    def loops(self) -> Plot:
+        """Return force over deflection of the mounts in question.
+
+        Raises
+        ------
+        ConfigurationError
+            The diagnosis has none, as that of a wrong sensor.
+        """
+        evidence = self._evidence()
+        if not evidence.loops:
+            raise ConfigurationError("this diagnosis has no force over deflection to show")
+        return Plot(diagnosis_report.loops(evidence))
+
+    def _evidence(self) -> Evidence:
+        if self.answer.evidence is None:
+            raise ConfigurationError(f"a diagnosis that ends with {self.answer.verdict} has no residual to show")
+        return self.answer.evidence
+
+
+def _one_of(kind: str, given: str, known: Sequence[str]) -> None:
+    if given not in known:
+        raise ConfigurationError(f"{given!r} is no {kind}; there are {', '.join(known)}")
