@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from ride_estimation.cli.main import build_parser, main, verbs
+from ride_estimation.cli.main import arguments_of, build_parser, main, verb_helps
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "bags").glob("*.md")])
@@ -128,7 +128,7 @@ def test_long_command_runs(document: str, command: str, tmp_path: Path) -> None:
 
 def examples_of_help() -> list[str]:
     """Return the examples of --help that are quick and name only files that come with the package."""
-    lines = [line.strip() for verb in ("plan", "procedure", "calibrate") for line in verbs()[verb].EXAMPLES.splitlines()]
+    lines = [line.strip() for verb in ("plan", "procedure", "calibrate") for line in arguments_of(verb).EXAMPLES.splitlines()]
     commands = [line.split("  ")[0] for line in lines if line.startswith("ride-estimation ")]
     inputs = {command: re.findall(r"[\w/]+\.csv|bags/[\w/]+", command) for command in commands}
     return [command for command in commands if all((ROOT / path).exists() for path in inputs[command])]
@@ -142,7 +142,7 @@ def test_example_of_help_runs(command: str, tmp_path: Path) -> None:
 
 def test_there_are_examples_of_help() -> None:
     assert len(examples_of_help()) >= 6
-    assert all(getattr(module, "EXAMPLES", "") for verb, module in verbs().items() if verb not in {"demo"})
+    assert all(getattr(arguments_of(verb), "EXAMPLES", "") for verb in verb_helps() if verb not in {"demo"})
 
 
 def test_readme_starts_with_the_two_commands() -> None:
@@ -151,7 +151,7 @@ def test_readme_starts_with_the_two_commands() -> None:
     assert "make test" in readme
 
 
-@pytest.mark.parametrize("verb", sorted(verbs()))
+@pytest.mark.parametrize("verb", sorted(verb_helps()))
 def test_verb_has_help_and_an_end_to_end_test(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main([verb, "--help"])
@@ -162,7 +162,7 @@ def test_verb_has_help_and_an_end_to_end_test(verb: str, capsys: pytest.CaptureF
 
 def test_page_of_commands_names_every_verb() -> None:
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    assert sorted(re.findall(r"^\| `([\w-]+)` \|", page, re.MULTILINE)) == sorted(verbs())
+    assert sorted(re.findall(r"^\| `([\w-]+)` \|", page, re.MULTILINE)) == sorted(verb_helps())
 
 
 def test_links_between_documents_lead_somewhere() -> None:

@@ -131,8 +131,8 @@ def roots(root: Path, modules: dict[str, Module]) -> list[tuple[str, str]]:
     """Return where a user comes in: verbs, entry points of the package, launch files, registered classes, documented API."""
     found: list[tuple[str, str]] = []
     for name, module in modules.items():
-        if name.startswith(f"{PACKAGE}.cli.") and "HELP" in module.definitions:
-            found += [(name, d) for d in ("add_arguments", "run")]
+        if name.startswith(f"{PACKAGE}.cli.arguments.") and "HELP" in module.definitions:
+            found += [(name, "add_arguments"), (name.replace(".arguments.", "."), "run")]
         if name.startswith(REGISTRIES):
             # a registry takes the classes of a module by their KIND, a cause by its functions
             registered = [d for d, node in module.definitions.items() if isinstance(node, ast.ClassDef) and _has_kind(node)]
@@ -188,12 +188,12 @@ def test_the_python_interface_runs_as_it_is_written() -> None:
 def test_what_nothing_leads_to_is_found(tmp_path: Path) -> None:
     """The search itself: an import alone is no way in, a use is, and so is one through a name passed on."""
     package = tmp_path / PACKAGE
-    (package / "cli").mkdir(parents=True)
+    (package / "cli" / "arguments").mkdir(parents=True)
     (tmp_path / "launch").mkdir()
     (tmp_path / "docs").mkdir()
     for name in ("setup.py", "README.md"):
         (tmp_path / name).write_text("", encoding="utf-8")
-    for folder in (package, package / "cli"):
+    for folder in (package, package / "cli", package / "cli" / "arguments"):
         (folder / "__init__.py").write_text("", encoding="utf-8")
     (package / "core.py").write_text(
         "def used(): return helper()\ndef helper(): return 1\ndef forgotten(): return 2\ndef imported_only(): return 3\n"
@@ -201,8 +201,9 @@ def test_what_nothing_leads_to_is_found(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     (package / "cli" / "verb.py").write_text(
-        f"from {PACKAGE} import core\nfrom {PACKAGE}.core import imported_only\nHELP = ''\n"
-        "def add_arguments(parser): pass\ndef run(options): return core.used() + core.TABLE['a']()\n",
+        f"from {PACKAGE} import core\nfrom {PACKAGE}.core import imported_only\n"
+        "def run(options): return core.used() + core.TABLE['a']()\n",
         encoding="utf-8",
     )
+    (package / "cli" / "arguments" / "verb.py").write_text("HELP = ''\ndef add_arguments(parser): pass\n", encoding="utf-8")
     assert unreached(tmp_path) == [f"{PACKAGE}.core.forgotten", f"{PACKAGE}.core.imported_only"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ride_estimation.cli.main import verb_helps, verb_module
+from ride_estimation.cli.main import arguments_of, verb_helps
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "docs" / "sources.md").read_text(encoding="utf-8")
@@ -67,7 +67,7 @@ def commands() -> set[str]:
 def test_named_commands_exist() -> None:
     helps = verb_helps()
     parser = argparse.ArgumentParser()
-    verb_module("procedure").add_arguments(parser)
+    arguments_of("procedure").add_arguments(parser)
     (kinds,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
     named = commands()
     assert {"identify", "replay", "design-test", "procedure damping", "procedure road"} <= named

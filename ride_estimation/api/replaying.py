@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ride_estimation.api.plots import ReplayPlots
-from ride_estimation.api.runs import Run
+from ride_estimation.api.runs import Run, require_layout
 from ride_estimation.api.tables import dataframe, dataset, html_table
 from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, RunAssessment, assess_run
@@ -235,8 +235,8 @@ def replay(
     slope = checked_slope(slope)
     settings = PipelineSettings() if settings is None else settings
     recording, vehicle = run.recording, run.vehicle
+    require_layout(vehicle)
     pipeline = Pipeline(vehicle, settings)
-    require_layout(vehicle, pipeline)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
     begin("estimating")
     result = run_offline(recording, pipeline, lambda done: advance(done, samples), hindsight, begin)
@@ -264,20 +264,6 @@ def mass_relative_std(result: OfflineRun, body: str) -> float:
         if estimate.name == f"{body}.mass" and estimate.value > 0.0 and math.isfinite(estimate.std):
             return estimate.std / estimate.value
     return 0.0
-
-
-def require_layout(vehicle: Vehicle, pipeline: Pipeline) -> None:
-    """Refuse a layout that cannot tell the motion of the body.
-
-    Raises
-    ------
-    ConfigurationError
-        Names what is not determined.
-    """
-    body = pipeline.arrangement.body.name
-    check = body_layout(vehicle, body)
-    if not check.complete:
-        raise ConfigurationError(check.sentence(body), where=f"sensor layout of {vehicle.name}")
 
 
 def all_warnings(

@@ -11,8 +11,9 @@ import numpy as np
 
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.io.bags import read_recording
-from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 from ride_estimation.signals.recording import Recording, part_of
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -107,3 +108,17 @@ def read_run(
     """
     known = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     return Run(part_of(read_recording(path, known, salvage=salvage), start_s, end_s), known)
+
+
+def require_layout(vehicle: Vehicle) -> None:
+    """Refuse a layout of sensors that cannot tell the motion of the body.
+
+    Raises
+    ------
+    ConfigurationError
+        Names what is not determined.
+    """
+    body = arrange(vehicle).body.name
+    check = body_layout(vehicle, body)
+    if not check.complete:
+        raise ConfigurationError(check.sentence(body), where=f"sensor layout of {vehicle.name}")

@@ -13,8 +13,8 @@ import functools
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES
@@ -99,7 +99,7 @@ class Weighting:
         for numerator, denominator, corner in self.sections():
             warped = min(corner, 0.45 * rate_hz)
             equivalent_rate = math.pi * warped / math.tan(math.pi * warped / rate_hz)
-            b, a = signal.bilinear(numerator, denominator, fs=equivalent_rate)
+            b, a = scipy.signal.bilinear(numerator, denominator, fs=equivalent_rate)
             rows.append(np.concatenate([np.pad(b, (3 - len(b), 0)), a]))
         return np.array(rows)
 
@@ -146,8 +146,8 @@ class WeightedSignal:
             return chunk
         if self._state is None:
             # as if the first value had lasted for ever: gravity or an offset starts no transient
-            self._state = signal.sosfilt_zi(self._sos) * chunk[0]
-        weighted, self._state = signal.sosfilt(self._sos, chunk, zi=self._state)
+            self._state = scipy.signal.sosfilt_zi(self._sos) * chunk[0]
+        weighted, self._state = scipy.signal.sosfilt(self._sos, chunk, zi=self._state)
         return np.asarray(weighted)
 
 
@@ -165,8 +165,8 @@ class Interpolator:
         self._state: Array | None = None
         # pass band to 0.4 of the input rate, images from 0.6 of it down by 60 dB
         width, attenuation = 0.4 / factor, 60.0
-        count, beta = signal.kaiserord(attenuation, width)
-        self._taps = factor * signal.firwin(count | 1, 1.0 / factor, window=("kaiser", beta)) if factor > 1 else np.ones(1)
+        count, beta = scipy.signal.kaiserord(attenuation, width)
+        self._taps = factor * scipy.signal.firwin(count | 1, 1.0 / factor, window=("kaiser", beta)) if factor > 1 else np.ones(1)
 
     def feed(self, values: ArrayLike) -> Array:
         """Return the interpolated samples of the next chunk, late by the filter's delay."""
@@ -180,8 +180,8 @@ class Interpolator:
         if self._state is None:
             memory = np.zeros(self._factor * (len(b) // self._factor + 1))
             memory[:: self._factor] = chunk[0]
-            self._state = signal.lfilter(b, a, memory, zi=np.zeros(len(b) - 1))[1]
-        raised, self._state = signal.lfilter(b, a, stuffed, zi=self._state)
+            self._state = scipy.signal.lfilter(b, a, memory, zi=np.zeros(len(b) - 1))[1]
+        raised, self._state = scipy.signal.lfilter(b, a, stuffed, zi=self._state)
         return np.asarray(raised)
 
 

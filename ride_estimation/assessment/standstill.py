@@ -15,8 +15,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import skew
@@ -152,7 +152,7 @@ def _statistics(sensor: Sensor, channel: Channel) -> _Statistics:
     scatter = means.std(axis=0, ddof=1)
     limits = np.full(count, _MOVING[sensor.kind])
     limits[3:] = _MOVING_GYRO
-    density = signal.welch(values, 1.0 / period, nperseg=min(block * 2, len(values)), axis=0, detrend="linear")[1][1:]
+    density = scipy.signal.welch(values, 1.0 / period, nperseg=min(block * 2, len(values)), axis=0, detrend="linear")[1][1:]
     floor = np.sqrt(np.median(density, axis=0) * 0.5 / period)
     # the noise alone makes the means scatter too; an engine does not, its vibration is over within a second
     limits = limits + 4.0 * floor / math.sqrt(block)

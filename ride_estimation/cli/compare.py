@@ -7,30 +7,10 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from ride_estimation.cli.replay import ReplayJob, add_replay_arguments, replay_run
+from ride_estimation.cli.replay import ReplayJob, replay_run
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.result_files import FinishedReplay, read_replay
 from ride_estimation.io.results import output_folder
-from ride_estimation.reporting.formats import write_page
-from ride_estimation.reporting.outliers import LEAST_RUNS
-from ride_estimation.reporting.runs_report import runs_page
-
-HELP = "several runs side by side: parameters, damage, comfort and spectra, and which run stands out"
-EXAMPLES = """\
-  ride-estimation compare out/run1 out/run2 out/run3 --out out/comparison            (folders of finished replays)
-  ride-estimation compare run1.mcap run2.mcap --vehicle my_truck.yaml --out out/comparison
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("runs", nargs="+", metavar="RUN", help="output folder of a replay, or a recording (then with --vehicle)")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the report, and for replays of recordings")
-    parser.add_argument(
-        "--format", nargs="+", choices=("html", "pdf", "png"), default=["html"], metavar="F",
-        help="of the report: html, pdf, png (default html)",
-    )  # fmt: skip
-    add_replay_arguments(parser, vehicle_required=False)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -46,6 +26,10 @@ def run(options: argparse.Namespace) -> int:
     elif options.vehicle or options.settings or options.without or options.rate is not None:
         raise ConfigurationError("--vehicle, --rate, --settings and --without are for recordings; all runs are replayed already")
     runs = named_apart([read_replay(path) for path in finished])
+    from ride_estimation.reporting.formats import write_page  # draws; whoever named a wrong folder need not wait for it
+    from ride_estimation.reporting.outliers import LEAST_RUNS
+    from ride_estimation.reporting.runs_report import runs_page
+
     page, findings = runs_page(runs)
     written = write_page(page, folder, options.format)
     few = f"which run stands out is told from {LEAST_RUNS} runs on"

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,26 +32,10 @@ from ride_estimation.signals.recording import run_title
 from ride_estimation.signals.spectra import spectrum_correlation
 from ride_estimation.vehicles.vehicle import Vehicle
 
-HELP = "compare Voigt, damping filter, Maxwell and friction mounts on one run and score them on unseen runs"
-EXAMPLES = """\
-  ride-estimation compare-models bags/nominal/bag --vehicle truck_cab --validate bags/rough_with_bumps/bag --out out/models
-"""
-
 Array = NDArray[np.float64]
 
 _SPECTRUM_BLOCK_S = 5.0
 _UNNAMED_S = 0.5  # sensors do not begin and end at the same instant
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("run", type=Path, metavar="RUN", help="bag the models are fitted to")
-    parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
-    parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RUN2", help="bags the models have not seen")
-    parser.add_argument(
-        "--literature", action="store_true", help="also Zener, two Maxwell cells, fractional and Bouc-Wen (takes longer)"
-    )
-    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write comparison.json, spectra.csv, report.html")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -69,10 +52,9 @@ def run(options: argparse.Namespace) -> int:
         if run_.left_out_s > _UNNAMED_S:
             begin, end = run_.used_s
             print(f"{path}: {begin:.1f} to {end:.1f} s are used, the longest stretch without gaps")
-    progress = Progress(1.0, "fitting mount models")
     candidates = (*CANDIDATES, *LITERATURE) if options.literature else CANDIDATES
-    fitted = fit_candidates(vehicle, runs[0], candidates, progress.update)
-    progress.close()
+    with Progress("fitting mount models") as progress:
+        fitted = fit_candidates(vehicle, runs[0], candidates, progress.update)
     document = compare(vehicle, runs, fitted)
     if options.out is not None:
         output_folder(options.out)

@@ -25,8 +25,6 @@ from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.resources import shared_path
 from ride_estimation.units import split_suffix
 
-HELP = "replay and diagnose the bundled recordings and compare what is found with the truth"
-
 Array = NDArray[np.float64]
 Row = tuple[object, ...]
 
@@ -36,14 +34,8 @@ WINDOW_S = (12.0, 17.0)
 AXES = ("x", "y", "z")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for all results (default out/demo)")
-    parser.add_argument("--no-diagnosis", action="store_true", help="only the estimation, without the diagnosis")
-
-
 def run(options: argparse.Namespace) -> int:
-    """Run the demonstration; see :data:`HELP`."""
+    """Run the demonstration."""
     started = time.monotonic()
     out = output_folder(options.out)
     run_folder = shared_path("bags", "nominal")

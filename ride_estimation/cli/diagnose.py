@@ -5,71 +5,33 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ride_estimation.api.diagnosing import DiagnosedRun, diagnose
 from ride_estimation.api.runs import read_run
-from ride_estimation.cli.identify import add_reading_arguments, reading_options
-from ride_estimation.cli.parts import add_part_arguments, part_of_options
+from ride_estimation.cli.parts import part_of_options
 from ride_estimation.cli.progress import Progress
-from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
-from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
-from ride_estimation.diagnosis.result import INSUFFICIENT, Diagnosis
+from ride_estimation.cli.reading import reading_options
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.identification.bench.record import BenchRecord
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_oscillator_record
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.vehicle_file import load_vehicle
 
-Answer = TypeVar("Answer", Diagnosis, DiagnosedRun)
+# the diagnosis is imported after the records are read: it takes a second, which whoever named a wrong file need not wait
+if TYPE_CHECKING:
+    from ride_estimation.api.diagnosing import DiagnosedRun
+    from ride_estimation.diagnosis.result import Diagnosis
 
-HELP = "find what the simulation of a recorded run gets wrong, name the cause, extend the model, measure the gain"
-EXAMPLES = """\
-  ride-estimation diagnose bags/hidden_friction/bag --vehicle truck_cab \\
-      --validate bags/hidden_friction_validation/bag --out out/diagnosis
-  ride-estimation diagnose bench.csv --out out/mount             (columns time_s, displacement_mm, force_kn of one mount)
-  ride-estimation diagnose record.csv --oscillator V1,V2 --rate 610 --out out/oscillator
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument(
-        "recording", metavar="RUN",
-        help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file; or a bench record (.csv, .txt, .tsv, .npz, .mat, or a bag without "
-        "--vehicle) of the displacement and force of one mount, or with --oscillator of the excitation and response of one mass",
-    )
-    parser.add_argument(
-        "--vehicle", metavar="V.yaml", help="vehicle file, or the name of a bundled one; not used for a bench record"
-    )
-    parser.add_argument(
-        "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
-        help="further runs that neither fit nor select: the gain is measured on them",
-    )
-    parser.add_argument(
-        "--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html"
-    )
-    parser.add_argument("--band", nargs=2, type=float, metavar=("LOW", "HIGH"), help="analysis band [Hz] (default: 0.4 40)")
-    parser.add_argument(
-        "--oscillator", default="", metavar="INPUT,OUTPUT",
-        help="RUN is a record of a driven oscillator: columns of excitation and response (any units)",
-    )
-    parser.add_argument(
-        "--fit-range", nargs=2, type=float, metavar=("FROM", "TO"),
-        help="seconds of an --oscillator record that are fitted (default: the first half); the rest chooses and judges",
-    )
-    add_part_arguments(parser)
-    parser.add_argument("--no-report", action="store_true", help="write no report.html")
-    # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)
-    add_reading_arguments(parser)
+#: usual share of the time by stage
+_STAGES = {"reading": 0.03, "searching for causes": 0.92, "report": 0.05}
 
 
 def run(options: argparse.Namespace) -> int:
-    """Diagnose one run; see :data:`HELP`."""
+    """Diagnose one run."""
     settings = Settings()
     if options.band is not None:
         low, high = options.band
@@ -93,27 +55,19 @@ def run(options: argparse.Namespace) -> int:
     folder = output_folder(options.out)
     rate = options.rate if options.rate > 0.0 else None
     begin, end = part_of_options(options)
-    run = read_run(options.recording, vehicle, start_s=begin, end_s=end)
-    others = [read_run(path, vehicle) for path in options.validate]
-    for path, other in zip(options.validate, others):
-        if other.recording.checksum == run.recording.checksum:
-            raise ConfigurationError(f"--validate {path}: is the run that is fitted; only another one can judge the gain")
-    return _write(_shown(lambda report: diagnose(run, others, settings=settings, rate_hz=rate, report=report)), folder, options)
+    with Progress("diagnose", shares=_STAGES) as progress:
+        progress.begin("reading")
+        run = read_run(options.recording, vehicle, start_s=begin, end_s=end)
+        others = [read_run(path, vehicle) for path in options.validate]
+        for path, other in zip(options.validate, others):
+            if other.recording.checksum == run.recording.checksum:
+                raise ConfigurationError(f"--validate {path}: is the run that is fitted; only another one can judge the gain")
+        from ride_estimation.api.diagnosing import diagnose
 
-
-def _shown(work: Callable[[Callable[[float], None]], Answer]) -> Answer:
-    """Return the answer of some work that tells the share it has done, shown on a terminal."""
-    progress = Progress(1.0, "diagnose")
-    shown = 0.0
-
-    def report(share: float) -> None:
-        nonlocal shown
-        progress.update(share - shown)
-        shown = share
-
-    answer = work(report)
-    progress.close()
-    return answer
+        progress.begin("searching for causes")
+        found = diagnose(run, others, settings=settings, rate_hz=rate, report=progress.reach)
+        _save(found, folder, options, progress)
+    return _say(found.answer, folder, options)
 
 
 _BENCH_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".mat")
@@ -122,8 +76,7 @@ _BENCH_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".mat")
 def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
     """Diagnose one bench record."""
     reading = reading_options(options)
-    samples: list[BenchSample] = []
-    warnings: list[str] = []
+    records: list[BenchRecord] = []
     for path in (options.recording, *options.validate):
         try:
             record = read_bench_record(Path(path), reading)
@@ -134,17 +87,24 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
             elif Path(path).suffix.lower() not in _BENCH_SUFFIXES:
                 words = "; without --vehicle V.yaml, which a run of a vehicle needs, a bag is read as a bench record of one mount"
             raise InputDataError(f"{error}{words}") from error
-        samples.append(BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force))
-        warnings += record.warnings
+        records.append(record)
+    from ride_estimation.api.diagnosing import DiagnosedRun
+    from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
+
+    samples = [BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force) for record in records]
+    warnings = [words for record in records for words in record.warnings]
     if options.vehicle is not None:
         warnings.append(f"--vehicle {options.vehicle} is not used: the record is one mount on a bench")
     folder = output_folder(options.out)
     band = options.band is not None
-    answer = _shown(lambda report: diagnose_bench(samples[0], tuple(samples[1:]), settings, band, report))
-    answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
-    facts = {"path": str(options.recording), "checksum": "", "duration_s": len(samples[0].force) / samples[0].rate_hz}
-    found = DiagnosedRun(answer, samples[0].name, facts, {"name": answer.extended.name, "checksum": ""})
-    return _write(found, folder, options)
+    with Progress("diagnose", shares=_STAGES) as progress:
+        progress.begin("searching for causes")
+        answer = diagnose_bench(samples[0], tuple(samples[1:]), settings, band, progress.reach)
+        answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
+        facts = {"path": str(options.recording), "checksum": "", "duration_s": len(samples[0].force) / samples[0].rate_hz}
+        found = DiagnosedRun(answer, samples[0].name, facts, {"name": answer.extended.name, "checksum": ""})
+        _save(found, folder, options, progress)
+    return _say(answer, folder, options)
 
 
 def _run_oscillator(options: argparse.Namespace) -> int:
@@ -157,6 +117,9 @@ def _run_oscillator(options: argparse.Namespace) -> int:
         for path in (options.recording, *options.validate)
     ]
     duration = record.u.size * record.step_s
+    from ride_estimation.api.diagnosing import DiagnosedRun
+    from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
+
     fit = default_fit(record.u.size)
     if options.fit_range is not None:
         begin, end = options.fit_range
@@ -170,19 +133,28 @@ def _run_oscillator(options: argparse.Namespace) -> int:
                 "the rest chooses the model and judges it"
             )
     folder = output_folder(options.out)
-    answer = diagnose_oscillator(record, fit, others)
-    facts = {"path": str(options.recording), "checksum": "", "duration_s": duration}
-    found = DiagnosedRun(answer, record.name, facts, {"name": answer.extended.name, "checksum": ""})
-    return _write(found, folder, options)
+    with Progress("diagnose", shares=_STAGES) as progress:
+        progress.begin("searching for causes")
+        answer = diagnose_oscillator(record, fit, others)
+        facts = {"path": str(options.recording), "checksum": "", "duration_s": duration}
+        found = DiagnosedRun(answer, record.name, facts, {"name": answer.extended.name, "checksum": ""})
+        _save(found, folder, options, progress)
+    return _say(answer, folder, options)
 
 
 _MOST_FITTED = 0.8  # share of an oscillator record
 
 
-def _write(found: DiagnosedRun, folder: Path, options: argparse.Namespace) -> int:
-    """Write the files of an answer and say it."""
-    answer = found.answer
+def _save(found: DiagnosedRun, folder: Path, options: argparse.Namespace, progress: Progress) -> None:
+    """Write the files of an answer."""
+    progress.begin("writing results" if options.no_report else "report")
     found.save(folder, report=not options.no_report)
+
+
+def _say(answer: Diagnosis, folder: Path, options: argparse.Namespace) -> int:
+    """Print an answer and where its files are."""
+    from ride_estimation.diagnosis.result import INSUFFICIENT
+
     print(answer.sentence)
     for line in (*answer.remarks, *answer.warnings):
         print(f"  {line}")

@@ -4,32 +4,15 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from ride_estimation.cli.parts import add_part_arguments, part_of_options, read_part
+from ride_estimation.cli.parts import part_of_options, read_part
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bounded import read_arrays
 from ride_estimation.io.files.conversion import recording_groups, replay_groups
-from ride_estimation.io.files.formats import WRITE_SUFFIXES, write_measurement_file
+from ride_estimation.io.files.formats import write_measurement_file
+from ride_estimation.io.files.suffixes import WRITE_SUFFIXES
 from ride_estimation.io.result_files import read_result
 from ride_estimation.io.vehicle_file import load_vehicle
-
-HELP = "write a recording or the results of a replay as CSV, Parquet or MDF4"
-EXAMPLES = """\
-  ride-estimation export-file out/nominal --out nominal.parquet                               (results of a replay)
-  ride-estimation export-file bags/nominal/bag --vehicle truck_cab --out nominal.mf4          (sensors of a recording)
-
-MDF4 keeps the time base of every sensor and gives the recording back bit for bit; CSV and Parquet have one time column, to which
-the samples of a recording are interpolated. 'import-file' reads all three.
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("source", type=Path, metavar="RUN", help="output folder of a replay, or a recording with --vehicle")
-    parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file, for a recording")
-    add_part_arguments(parser)
-    parser.add_argument("--out", required=True, type=Path, metavar="FILE", help=f"file to write: {', '.join(WRITE_SUFFIXES)}")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,37 +11,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ride_estimation.api.replaying import require_layout
+from ride_estimation.api.runs import require_layout
 from ride_estimation.cli.fleet_task import FleetRow, FleetTask, process_task
 from ride_estimation.cli.pool import run_on_cluster, run_on_pool
 from ride_estimation.cli.progress import Progress
-from ride_estimation.cli.replay import ReplayJob, add_replay_arguments
+from ride_estimation.cli.replay import ReplayJob
 from ride_estimation.errors import ConfigurationError, InputDataError
-from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.bag_source import SUFFIXES
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.run_metrics import run_metrics
 from ride_estimation.io.run_table import Cell, require_parquet, write_run_table
-from ride_estimation.reporting.fleet_report import fleet_page
-from ride_estimation.reporting.formats import write_page
-
-HELP = "replay all recordings below a folder: one table, one summary, resumable, on all cores or a Dask cluster"
-EXAMPLES = """\
-  ride-estimation fleet recordings/ --vehicle my_truck.yaml --out out/fleet
-  ride-estimation fleet recordings/ --vehicle my_truck.yaml --out out/fleet             (again: only what is new or failed)
-  ride-estimation fleet recordings/ --vehicle my_truck.yaml --out out/fleet --table parquet --scheduler tcp://host:8786
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="searched for rosbag2 folders, .mcap, .db3 and .bag files")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the table, report.html and runs/NAME")
-    add_replay_arguments(parser)
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)")
-    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask scheduler to use instead (extra 'fleet')")
-    parser.add_argument("--table", choices=("csv", "parquet"), default="csv", help="format of the table (default csv)")
-    parser.add_argument("--run-reports", action="store_true", help="write report.html for every run too (more time and disk)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -52,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
         require_parquet()
     recordings = find_recordings(options.folder)
     job = ReplayJob.of(options, ("html",) if options.run_reports else ())
-    require_layout(job.vehicle, Pipeline(job.vehicle, job.settings))
+    require_layout(job.vehicle)
     out = output_folder(options.out)
     tasks = [
         FleetTask(name, str(path.resolve()), str((out / "runs" / folder_name(name)).resolve()), job)
@@ -60,6 +39,9 @@ def run(options: argparse.Namespace) -> int:
     ]
     rows = collect(tasks, options)
     columns, table = run_table(rows)
+    from ride_estimation.reporting.fleet_report import fleet_page
+    from ride_estimation.reporting.formats import write_page
+
     path = out / f"fleet.{options.table}"
     write_run_table(path, columns, table)
     page = fleet_page(str(options.folder), job.vehicle.name, rows)
@@ -131,15 +113,14 @@ def collect(tasks: Sequence[FleetTask], options: argparse.Namespace) -> list[Fle
         outcomes = run_on_cluster(tasks, options.scheduler, process_task)
     else:
         outcomes = run_on_pool(tasks, options.workers, process_task)
-    progress = Progress(len(tasks), f"{len(tasks)} runs")
     found: dict[str, FleetRow] = {}
-    for outcome in outcomes:
-        row = outcome.value or FleetRow(outcome.item.name, "failed", outcome.error, {}, 0.0)
-        found[row.name] = row
-        progress.update(1.0)
-        if not sys.stderr.isatty():
-            print(f"{len(found)} of {len(tasks)}: {row.name} {row.status} ({row.seconds:.1f} s)", file=sys.stderr, flush=True)
-    progress.close()
+    with Progress(f"{len(tasks)} runs", len(tasks)) as progress:
+        for outcome in outcomes:
+            row = outcome.value or FleetRow(outcome.item.name, "failed", outcome.error, {}, 0.0)
+            found[row.name] = row
+            progress.update(1.0)
+            if not sys.stderr.isatty():
+                print(f"{len(found)} of {len(tasks)}: {row.name} {row.status} ({row.seconds:.1f} s)", file=sys.stderr, flush=True)
     return [found[task.name] for task in tasks]
 
 

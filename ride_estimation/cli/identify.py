@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,118 +13,29 @@ import numpy as np
 import ride_estimation
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.cli.progress import Progress
+from ride_estimation.cli.reading import reading_options
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.analysis import BenchIdentification, identify_records
+from ride_estimation.identification.bench.choices import JOUNCE_MODELS, MODELS
 from ride_estimation.identification.bench.element_mapping import build_element
 from ride_estimation.identification.bench.frequency_analysis import identify_operating_points
-from ride_estimation.identification.bench.frequency_domain import NORMS
-from ride_estimation.identification.bench.jounce_analysis import MODELS as JOUNCE_MODELS
 from ride_estimation.identification.bench.jounce_analysis import identify_jounce
-from ride_estimation.identification.bench.models import LADDER, ladder_for
+from ride_estimation.identification.bench.models import ladder_for
 from ride_estimation.identification.bench.oscillator import identify_oscillator
-from ride_estimation.identification.bench.steady_cycles import EXTRACTIONS, find_operating_points
+from ride_estimation.identification.bench.steady_cycles import find_operating_points
 from ride_estimation.identification.bench.time_domain import prepare
-from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_operating_points, read_oscillator_record
+from ride_estimation.io.bench_records import read_bench_record, read_operating_points, read_oscillator_record
 from ride_estimation.io.identification_files import write_identification
 from ride_estimation.io.results import require_folder
-
-HELP = "identify a force element (stiffness, damping, friction) from bench records of displacement and force"
-EXAMPLES = """\
-  ride-estimation identify sine_1hz.csv sine_5hz.csv --validate random.csv --out out/bushing
-  ride-estimation identify run.mat --displacement x --displacement-unit mm --force F --force-unit kN --rate 1000 --out out/mount
-  ride-estimation identify stop.csv --model jounce_bumper --out out/stop
-
-Records have columns of time, displacement and force with the unit in the name (time_s, displacement_mm, force_kn).
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the verb."""
-    parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="csv, npz, mat file or bag")
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for identification.json, element.yaml, report.html"
-    )
-    parser.add_argument("--validate", nargs="+", type=Path, default=[], metavar="RECORD", help="records that are not fitted")
-    names = _models()
-    parser.add_argument("--model", default="auto", help=f"auto (choose on held-out data) or one of: {', '.join(names)}")
-    parser.add_argument(
-        "--method", choices=("time", "frequency"), default="time", help="fit force samples, or K and W of harmonic tests"
-    )
-    parser.add_argument(
-        "--norm", choices=NORMS, default=NORMS[0], help="misfit of --method frequency; printed: document 003 eq. (24) as printed"
-    )
-    parser.add_argument(
-        "--extraction", choices=EXTRACTIONS, default=EXTRACTIONS[0], help="how K and W are taken from harmonic tests"
-    )
-    parser.add_argument(
-        "--local-models", type=int, metavar="M", help="local models of a network (default: chosen on records left out in turn)"
-    )
-    parser.add_argument(
-        "--static", nargs="+", type=Path, default=[], metavar="RECORD",
-        help="slow records for the static curve of a network that is trained on the other records only",
-    )  # fmt: skip
-    parser.add_argument(
-        "--oscillator", default="", metavar="INPUT,OUTPUT", help="columns of an excitation and a response: is the spring linear"
-    )
-    parser.add_argument(
-        "--fit-range",
-        nargs=2,
-        type=float,
-        metavar=("FROM", "TO"),
-        help="seconds of the record that --oscillator fits (default: the first 70 %%); the rest is held out",
-    )
-    add_reading_arguments(parser)
-
-
-def _models() -> tuple[str, ...]:
-    return (*(m.name for m in LADDER), *JOUNCE_MODELS)
-
-
-def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare how columns and units are found."""
-    group = parser.add_argument_group("columns and units (default: from names such as displacement_mm, force_kn)")
-    group.add_argument("--time", default="", help="column of time")
-    group.add_argument("--displacement", default="", help="column of displacement (extension positive)")
-    group.add_argument("--force", default="", help="column of force (tension positive)")
-    group.add_argument("--time-unit", default="", help="s, ms, us, ns")
-    group.add_argument("--displacement-unit", default="", help="m, mm, um, cm, in")
-    group.add_argument("--force-unit", default="", help="N, kN, daN, kgf, lbf")
-    group.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="sample rate of a record without time column")
-    group.add_argument(
-        "--zero", choices=("auto", "mean", "start", "none"), default="auto", help="which displacement counts as zero"
-    )
-    group.add_argument(
-        "--sign", choices=("tension", "opposed"), default="tension", help="opposed: force has the opposite sign of displacement"
-    )
-    group.add_argument("--mount", default="", help="mount of a bag (joint <mount>_<axis>)")
-    group.add_argument("--axis", default="", choices=("", "x", "y", "z"), help="axis of a bag")
-    group.add_argument("--accept-stiffness", action="store_true", help="accept a stiffness outside the plausible range")
-
-
-def reading_options(options: argparse.Namespace) -> ReadOptions:
-    """Return the reading options of the command line."""
-    return ReadOptions(
-        time=options.time,
-        displacement=options.displacement,
-        force=options.force,
-        time_unit=options.time_unit,
-        displacement_unit=options.displacement_unit,
-        force_unit=options.force_unit,
-        rate_hz=options.rate,
-        zero=options.zero,
-        sign=options.sign,
-        mount=options.mount,
-        axis=options.axis,
-        accept_stiffness=options.accept_stiffness,
-    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Identify and write the results."""
     require_finite(options)
     require_folder(options.out)
-    if options.model not in ("auto", *_models()):
-        raise InputDataError(f"--model: model {options.model!r} is unknown; allowed: auto, {', '.join(_models())}")
+    if options.model not in ("auto", *MODELS, *JOUNCE_MODELS):
+        allowed = ", ".join(("auto", *MODELS, *JOUNCE_MODELS))
+        raise InputDataError(f"--model: model {options.model!r} is unknown; allowed: {allowed}")
     if options.local_models is not None and options.local_models < 1:
         raise InputDataError(f"--local-models {options.local_models}: allowed: 1 or more")
     if options.static and options.model not in JOUNCE_MODELS[1:]:
@@ -160,9 +70,8 @@ def _run_time(options: argparse.Namespace) -> int:
     reading = reading_options(options)
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
-    progress = Progress(len(ladder_for(options.model)), "identify")
-    found = identify_records(records, validation, model=options.model, progress=progress.update)
-    progress.close()
+    with Progress("identify", len(ladder_for(options.model))) as progress:
+        found = identify_records(records, validation, model=options.model, progress=progress.update)
     print_summary(found)
     _write(options, identification_document(found, _software()), found.element)
     write_identification_report(found, options.out / "report.html")
@@ -177,9 +86,8 @@ def _run_frequency(options: argparse.Namespace) -> int:
     if table is None:
         table = find_operating_points([prepare(read_bench_record(p, reading)) for p in options.records], options.extraction)
     validation = [prepare(read_bench_record(p, reading)) for p in options.validate]
-    progress = Progress(len(ladder_for(options.model)), "identify")
-    found = identify_operating_points(table, validation, model=options.model, norm=options.norm, progress=progress.update)
-    progress.close()
+    with Progress("identify", len(ladder_for(options.model))) as progress:
+        found = identify_operating_points(table, validation, model=options.model, norm=options.norm, progress=progress.update)
     print(
         f"{'model':<18}{'parameters':>11}{'fitted %':>10}{'left out %':>12}{'criterion':>12}"
         f"   ({table.omega.size} operating points)"
@@ -209,11 +117,10 @@ def _run_jounce(options: argparse.Namespace) -> int:
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
     static = [read_bench_record(p, reading) for p in options.static]
-    progress = Progress(4 if options.model == JOUNCE_MODELS[0] else len(records), "identify")
-    found = identify_jounce(
-        records, validation, options.model, static=static, models=options.local_models, progress=progress.update
-    )
-    progress.close()
+    with Progress("identify", 4 if options.model == JOUNCE_MODELS[0] else len(records)) as progress:
+        found = identify_jounce(
+            records, validation, options.model, static=static, models=options.local_models, progress=progress.update
+        )
     for name in dict.fromkeys([*found.fitted, *found.held_out]):
         fitted = f"{100 * found.fitted[name]:.3g} %" if name in found.fitted else "-"
         held = f"{100 * found.held_out[name]:.3g} %" if name in found.held_out else "-"

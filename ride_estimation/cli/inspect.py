@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ride_estimation.cli.parts import add_part_arguments, part_of_options
+from ride_estimation.cli.parts import part_of_options
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bag_source import open_bag
 from ride_estimation.io.bags import read_recording
@@ -20,11 +20,6 @@ from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
 from ride_estimation.signals.recording import Channel, part_of
 from ride_estimation.vehicles.vehicle import Vehicle
 
-HELP = "show what is in a recorded run: topics, types, rates, gaps, ranges, mean, std, and the sensor each may belong to"
-EXAMPLES = """\
-  ride-estimation inspect bags/standing
-  ride-estimation inspect run.mcap --vehicle my_vehicle.yaml --from 10 --to 70
-"""
 #: kinds that one topic can feed by itself, the usual one of a message type first
 _KINDS = ("imu", "accelerometer", "speed", "force")
 #: an interval this much longer than the usual one is a gap: a sample is missing
@@ -34,15 +29,8 @@ _ALIKE = 0.6
 _COMPONENTS = ("x", "y", "z", "rate x", "rate y", "rate z")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the verb."""
-    parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
-    parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file: says which topic belongs to which of its sensors")
-    add_part_arguments(parser)
-
-
 def run(options: argparse.Namespace) -> int:
-    """Print one block per topic; see :data:`HELP`."""
+    """Print one block per topic."""
     begin, end = part_of_options(options)
     vehicle = load_vehicle(options.vehicle) if options.vehicle else None
     source = open_bag(Path(options.recording))

@@ -1,7 +1,9 @@
 # Copyright 2026 ride_estimation contributors
-"""Entry point of the ``ride-estimation`` command; every module of this folder that has HELP is a verb.
+"""Entry point of the ``ride-estimation`` command.
 
-Only the verb that is asked for is imported; the others are known by the HELP line of their source.
+Every module of :mod:`ride_estimation.cli.arguments` that has HELP is a verb; the module of the same name beside this one does its
+work. Only the arguments of the verb that is asked for are imported, the others are known by the HELP line of their source; the
+work, with everything numeric, is imported when the arguments are right.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 import ride_estimation
-import ride_estimation.cli as package
+import ride_estimation.cli.arguments as package
 from ride_estimation.cli.terminal import printable_output
 from ride_estimation.errors import RideEstimationError
 
@@ -68,14 +70,14 @@ def _first_value(source: str) -> str:
     return str(ast.literal_eval(source))
 
 
-def verb_module(verb: str) -> ModuleType:
-    """Import and return the module of a verb."""
+def arguments_of(verb: str) -> ModuleType:
+    """Import and return what a verb takes."""
     return importlib.import_module(f"{package.__name__}.{verb.replace('-', '_')}")
 
 
-def verbs() -> dict[str, ModuleType]:
-    """Return all verb modules by command name."""
-    return {name: verb_module(name) for name in verb_helps()}
+def work_of(verb: str) -> ModuleType:
+    """Import and return what a verb does."""
+    return importlib.import_module(f"ride_estimation.cli.{verb.replace('-', '_')}")
 
 
 def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
@@ -98,7 +100,7 @@ def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
         if name not in wanted:
             commands.add_parser(name, description=text)
             continue
-        module = verb_module(name)
+        module = arguments_of(name)
         teach = getattr(module, "EXAMPLES", "")
         # shell completion takes only verbs with a help line; the help itself lists them by topic instead
         listed: dict[str, Any] = {"help": text} if only is None else {}
@@ -107,7 +109,6 @@ def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter, **listed,
         )  # fmt: skip
         module.add_arguments(sub)
-        sub.set_defaults(execute=module.run)
     return parser
 
 
@@ -136,7 +137,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         parser.error(f"an empty argument{before}: a variable of the shell that is not set?")
     options = parser.parse_args(given)
     try:
-        status = int(options.execute(options))
+        status = int(work_of(options.verb).run(options))
         sys.stdout.flush()
         return status
     except RideEstimationError as error:

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""The options ``--from`` and ``--to`` of every command that reads a run."""
+"""The part of a run that ``--from`` and ``--to`` of a command line ask for."""
 
 from __future__ import annotations
 
@@ -10,16 +10,6 @@ from ride_estimation.api.runs import read_run
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
-
-
-def add_part_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--from`` and ``--to``."""
-    parser.add_argument(
-        "--from", type=float, dest="from_s", metavar="S", help="use the run from this time on [s since its first stamp]"
-    )
-    parser.add_argument(
-        "--to", type=float, dest="to_s", metavar="S", help="use the run up to this time [s since its first stamp]"
-    )
 
 
 def part_of_options(options: argparse.Namespace) -> tuple[float | None, float | None]:

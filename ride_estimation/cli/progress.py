@@ -1,66 +1,97 @@
 # Copyright 2026 ride_estimation contributors
-"""Which stage a long job is in, a line each; on a terminal a bar for the stage that can be counted."""
+"""How far a long job is, on stderr: which stage, percent of the whole, seconds; never silent for more than five seconds.
+
+On a terminal one line per stage is drawn anew as it goes on; in a log, a notebook or a pipe a line is written when a stage begins
+and every five seconds.
+"""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
+from collections.abc import Mapping
+from types import TracebackType
+
+#: time between two looks at the clock [s]: a terminal is drawn anew, a log gets a line
+_REDRAW_S, _LINE_S = 0.2, 5.0
+_WIDTH = 30
 
 
 class Progress:
-    """Show how far a long job is.
+    """Show how far a job is, while the block runs.
 
     Parameters
     ----------
-    total
-        Amount of work in any unit.
     label
         What is being done.
+    total
+        Amount of work in any unit.
+    shares
+        For jobs of several stages the usual share of the time by stage, in order; a stage that is not listed counts nothing.
     """
 
-    def __init__(self, total: float, label: str) -> None:
-        self._total = max(float(total), 1e-12)
-        self._label = label
-        self._done = 0.0
-        self._started = self._shown = time.monotonic()
-        self._terminal = sys.stderr.isatty()
+    def __init__(self, label: str, total: float = 1.0, shares: Mapping[str, float] | None = None) -> None:
+        self._label, self._total, self._shares = label, total, dict(shares or {"": 1.0})
+        self._stage, self._before, self._done = "", 0.0, 0.0
+        self._stream = sys.stderr
+        self._terminal = self._stream.isatty()
+        self._drawn = 0
+        self._started = time.monotonic()
+        self._ended, self._lock = threading.Event(), threading.Lock()
+        self._clock = threading.Thread(target=self._tick, daemon=True)
+
+    def __enter__(self) -> Progress:
+        self._clock.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._ended.set()
+        self._clock.join()
+        if self._terminal:
+            if kind is None:
+                self._before, self._done = 1.0, 0.0
+                self._show()
+            self._end_line()
+
+    def begin(self, stage: str) -> None:
+        """Say that a stage begins."""
+        with self._lock:
+            self._before += self._shares.get(self._stage, 0.0)
+            self._stage, self._done = stage, 0.0
+            self._end_line()
+            self._show()
 
     def update(self, amount: float) -> None:
-        """Add finished work and redraw at most ten times a second."""
+        """Add finished work."""
         self._done += amount
-        now = time.monotonic()
-        if self._terminal and now - self._shown > 0.1:
-            self._shown = now
-            share = min(self._done / self._total, 1.0)
-            bar = "#" * round(30 * share)
-            print(f"\r{self._label} [{bar:<30}] {100 * share:3.0f} % {now - self._started:5.1f} s", end="", file=sys.stderr)
 
-    def close(self) -> None:
-        """Finish the line."""
-        if self._terminal:
-            print(f"\r{self._label} [{'#' * 30}] 100 % {time.monotonic() - self._started:5.1f} s", file=sys.stderr)
-
-
-class Stages:
-    """The stages of one job, one after the other, on stderr."""
-
-    def __init__(self) -> None:
-        self._bar: Progress | None = None
-        self._name = ""
-
-    def begin(self, name: str) -> None:
-        """Say that a stage begins, in a line of its own."""
-        self.close()
-        self._name = name
-        print(f"{name} ...", file=sys.stderr, flush=True)
+    def reach(self, share: float) -> None:
+        """Say which share of the present stage is done."""
+        self._done = share * self._total
 
     def advance(self, done: float, total: float) -> None:
-        """Add finished work of the present stage."""
-        self._bar = self._bar or Progress(total, self._name)
-        self._bar.update(done)
+        """Add finished work of a stage whose amount of work is known by now."""
+        self._total = total
+        self._done += done
 
-    def close(self) -> None:
-        """End the present stage."""
-        if self._bar is not None:
-            self._bar.close()
-        self._bar = None
+    def _tick(self) -> None:
+        while not self._ended.wait(_REDRAW_S if self._terminal else _LINE_S):
+            with self._lock:
+                self._show()
+
+    def _show(self) -> None:
+        within = min(self._done / max(self._total, 1e-12), 1.0)
+        share = min(self._before + self._shares.get(self._stage, 0.0) * within, 1.0)
+        words = f"{100 * share:3.0f} %  {time.monotonic() - self._started:4.0f} s  {self._stage}".rstrip()
+        if not self._terminal:
+            print(f"{self._label}: {words}", file=self._stream, flush=True)
+            return
+        line = f"{self._label} [{'#' * round(_WIDTH * share):<{_WIDTH}}] {words}"
+        print(f"\r{line:<{self._drawn}}", end="", file=self._stream, flush=True)
+        self._drawn = len(line)
+
+    def _end_line(self) -> None:
+        if self._drawn:
+            print(file=self._stream)
+        self._drawn = 0

@@ -26,40 +26,6 @@ from ride_estimation.simulation.co_simulation import ElementStepper
 _PRINTED = 12
 
 
-def add_run_procedures(kinds: Any) -> None:
-    """Add the sub-commands to those of ``procedure``."""
-    damping = kinds.add_parser("damping", help="damping against frequency and its band fit from accelerations of body and base")
-    damping.add_argument("file", type=Path, help="CSV: time_s and the columns of body and base (m/s^2, along one axis)")
-    damping.add_argument("--body", required=True, help="column of the body, without its unit suffix")
-    damping.add_argument("--base", required=True, help="column of the base, without its unit suffix")
-    damping.add_argument("--mass-kg", type=float, required=True, help="mass on the mounts")
-    damping.add_argument("--stiffness-n-per-m", type=float, required=True, help="stiffness of all mounts at rest")
-    damping.add_argument("--block", type=int, required=True, help="samples per block")
-    damping.add_argument("--range-hz", nargs=2, type=float, default=(0.5, 10.0), metavar=("FROM", "TO"), help="default 0.5 to 10")
-    damping.add_argument("--out", type=Path, metavar="CSV", help="table of damping and standard deviation by frequency")
-    damping.set_defaults(procedure_run=_damping)
-
-    hull = kinds.add_parser("operating-range", help="travel and speed a bumper works in, and whether a programme covers it")
-    hull.add_argument("files", nargs="+", type=Path, help="CSV: time_s, travel_mm (positive in compression, zero at contact)")
-    hull.add_argument("--margin", type=float, default=jounce_programme.MARGIN, help="excess of travel (default 0.1)")
-    hull.add_argument("--programme", nargs="+", type=Path, default=[], metavar="CSV", help="drive files that should cover it")
-    hull.add_argument("--out", type=Path, metavar="CSV", help="corners of the range")
-    hull.set_defaults(procedure_run=_operating_range)
-
-    road = kinds.add_parser("road", help="ISO 8608 class, roughness and waviness of a measured road, and where long waves stand")
-    road.add_argument("file", type=Path, help="CSV: distance_m (or time_s with --speed-m-per-s) and the column")
-    road.add_argument("--column", default="height", help="height of the road, without its unit suffix (default height)")
-    road.add_argument("--speed-m-per-s", type=float, help="constant speed of a recording over time")
-    road.add_argument("--frequency-hz", type=float, nargs="+", default=[], metavar="HZ", help="modes the waves may excite")
-    road.set_defaults(procedure_run=_road)
-
-    force = kinds.add_parser("force", help="force of an element on a recorded deflection, stepped as another program would")
-    force.add_argument("file", type=Path, help="CSV: time_s, displacement_mm (extension positive); force_n if measured")
-    force.add_argument("--element", type=Path, required=True, metavar="YAML", help="element.yaml of identify")
-    force.add_argument("--out", type=Path, required=True, metavar="CSV", help="table of time_s and force_n (tension)")
-    force.set_defaults(procedure_run=_force)
-
-
 def uniform_rate(table: Table, column: str = "time", unit: str = "s") -> float:
     """Return the samples per second (or metre) of a table whose column rises in even steps.
 
@@ -137,11 +103,12 @@ def _travel(path: Path) -> tuple[Any, Any]:
 
 
 def _operating_range(options: argparse.Namespace) -> None:
-    if not options.margin >= 0.0:
-        raise InputDataError(f"--margin {options.margin:g}: allowed: 0 or more")
+    margin = jounce_programme.MARGIN if options.margin is None else options.margin
+    if not margin >= 0.0:
+        raise InputDataError(f"--margin {margin:g}: allowed: 0 or more")
     parts = [_travel(path) for path in options.files]
     travel, rate = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
-    hull = jounce_programme.operating_hull(travel, rate, options.margin)
+    hull = jounce_programme.operating_hull(travel, rate, margin)
     farthest, (slowest, fastest) = float(hull.vertices[:, 0].max()), (float(f(hull.vertices[:, 1])) for f in (np.min, np.max))
     print(
         f"in contact {100 * np.mean(travel >= 0.0):.3g} % of the time; travel to {1e3 * travel.max():.4g} mm, with the margin "
@@ -200,3 +167,6 @@ def _force(options: argparse.Namespace) -> None:
         measured = table.column("force", "N")
         error = measured - force - float(np.mean(measured - force))
         print(f"measured force of the file: NRMSE {100 * float(np.std(error) / max(np.std(measured), 1e-300)):.3g} %")
+
+
+RUN_PROCEDURES = {"damping": _damping, "operating-range": _operating_range, "road": _road, "force": _force}

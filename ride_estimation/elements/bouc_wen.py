@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import ClassVar, final
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.optimize import brentq
+import scipy
 
 from ride_estimation.elements import declarations
 from ride_estimation.elements.base import Array, ForceElement, parameter
@@ -94,7 +93,7 @@ class BoucWen(ForceElement):
 
         # beyond y = 32 it is numerator(1) / n to rounding
         inner = min(end, 32.0)
-        value = quad(inside, 0.0, inner, epsabs=0.0, epsrel=1e-12, limit=200)[0]
+        value = scipy.integrate.quad(inside, 0.0, inner, epsabs=0.0, epsrel=1e-12, limit=200)[0]
         return float(value) + (end - inner) * numerator(1.0) / n
 
     def loss_energy(self, omega: float, amplitude: float) -> float:
@@ -113,6 +112,6 @@ class BoucWen(ForceElement):
             return self._over_room(lambda w: (2.0 + (back - 1.0) * w**n) / (1.0 + back * w**n), end) - stroke
 
         # the integral is at least end / n
-        end = float(brentq(excess, 0.0, n * stroke, xtol=1e-15, rtol=1e-13))
+        end = float(scipy.optimize.brentq(excess, 0.0, n * stroke, xtol=1e-15, rtol=1e-13))
         area = self._over_room(lambda w: 2.0 * self.share * w ** (n + 1.0) / (1.0 + back * w**n), end)
         return 2.0 * self.friction**2 / self.slope * area

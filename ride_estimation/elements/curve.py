@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar, final
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from ride_estimation.elements import kernels_curve
 from ride_estimation.elements.base import Array, ForceElement, series
@@ -27,7 +27,7 @@ def curve_columns(points: tuple[float, ...], values: tuple[float, ...], *, flat_
     flat_ends
         Whether the slope at the first and at the last point is zero, so that the curve is constant outside.
     """
-    slopes = PchipInterpolator(points, values).derivative()(np.asarray(points))
+    slopes = scipy.interpolate.PchipInterpolator(points, values).derivative()(np.asarray(points))
     if flat_ends[0]:
         slopes[0] = 0.0
     if flat_ends[1]:

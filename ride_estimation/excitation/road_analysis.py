@@ -7,8 +7,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.excitation.road import CLASS_ROUGHNESS, REFERENCE_WAVENUMBER
@@ -88,7 +88,7 @@ def fit_road(height: ArrayLike, spacing: float, band: tuple[float, float] = FIT_
             f"{_BLOCK_WAVES / band[0]:.0f} m at {0.5 / band[1]:.3g} m or less"
         )
     block = math.ceil(_BLOCK_WAVES / band[0] / spacing)
-    n, density = signal.welch(tracks, 1.0 / spacing, nperseg=block, noverlap=block // 2, detrend="linear", axis=0)
+    n, density = scipy.signal.welch(tracks, 1.0 / spacing, nperseg=block, noverlap=block // 2, detrend="linear", axis=0)
     n, density = n[1:], density[1:].mean(axis=1)
     inside = (n >= band[0]) & (n <= band[1])
     centres, means, weights = _smoothed(n[inside], density[inside])
@@ -157,7 +157,7 @@ def road_spectrogram(height: ArrayLike, spacing: float, window: float = 150.0, o
             f"{profile.size * spacing:.0f} m; allowed: at least 8 samples, no longer than the profile, overlap 0 to below 1"
         )
     repeated = min(int(overlap * samples), samples - 1)
-    n, distance, density = signal.spectrogram(
+    n, distance, density = scipy.signal.spectrogram(
         profile, 1.0 / spacing, window="hann", nperseg=samples, noverlap=repeated, detrend="linear"
     )
     return RoadSpectrogram(distance, n, density)

@@ -7,8 +7,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from ride_estimation.errors import InputDataError
 
@@ -57,7 +57,7 @@ def analyse_decay(values: ArrayLike, rate_hz: float) -> DecayResult:
     y = np.asarray(values, dtype=float).ravel()
     if y.size < 8 or not np.all(np.isfinite(y)):
         raise InputDataError("a decay needs at least 8 finite samples")
-    index, _ = signal.find_peaks(np.abs(y), height=0.02 * np.max(np.abs(y)))
+    index, _ = scipy.signal.find_peaks(np.abs(y), height=0.02 * np.max(np.abs(y)))
     if index.size < 3:
         raise InputDataError(f"{index.size} peaks found; at least three half cycles above 2 % of the first are needed")
     times, heights = [], []

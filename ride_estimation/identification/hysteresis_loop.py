@@ -7,8 +7,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import trapezoid
 
 from ride_estimation.errors import InputDataError
 
@@ -106,7 +106,7 @@ def analyse_loop(time_s: ArrayLike, displacement: ArrayLike, force: ArrayLike, f
     # no motion of this stroke has a smaller mean square than the one at constant speed
     form = max(squared_speed / (2.0 * omega * amplitude / math.pi) ** 2, 1.0)
     squared_speed = form * (2.0 * omega * amplitude / math.pi) ** 2
-    loss = float(trapezoid(fg, xg)) / cycles
+    loss = float(scipy.integrate.trapezoid(fg, xg)) / cycles
     stiffness = float((response[1] / harmonics[1]).real)
     return LoopResult(stiffness, loss * frequency_hz / squared_speed, loss, amplitude, omega, form)
 

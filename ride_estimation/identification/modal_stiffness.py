@@ -8,8 +8,8 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import optimize
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES, COORDINATES
@@ -123,7 +123,7 @@ def labelled_frequencies(vehicle: Vehicle) -> dict[str, float]:
     found = undamped_modes(linearise(assemble(vehicle)))
     keys = [key for key in found[0].energy_share]
     share = np.array([[mode.energy_share[key] for key in keys] for mode in found])
-    rows, columns = optimize.linear_sum_assignment(-share)
+    rows, columns = scipy.optimize.linear_sum_assignment(-share)
     return {MODE_NAMES[keys[c][1]]: found[r].frequency_hz for r, c in zip(rows, columns)}
 
 
@@ -236,7 +236,9 @@ def _searched(misfit: Callable[[Array], Array], free: NDArray[np.bool_]) -> Arra
 
     count = int(np.sum(free))
     fits = (
-        optimize.least_squares(lambda inner: misfit(spread(inner)), np.full(count, start), bounds=(-7.0, 7.0), diff_step=1e-5)
+        scipy.optimize.least_squares(
+            lambda inner: misfit(spread(inner)), np.full(count, start), bounds=(-7.0, 7.0), diff_step=1e-5
+        )
         for start in (0.0, 0.7, -0.7)
     )
     return spread(min(fits, key=lambda r: float(r.cost)).x)

@@ -11,8 +11,8 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.berg_friction import BergFriction
@@ -303,7 +303,7 @@ def _fit(
         z[free] = z_free
         return np.asarray(((run.modelled(model, elements(z)) - run.measured) / scale).ravel())
 
-    result = optimize.least_squares(
+    result = scipy.optimize.least_squares(
         residual, z0[free], bounds=(lower[free], upper[free]), x_scale=0.2, diff_step=1e-4, xtol=1e-6, ftol=1e-7, max_nfev=25
     )
     z = z0.copy()

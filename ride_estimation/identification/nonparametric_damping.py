@@ -10,8 +10,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import optimize
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.uncertainty import std_from_jacobian
@@ -200,7 +200,7 @@ def fit_band_damping(
     low, high = np.log(values) - span, np.log(values) + span
     best = min(
         (
-            optimize.least_squares(residual, np.log(values) + np.log([1, 1, gain, centre, quality]), bounds=(low, high))
+            scipy.optimize.least_squares(residual, np.log(values) + np.log([1, 1, gain, centre, quality]), bounds=(low, high))
             for gain in (0.5, 2.0)
             for centre in (0.5, 1.0, 2.0)
             for quality in (0.5, 2.0)
@@ -212,7 +212,7 @@ def fit_band_damping(
     found = np.exp(best.x)
     # what ran to its bound has left the range in which the data tell it
     relative[np.minimum(best.x - low, high - best.x) < 1e-3 * span] = np.inf
-    without = optimize.least_squares(lambda two: residual(np.array([*two, -_NEVER, 0.0, 0.0])), np.log(values[:2]))
+    without = scipy.optimize.least_squares(lambda two: residual(np.array([*two, -_NEVER, 0.0, 0.0])), np.log(values[:2]))
     # neighbouring lines of half-overlapping Hann blocks share 2/3 of their noise
     better = 2.0 * float(without.cost - best.cost) / max(chi_square, 1.0) / 1.5
     k, c = np.exp(without.x)

@@ -10,17 +10,13 @@ import platform
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 
 import ride_estimation
-from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.errors import InputDataError, RideEstimationError
-from ride_estimation.estimation.common.estimate import Estimate
-from ride_estimation.estimation.common.settings import PipelineSettings
-from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.io.atomic import replacing
 from ride_estimation.jit import COMPILED
@@ -28,6 +24,12 @@ from ride_estimation.metrics import nrmse
 from ride_estimation.signals.quality import ChannelQuality
 from ride_estimation.signals.recording import Recording, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
+
+if TYPE_CHECKING:  # whoever only looks for a folder or reads results need not wait for the estimator to be imported
+    from ride_estimation.assessment.run_assessment import RunAssessment
+    from ride_estimation.estimation.common.estimate import Estimate
+    from ride_estimation.estimation.common.settings import PipelineSettings
+    from ride_estimation.estimation.offline import OfflineRun
 
 RESULT_SCHEMA = "ride_estimation/result/1"
 

@@ -7,7 +7,6 @@ import dataclasses
 import math
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.io.vehicle_file import SCHEMA
 
 #: most mounts and most sensors on the body that `plan` still judges
 MOST_MOUNTS, MOST_SENSORS = 8, 24
@@ -56,6 +55,8 @@ def vehicle_template(template: Template) -> str:
     ConfigurationError
         Numbers outside what is allowed, all of them at once.
     """
+    from ride_estimation.io.vehicle_file import SCHEMA
+
     _check(template)
     size = (template.mass / _DENSITY) ** (1.0 / 3.0)
     stiffness = template.mass * (2.0 * math.pi * _BOUNCE_HZ) ** 2 / template.mounts

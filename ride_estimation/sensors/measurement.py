@@ -8,8 +8,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES, rotation_from_rpy
@@ -207,7 +207,7 @@ def measure(
     signal = low_pass(ideal, rate_hz, errors.anti_alias) if errors.anti_alias > 0.0 else ideal
     if sensor.coupling == "ac":
         signal = signal - signal.mean(axis=0)
-    values = CubicSpline(np.arange(len(signal)) / rate_hz, signal, axis=0)(np.maximum(time - late, 0.0))
+    values = scipy.interpolate.CubicSpline(np.arange(len(signal)) / rate_hz, signal, axis=0)(np.maximum(time - late, 0.0))
     values = sensor.correction.reading(_unit_errors(sensor, values, errors, unit, generator))
     values = _value_faults(values, time, faults, fault_generator)
     values = np.clip(values, -sensor.full_scale, sensor.full_scale) if math.isfinite(sensor.full_scale) else values

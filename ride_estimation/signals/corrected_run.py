@@ -7,8 +7,8 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from ride_estimation.signals.correction import NO_CORRECTION, Correction
 from ride_estimation.signals.recording import UniformRun
@@ -52,6 +52,6 @@ def _earlier(values: Array, valid: NDArray[np.bool_], shift: float) -> tuple[Arr
     if np.count_nonzero(good) < 2:
         return values, np.zeros(count, dtype=bool)
     bridged = np.stack([np.interp(ticks, ticks[good], column[good]) for column in values.T], axis=1)
-    moved = CubicSpline(ticks, bridged, axis=0)(inside)
+    moved = scipy.interpolate.CubicSpline(ticks, bridged, axis=0)(inside)
     known = good[np.floor(inside).astype(int)] & good[np.ceil(inside).astype(int)] & (at >= 0.0) & (at <= count - 1)
     return np.asarray(moved, dtype=float), np.asarray(known)

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from ride_estimation.errors import InputDataError
 
@@ -44,11 +44,11 @@ def high_pass(values: ArrayLike, rate_hz: float, corner_hz: float, zero_phase: b
     y = np.asarray(values, dtype=float)
     if not 0.0 < corner_hz < rate_hz / 2.0:
         raise InputDataError(f"corner {corner_hz:g} Hz must lie between 0 and half the sample rate {rate_hz / 2:g} Hz")
-    sos = signal.butter(2, corner_hz, "highpass", fs=rate_hz, output="sos")
+    sos = scipy.signal.butter(2, corner_hz, "highpass", fs=rate_hz, output="sos")
     if zero_phase:
         pad = min(y.shape[0] - 1, int(3 * rate_hz / corner_hz))
-        return np.asarray(signal.sosfiltfilt(sos, y, axis=0, padlen=pad))
-    return np.asarray(signal.sosfilt(sos, y, axis=0))
+        return np.asarray(scipy.signal.sosfiltfilt(sos, y, axis=0, padlen=pad))
+    return np.asarray(scipy.signal.sosfilt(sos, y, axis=0))
 
 
 def integrate(values: ArrayLike, rate_hz: float) -> Array:

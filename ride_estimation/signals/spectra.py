@@ -6,8 +6,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from ride_estimation.errors import InputDataError
 
@@ -89,7 +89,7 @@ def welch_spectrum(
             f"claimed resolution {claimed_resolution_hz:g} Hz does not match {rate_hz:g} Hz / {block} samples = "
             f"{resolution:.4g} Hz; it needs blocks of {round(rate_hz / claimed_resolution_hz)} samples"
         )
-    frequency, density = signal.welch(y, rate_hz, window="hann", nperseg=block, noverlap=block // 2, detrend="constant")
+    frequency, density = scipy.signal.welch(y, rate_hz, window="hann", nperseg=block, noverlap=block // 2, detrend="constant")
     averages = 1 + (y.size - block) // (block - block // 2)
     return Spectrum(frequency, density, resolution, HANN_ENBW_BINS * resolution, averages)
 
@@ -119,9 +119,9 @@ def transfer_function(x: ArrayLike, y: ArrayLike, rate_hz: float, block: int) ->
         raise InputDataError(f"input has {a.size} samples, output {b.size}: they must be equal")
     _block(rate_hz, block, a.size)
     options = {"fs": rate_hz, "window": "hann", "nperseg": block, "noverlap": block // 2}
-    frequency, cross = signal.csd(a, b, **options)
-    auto = signal.welch(a, **options)[1]
-    coherence = signal.coherence(a, b, **options)[1]
+    frequency, cross = scipy.signal.csd(a, b, **options)
+    auto = scipy.signal.welch(a, **options)[1]
+    coherence = scipy.signal.coherence(a, b, **options)[1]
     floor = np.finfo(float).tiny
     averages = 1 + (a.size - block) // (block - block // 2)
     return TransferFunction(frequency, cross / np.maximum(auto, floor), np.nan_to_num(coherence), averages)
@@ -173,7 +173,7 @@ def label_peaks(
 
 def _peak_frequencies(spectrum: Spectrum, prominence: float) -> Array:
     density = spectrum.density
-    index, _ = signal.find_peaks(density)
+    index, _ = scipy.signal.find_peaks(density)
     keep = []
     for i in index:
         lower, upper = np.searchsorted(spectrum.frequency_hz, spectrum.frequency_hz[i] * np.array([0.71, 1.41]))

@@ -7,8 +7,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import ConfigurationError
@@ -143,7 +143,7 @@ def undamped_modes(model: LinearModel) -> tuple[Mode, ...]:
     A negative eigenvalue (static instability) appears with a negative frequency ``-sqrt(-lambda) / 2 pi``.
     """
     symmetric = 0.5 * (model.stiffness + model.stiffness.T)
-    values, vectors = linalg.eigh(symmetric, model.mass)
+    values, vectors = scipy.linalg.eigh(symmetric, model.mass)
     return tuple(
         _mode(model, v.astype(complex), float(np.sign(w) * math.sqrt(abs(w)) / (2.0 * math.pi)), 0.0)
         for w, v in zip(values, vectors.T)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.assessment.standstill import BIAS_LIMIT, calibrate
-from ride_estimation.cli.calibrate import EXAMPLES
+from ride_estimation.cli.arguments.calibrate import EXAMPLES
 from ride_estimation.cli.main import main
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import rotation_from_rpy

@@ -17,8 +17,9 @@ PROGRAM = """
 import sys
 for name in {absent!r}:
     sys.modules[name] = None  # importing it now is an ImportError
-from ride_estimation.cli.main import main, verbs
-verbs()
+from ride_estimation.cli.main import main, verb_helps, work_of
+for verb in verb_helps():
+    work_of(verb)
 sys.exit(main(["plan", "--vehicle", "truck_cab"]) or main(["calibrate", {run!r}, "--vehicle", "truck_cab"]))
 """
 

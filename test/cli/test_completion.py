@@ -7,10 +7,13 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from ride_estimation.cli.main import EPILOG, TOPICS, build_parser, main, verb_helps
+from ride_estimation.cli.main import EPILOG, TOPICS, arguments_of, build_parser, main, verb_helps
+from ride_estimation.identification.bench.choices import MODELS
+from ride_estimation.identification.bench.models import LADDER
 
 
 def test_the_shell_completes_verbs_and_options(capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,8 +47,7 @@ def test_help_lists_every_verb_once_with_what_it_is_for() -> None:
 
 def test_examples_of_help_are_commands_that_parse() -> None:
     parser = build_parser()
-    texts = [EPILOG, *(getattr(__import__(f"ride_estimation.cli.{v.replace('-', '_')}", fromlist=["x"]), "EXAMPLES", "")
-                       for v in verb_helps())]  # fmt: skip
+    texts = [EPILOG, *(getattr(arguments_of(verb), "EXAMPLES", "") for verb in verb_helps())]
     joined = [re.sub(r"\\\n\s*", "", text) for text in texts]
     lines = [line.strip() for text in joined for line in text.splitlines() if line.strip().startswith("ride-estimation ")]
     assert len(lines) > 12
@@ -56,7 +58,26 @@ def test_examples_of_help_are_commands_that_parse() -> None:
             parser.parse_args(words)
 
 
-def test_one_verb_does_not_import_the_others() -> None:
-    code = "import sys; from ride_estimation.cli.main import build_parser; build_parser(['plan']); " \
-        "sys.exit('ride_estimation.cli.fleet' in sys.modules or 'matplotlib' in sys.modules)"  # fmt: skip
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+def imported_by(statement: str, *names: str) -> list[str]:
+    """Return which of some modules a fresh Python has imported after a statement."""
+    code = f"{statement}\nimport sys\nprint('imported:', *(name for name in {names!r} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.rpartition("imported:")[2].split()
+
+
+def test_arguments_of_all_verbs_import_nothing_of_the_work() -> None:
+    statement = "from ride_estimation.cli.main import build_parser; build_parser()"
+    assert imported_by(statement, "argparse", "numpy", "scipy", "numba", "matplotlib", "yaml", "rosbags") == ["argparse"]
+
+
+def test_a_wrong_file_is_answered_before_the_work_is_imported(tmp_path: Path) -> None:
+    statement = "from ride_estimation.cli.main import main\n" + "\n".join(
+        f"assert main([{verb!r}, 'absent.mcap', '--vehicle', 'truck_cab', '--out', {str(tmp_path)!r}]) == 2"
+        for verb in ("replay", "diagnose")
+    )
+    heavy = ("scipy.signal", "scipy.stats", "matplotlib", "ride_estimation.estimation.pipeline", "ride_estimation.api.diagnosing")
+    assert imported_by(statement, "rosbags", *heavy) == ["rosbags"]
+
+
+def test_models_to_choose_from_are_those_there_are() -> None:
+    assert tuple(model.name for model in LADDER) == MODELS

@@ -21,8 +21,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ride_estimation.identification.bench.reversals import Motion
 from ride_estimation.jit import COMPILED, compile_kernel
@@ -331,10 +331,10 @@ def numpy_columns(layout: Layout, motion: Motion, theta: Array) -> Array:
     for j in range(layout.cells):
         a = values[j] * h
         e, g = np.exp(-a), -np.expm1(-a) / a
-        m = lfilter([g], [1.0, -e], step)
+        m = scipy.signal.lfilter([g], [1.0, -e], step)
         out[row + j] = m
         previous = np.concatenate([[0.0], m[:-1]])
-        out[layout.linear + j] = lfilter([1.0], [1.0, -e], -a * e * previous + (e - g) * step)
+        out[layout.linear + j] = scipy.signal.lfilter([1.0], [1.0, -e], -a * e * previous + (e - g) * step)
     if layout.friction:
         out[layout.linear - 1], out[-1] = numpy_friction(layout.friction, motion, float(values[-1]))
     return out

@@ -17,16 +17,13 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.excitation.programmes import band_limited_random, dma_plan, harmonic_pulse, preconditioning
 from ride_estimation.excitation.sigmoid_chirp import SigmoidChirp
+from ride_estimation.identification.bench.choices import LONGEST_S
 from ride_estimation.identification.bench.models import BenchModel
 from ride_estimation.identification.bench.reversals import find_motion
 from ride_estimation.identification.bench.time_domain import model_jacobian
 
 Array = NDArray[np.float64]
 
-#: longest programme where none is asked for [s]
-LONGEST_S = 1800.0
-#: names of the tests beside preconditioning
-TESTS = ("static", "sigmoid_chirp", "dma", "random", "random_wide", "pulse")
 #: rest between two tests of one drive file [s]
 _REST_S = 1.0
 #: share of the stroke of the static ramps

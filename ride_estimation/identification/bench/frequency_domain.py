@@ -20,10 +20,11 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.choices import NORMS
 from ride_estimation.identification.bench.error_components import estimate_components
 from ride_estimation.identification.bench.harmonic_stiffness import complex_stiffness, harmonic_columns
 from ride_estimation.identification.bench.models import BenchModel
@@ -33,7 +34,6 @@ from ride_estimation.identification.bench.variable_projection import VariablePro
 
 Array = NDArray[np.float64]
 
-NORMS = ("complex_modulus", "repaired", "printed")
 #: error of a measured stiffness that does not fall with amplitude (load cell class, fixture)
 RELATIVE_FLOOR = 0.01
 #: rounds of fit and error mixture; the standard deviations then change by less than a tenth
@@ -225,7 +225,7 @@ def _refine(
     upper = np.concatenate([np.full(linear, np.inf), _bounds(model, points)[1]])
     start = np.concatenate([coefficients / scale, theta])
     start = np.clip(start, lower + 1e-9, upper - 1e-9)
-    found = least_squares(residual, start, bounds=(lower, upper), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    found = scipy.optimize.least_squares(residual, start, bounds=(lower, upper), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     return found.x[linear:], found.x[:linear] * scale
 
 

@@ -14,8 +14,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ride_estimation.identification.bench.jounce_consistent import fit_consistent
 from ride_estimation.identification.bench.jounce_model import Load, WhiteBox, loaded_nrmse, split_static
@@ -99,7 +99,9 @@ def pre_estimate(box: WhiteBox, dynamic: Sequence[Load]) -> WhiteBox:
         return np.asarray(hinges @ _not_negative(hinges, envelope) - envelope)
 
     for start in starts:
-        found = least_squares(residual, start, bounds=(-1e-9, 0.97 * largest), x_scale=largest, diff_step=1e-3, max_nfev=40)
+        found = scipy.optimize.least_squares(
+            residual, start, bounds=(-1e-9, 0.97 * largest), x_scale=largest, diff_step=1e-3, max_nfev=40
+        )
         if found.cost < best_cost:
             best_points, best_cost = np.sort(found.x), float(found.cost)
     spread = np.maximum(best_points, 0.0)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.choices import JOUNCE_MODELS
 from ride_estimation.identification.bench.jounce import identify_white_box
 from ride_estimation.identification.bench.jounce_choice import NetworkChoice, choose_network
 from ride_estimation.identification.bench.jounce_model import (
@@ -33,7 +34,6 @@ from ride_estimation.identification.bench.time_domain import prepare
 
 Array = NDArray[np.float64]
 
-MODELS = ("jounce_bumper", "local_linear_network", "local_linear_network_dahl")
 #: points of exported curves
 _POINTS = 31
 
@@ -45,7 +45,7 @@ class JounceIdentification:
     Attributes
     ----------
     model
-        One of ``MODELS``.
+        One of ``JOUNCE_MODELS``.
     stages
         Stage or number of local models -> record -> NRMSE on fitted loads.
     fitted, held_out
@@ -97,7 +97,7 @@ def identify_jounce(
     validation
         Records that are not fitted; empty: every fourth load event of the fast records is held out.
     model
-        One of ``MODELS``.
+        One of ``JOUNCE_MODELS``.
     static
         Slow records for the static curve (and Dahl friction) of a network only; the network is not trained on them.
     models
@@ -105,9 +105,9 @@ def identify_jounce(
     progress
         Called with 1 per stage or record left out.
     """
-    if model not in MODELS:
-        raise InputDataError(f"model {model!r} is no jounce-bumper model; allowed: {', '.join(MODELS)}")
-    if static and model == MODELS[0]:
+    if model not in JOUNCE_MODELS:
+        raise InputDataError(f"model {model!r} is no jounce-bumper model; allowed: {', '.join(JOUNCE_MODELS)}")
+    if static and model == JOUNCE_MODELS[0]:
         raise InputDataError("records for the static curve alone are for networks; the white box is fitted to all its records")
     prepared = [prepare(r) for r in records]
     apart = [prepare(r) for r in static]
@@ -123,7 +123,7 @@ def identify_jounce(
     ]
     held = [as_load(prepare(r), side) for r in validation]
     choice = None
-    if model == MODELS[0]:
+    if model == JOUNCE_MODELS[0]:
         predict, stages, element, quantities = _white(loads, progress)
     else:
         dahl = model.endswith("dahl")

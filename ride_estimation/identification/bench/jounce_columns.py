@@ -14,8 +14,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from ride_estimation.identification.bench.reversals import Motion
 from ride_estimation.jit import compile_kernel
@@ -44,14 +44,14 @@ class TravelBasis:
         """Return the functions at travels, zero below contact, shape (N, size)."""
         full = np.concatenate([[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3])
         inside = np.clip(travel, self.knots[0], self.knots[-1])
-        values = BSpline.design_matrix(inside, full, 3).toarray()[:, 1:]
+        values = scipy.interpolate.BSpline.design_matrix(inside, full, 3).toarray()[:, 1:]
         values[travel <= 0.0] = 0.0
         return np.asarray(values, dtype=float)
 
     def curve(self, coefficients: Array) -> tuple[Array, Array, Array]:
         """Return travels, values and slopes at the knots (a cubic Hermite curve that is this spline), shapes (K,)."""
         full = np.concatenate([[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3])
-        spline = BSpline(full, np.concatenate([[0.0], coefficients]), 3)
+        spline = scipy.interpolate.BSpline(full, np.concatenate([[0.0], coefficients]), 3)
         return self.knots.copy(), np.asarray(spline(self.knots)), np.asarray(spline.derivative()(self.knots))
 
     def roughness(self) -> Array:

@@ -13,8 +13,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ride_estimation.identification.bench.jounce_columns import contact_cell
 from ride_estimation.identification.bench.jounce_model import Load, WhiteBox
@@ -89,7 +89,7 @@ def fit_consistent(box: WhiteBox, loads: Sequence[Load], *, evaluations: int = 6
     start, lower, upper = pack.start()
     size = box.basis.size
     full_start = np.concatenate([np.maximum(start_box.height, 0.0) / problem.height_scale, start])
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda x: problem.solve(x)[1],
         np.maximum(full_start, np.concatenate([np.full(size, 1e-9), lower])),
         bounds=(np.concatenate([np.zeros(size), lower]), np.concatenate([np.full(size, 1e3), upper])),

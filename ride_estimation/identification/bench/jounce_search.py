@@ -7,8 +7,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ride_estimation.identification.bench.jounce_columns import TravelBasis, contact_cell
 from ride_estimation.identification.bench.jounce_model import Load, WhiteBox, loaded_nrmse
@@ -179,7 +179,7 @@ def fit_balance(
     def residual(x: Array) -> Array:
         return linear.solve(pack.box_at(x))[1]
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residual,
         start,
         bounds=(lower, upper),

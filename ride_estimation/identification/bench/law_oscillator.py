@@ -19,9 +19,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.signal import resample
 
 from ride_estimation.identification.bench.oscillator import OscillatorRecord
 from ride_estimation.jit import compile_kernel
@@ -152,9 +151,9 @@ def _refined(u: Array, factor: int) -> Array:
     line = u[0] + (u[-1] - u[0]) * np.arange(n) / max(n - 1, 1)
     periodic = abs(u[-1] - u[0]) < 4.0 * np.median(np.abs(np.diff(u))) + 1e-300
     if periodic:
-        return np.asarray(resample(u, factor * n))
+        return np.asarray(scipy.signal.resample(u, factor * n))
     dense = u[0] + (u[-1] - u[0]) * np.arange(factor * n) / (factor * max(n - 1, 1))
-    return np.asarray(resample(u - line, factor * n) + dense)
+    return np.asarray(scipy.signal.resample(u - line, factor * n) + dense)
 
 
 class LawSimulator:
@@ -213,7 +212,9 @@ def _fit(
 
     size = len(free) + 3
     bound = np.concatenate([np.full(len(free), 4.0), np.full(3, 3.0)])
-    found = least_squares(error, np.zeros(size), bounds=(-bound, bound), x_scale="jac", max_nfev=evaluations, diff_step=1e-5)
+    found = scipy.optimize.least_squares(
+        error, np.zeros(size), bounds=(-bound, bound), x_scale="jac", max_nfev=evaluations, diff_step=1e-5
+    )
     q, begin = spread(found.x)
     mse = float(np.mean(found.fun**2))
     normal = found.jac.T @ found.jac
@@ -308,5 +309,5 @@ def simulate_law(fit: LawFit, record: OscillatorRecord) -> Array:
     def error(x: Array) -> Array:
         return np.clip((simulator.simulate(fit.values, simulator.start + x * scale) - record.y) / simulator.rms, -1e3, 1e3)
 
-    found = least_squares(error, np.zeros(3), x_scale="jac", max_nfev=_EVALUATIONS, diff_step=1e-5)
+    found = scipy.optimize.least_squares(error, np.zeros(3), x_scale="jac", max_nfev=_EVALUATIONS, diff_step=1e-5)
     return simulator.simulate(fit.values, simulator.start + found.x * scale)

@@ -16,9 +16,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 from ride_estimation.identification.bench.jounce_model import Load
 from ride_estimation.identification.bench.uncertainty import effective_samples, std_from_jacobian
@@ -126,7 +125,7 @@ class NetworkInputs:
             pair = []
             for signal in (self.travel, self.static):
                 start = np.array([signal[0] * (1.0 - b[0])])
-                pair.append(np.asarray(lfilter(b, [1.0, -decay], signal, zi=start)[0]))
+                pair.append(np.asarray(scipy.signal.lfilter(b, [1.0, -decay], signal, zi=start)[0]))
             self._lags[key] = (pair[0], pair[1])
         return self._lags[key]
 
@@ -254,7 +253,7 @@ def _refine_poles(problem: _Problem, cells: _Cells, limit: float, evaluations: i
         return problem.solve(dataclasses.replace(cells, alpha=np.exp(log_alpha)))[1]
 
     start = np.clip(np.log(cells.alpha), low + 1e-6, high - 1e-6)
-    found = least_squares(residual, start, bounds=(low, high), diff_step=1e-3, max_nfev=evaluations, ftol=1e-5)
+    found = scipy.optimize.least_squares(residual, start, bounds=(low, high), diff_step=1e-3, max_nfev=evaluations, ftol=1e-5)
     return dataclasses.replace(cells, alpha=np.exp(found.x))
 
 

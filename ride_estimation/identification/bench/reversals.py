@@ -11,9 +11,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt, welch
-from scipy.special import comb
 
 from ride_estimation.jit import compile_kernel
 
@@ -82,14 +81,14 @@ def noise_level(values: Array) -> float:
             break
         difference = np.diff(parts, n=order, axis=1)
         deviation = float(np.median(np.abs(difference))) / 0.6745
-        best = min(best, deviation / float(np.sqrt(comb(2 * order, order))))
+        best = min(best, deviation / float(np.sqrt(scipy.special.comb(2 * order, order))))
     return best if np.isfinite(best) else 0.0
 
 
 def signal_band(values: Array, step_s: float, noise_std: float) -> float:
     """Return the highest frequency [Hz] at which the power of the signal stands ten times above white noise."""
     segment = int(min(values.size, max(256, 4.0 / step_s)))
-    frequency, power = welch(values - np.mean(values), fs=1.0 / step_s, nperseg=segment)
+    frequency, power = scipy.signal.welch(values - np.mean(values), fs=1.0 / step_s, nperseg=segment)
     floor = 2.0 * noise_std**2 * step_s
     above = np.flatnonzero(power > 10.0 * floor)
     return float(frequency[above[-1]]) if above.size else float(frequency[1])
@@ -97,8 +96,8 @@ def signal_band(values: Array, step_s: float, noise_std: float) -> float:
 
 def low_pass(values: Array, step_s: float, corner_hz: float) -> Array:
     """Low-pass without phase: fourth-order Butterworth forward and backward."""
-    sos = butter(4, corner_hz, fs=1.0 / step_s, output="sos")
-    filtered: Array = sosfiltfilt(sos, values)
+    sos = scipy.signal.butter(4, corner_hz, fs=1.0 / step_s, output="sos")
+    filtered: Array = scipy.signal.sosfiltfilt(sos, values)
     return filtered
 
 

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.identification.bench.choices import EXTRACTIONS
 from ride_estimation.identification.bench.reversals import noise_level
 from ride_estimation.identification.bench.time_domain import PreparedRecord
 
 Array = NDArray[np.float64]
 
-EXTRACTIONS = ("harmonic", "peak", "range")
 #: harmonics fitted besides the mean
 HARMONICS = 7
 #: cycles left out at the start of each steady part

@@ -7,8 +7,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ride_estimation.identification.bench.reversals import Motion
 from ride_estimation.identification.bench.time_domain import PreparedRecord, TimeDomainFit, full_jacobian
@@ -147,7 +147,7 @@ def repeatable_energy(residual: Array, states: Array) -> float:
     state = state / np.maximum(state.std(axis=0), np.finfo(float).tiny)
     r = residual[picked] - np.mean(residual)
     apart = max(int(_APART_SHARE * picked.size), 1)
-    _, index = cKDTree(state).query(state, k=min(_NEIGHBOURS, picked.size))
+    _, index = scipy.spatial.cKDTree(state).query(state, k=min(_NEIGHBOURS, picked.size))
     far = np.abs(index - np.arange(picked.size)[:, None]) >= apart
     found = far.any(axis=1)
     partner = index[np.arange(picked.size), np.argmax(far, axis=1)]

@@ -7,9 +7,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
-from scipy.signal.windows import dpss
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.excitation.obstacles import rolled_envelope
@@ -234,7 +233,7 @@ def line_test(residual: ArrayLike, rate_hz: float, frequency_hz: float, searched
     count = e.size
     if count < 64:
         raise InputDataError(f"{count} samples are too few to tell a line; at least 64 are needed")
-    tapers = np.asarray(dpss(count, _BANDWIDTH, _TAPERS))
+    tapers = np.asarray(scipy.signal.windows.dpss(count, _BANDWIDTH, _TAPERS))
     spectra = np.fft.rfft(tapers * e, _PADDING * count, axis=1)
     at_zero = tapers.sum(axis=1)
     line = (at_zero @ spectra) / float(at_zero @ at_zero)
@@ -243,6 +242,6 @@ def line_test(residual: ArrayLike, rate_hz: float, frequency_hz: float, searched
     frequency = np.fft.rfftfreq(_PADDING * count, 1.0 / rate_hz)
     near = np.flatnonzero(np.abs(frequency - frequency_hz) <= rate_hz / count)
     best = int(near[np.argmax(strength[near])])
-    alone = float(stats.f.sf(strength[best], 2, 2 * _TAPERS - 2))
+    alone = float(scipy.stats.f.sf(strength[best], 2, 2 * _TAPERS - 2))
     independent = max((min(searched_hz[1], 0.5 * rate_hz) - searched_hz[0]) * count / rate_hz, 1.0)
     return LineTest(float(frequency[best]), float(-np.expm1(independent * np.log1p(-min(alone, 1.0 - 1e-16)))))

@@ -8,8 +8,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import optimize
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.quarter_car import plausibility
@@ -197,7 +197,7 @@ class _Problem:
 
         def descend(start: dict[str, float], evaluations: int) -> tuple[dict[str, float], Array, Array]:
             z0 = np.clip(_transform(names, start), lower + 1e-9 * scale, upper - 1e-9 * scale)
-            result = optimize.least_squares(
+            result = scipy.optimize.least_squares(
                 objective, z0, bounds=(lower, upper), x_scale=scale, args=(start,), method="trf", xtol=1e-8, ftol=1e-8,
                 diff_step=1e-6, max_nfev=evaluations,
             )

@@ -16,12 +16,8 @@ from ride_estimation.io.files.lvm_file import read_lvm
 from ride_estimation.io.files.mdf_file import read_mdf, write_mdf
 from ride_estimation.io.files.parquet_file import read_parquet, write_parquet
 from ride_estimation.io.files.rpc_file import read_rpc, write_rpc
+from ride_estimation.io.files.suffixes import READ_SUFFIXES, WRITE_SUFFIXES
 from ride_estimation.io.files.tdms_file import read_tdms
-
-#: endings that can be read
-READ_SUFFIXES = (".csv", ".txt", ".tsv", ".lvm", ".parquet", ".mf4", ".mdf", ".dat", ".tdms", ".rpc", ".rsp", ".drv")
-#: endings that can be written
-WRITE_SUFFIXES = (".csv", ".parquet", ".mf4", ".rpc")
 
 
 def read_measurement_file(path: Path, time: TimeSource | None = None) -> MeasurementFile:
