@@ -16,7 +16,7 @@ from sphinx.application import Sphinx
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from ride_estimation.cli.main import main, verbs  # noqa: E402
+from ride_estimation.cli.main import main, verb_helps  # noqa: E402
 
 project = "ride_estimation"
 author = "ride_estimation contributors"
@@ -50,7 +50,7 @@ class CommandHelp(Directive):
         """Return the sections."""
         os.environ["COLUMNS"] = "100"
         found: list[nodes.Node] = []
-        for verb in verbs():
+        for verb in verb_helps():
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
                 main([verb, "--help"])
