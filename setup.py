@@ -7,8 +7,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "ride_estimation"
-#: folders that are installed below share/ride_estimation as they are
-SHARED_FOLDERS = ("launch", "config", "bags")
+#: what is installed below share/ride_estimation as it is; of the bundled runs only the recipes, from which `demo` simulates them again
+SHARED_FILES = ("launch/**/*", "config/**/*", "bags/*/recipe.yaml")
 
 
 def data_files():
@@ -16,8 +16,8 @@ def data_files():
     by_folder = defaultdict(list)
     by_folder["share/ament_index/resource_index/packages"].append(f"resource/{NAME}")
     by_folder[f"share/{NAME}"].append("package.xml")
-    for folder in SHARED_FOLDERS:
-        for path in sorted(Path(folder).rglob("*")):
+    for pattern in SHARED_FILES:
+        for path in sorted(Path().glob(pattern)):
             if path.is_file() and "__pycache__" not in path.parts:
                 by_folder[f"share/{NAME}/{path.parent.as_posix()}"].append(path.as_posix())
     return sorted(by_folder.items())

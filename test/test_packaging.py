@@ -150,6 +150,12 @@ def test_bundled_runs_are_small() -> None:
         assert size < BAG_LIMIT_BYTES, f"{folder.name}: {size} bytes, allowed {BAG_LIMIT_BYTES}"
 
 
+def test_a_wheel_carries_recipes_and_no_recordings(metadata: dict[str, Any]) -> None:
+    shared = [ROOT / name for folder, names in metadata["data_files"] for name in names]
+    assert {path.name for path in shared if "bags" in path.parts} == {"recipe.yaml"}
+    assert sum(path.stat().st_size for path in shared) < 1_000_000
+
+
 def test_every_source_file_carries_its_copyright_line() -> None:
     folders = ("ride_estimation", "test", "benchmarks", "launch")
     sources = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the demonstration."""
     started = time.monotonic()
     out = output_folder(options.out)
-    run_folder = shared_path("bags", "nominal")
+    run_folder = recorded("nominal", out)
     vehicle = shared_path("config", "vehicles", "truck_cab.yaml")
     print("1. A recorded drive of 30 s goes through the estimator that also runs live.")
     print("   The mounts of the truck differ from the vehicle file by up to 20 %; the estimator is not told.\n", flush=True)
@@ -76,6 +76,18 @@ NOTES = (
     "what the node publishes live.",
     "Run and truth are simulated: what is said about absolute forces rests on simulated runs, not on a truck with load cells.",
 )
+
+
+def recorded(name: str, out: Path) -> Path:
+    """Return the folder of a bundled run; an installed package has only its recipe, from which the run is simulated."""
+    folder = shared_path("bags", name)
+    if (folder / "truth.json").is_file():
+        return folder
+    made = out / "recordings" / name
+    if not (made / "truth.json").is_file():
+        print(f"   (the recording {name} is simulated from its recipe first)\n", flush=True)
+        quietly(["simulate", str(folder / "recipe.yaml"), "--out", str(made)])
+    return made
 
 
 def quietly(arguments: list[str]) -> str:
@@ -194,7 +206,7 @@ class Comparison:
 
 def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
     """Diagnose the bundled run with a hidden effect; return a table and the sentence that compares it with the truth."""
-    hidden, second = shared_path("bags", "hidden_friction"), shared_path("bags", "hidden_friction_validation")
+    hidden, second = recorded("hidden_friction", out), recorded("hidden_friction_validation", out)
     truth = json.loads((hidden / "truth.json").read_text(encoding="utf-8"))
     print("2. A second truck behaves differently from the linear simulation. What is it?\n", flush=True)
     arguments = ["diagnose", str(hidden / "bag"), "--vehicle", str(vehicle), "--out", str(out / "diagnosis")]

@@ -55,6 +55,22 @@ def test_true_parameters_are_those_the_run_was_made_with(finished: Path) -> None
     assert {"cab.mass", "rear_right.y.damping"} <= set(rows)
 
 
+def test_an_installed_package_makes_its_recordings_from_their_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    installed = tmp_path / "share" / "bags" / "nominal"
+    installed.mkdir(parents=True)
+    recipe = (shared_path("bags", "nominal") / "recipe.yaml").read_text(encoding="utf-8").replace("duration_s: 30.0", "duration_s: 2.0")
+    (installed / "recipe.yaml").write_text(recipe, encoding="utf-8")
+    vehicle = tmp_path / "share" / "config" / "vehicles" / "truck_cab.yaml"
+    vehicle.parent.mkdir(parents=True)
+    vehicle.write_bytes(shared_path("config", "vehicles", "truck_cab.yaml").read_bytes())
+    monkeypatch.setattr(demo, "shared_path", lambda *parts: (tmp_path / "share").joinpath(*parts))
+    made = demo.recorded("nominal", tmp_path / "out")
+    assert json.loads((made / "truth.json").read_text(encoding="utf-8"))["start_stamp_ns"] > 0
+    assert list((made / "bag").glob("*.mcap"))
+    stamp = (made / "truth.json").stat().st_mtime_ns
+    assert demo.recorded("nominal", tmp_path / "out") == made and (made / "truth.json").stat().st_mtime_ns == stamp
+
+
 def test_step_that_fails_ends_the_demonstration(tmp_path: Path) -> None:
     with pytest.raises(RideEstimationError, match="exit code 2"):
         demo.quietly(["replay", str(tmp_path / "none"), "--vehicle", str(tmp_path / "none.yaml"), "--out", str(tmp_path / "out")])
