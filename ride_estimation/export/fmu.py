@@ -47,12 +47,12 @@ def fmu_texts(model: ExportModel, version: str) -> dict[str, str]:
     data = _data_header(model)
     kernels = kernel_source()
     interface = _template(f"fmi{version}.c")
-    shared = _template("model.h")
-    token = _token(data + kernels + interface + shared + "".join(v.name + v.unit + v.role for v in model.variables))
+    shared = {name: _template(name) for name in ("model.h", "both.h")}
+    token = _token(data + kernels + interface + "".join(shared.values()) + "".join(v.name + v.unit + v.role for v in model.variables))
     texts = {
         "modelDescription.xml": _description_2(model, token) if version == "2" else _description_3(model, token),
         f"sources/fmi{version}.c": interface,
-        "sources/model.h": shared,
+        **{f"sources/{name}": text for name, text in shared.items()},
         "sources/kernels.h": _KERNELS_HEAD + kernels + "\n#endif\n",
         "sources/data.h": data.replace("@TOKEN@", token),
     }

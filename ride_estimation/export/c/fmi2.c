@@ -50,19 +50,47 @@ typedef struct {
 
 typedef struct {
     Model model;
-    fmi2Type type;
-    int running; /* initialised */
+    int exchange; /* model exchange, else co-simulation */
+    int running;  /* initialised */
     fmi2CallbackFunctions functions;
     char name[128];
 } Instance;
 
-static fmi2Status fail(Instance *s, const char *message)
+static fmi2Status fail(fmi2Component c, const char *message)
 {
+    Instance *s = (Instance *)c;
     if (s->functions.logger) {
         s->functions.logger(s->functions.componentEnvironment, s->name, fmi2Error, "logStatusError", message);
     }
     return fmi2Error;
 }
+
+typedef fmi2Component Handle;
+typedef fmi2Status Status;
+typedef fmi2ValueReference Reference;
+typedef fmi2Real Real;
+typedef fmi2Boolean Bool;
+typedef fmi2Byte Byte;
+typedef fmi2FMUstate State;
+#define OK fmi2OK
+#define ERROR fmi2Error
+#define NAME_FREE_INSTANCE F(fmi2FreeInstance)
+#define NAME_EXIT_INITIALIZATION F(fmi2ExitInitializationMode)
+#define NAME_RESET F(fmi2Reset)
+#define NAME_COMPLETED_STEP F(fmi2CompletedIntegratorStep)
+#define NAME_SET_TIME F(fmi2SetTime)
+#define NAME_SET_STATES F(fmi2SetContinuousStates)
+#define NAME_GET_STATES F(fmi2GetContinuousStates)
+#define NAME_GET_NOMINALS F(fmi2GetNominalsOfContinuousStates)
+#define NAME_GET_EVENT_INDICATORS F(fmi2GetEventIndicators)
+#define NAME_GET_STATE F(fmi2GetFMUstate)
+#define NAME_SET_STATE F(fmi2SetFMUstate)
+#define NAME_FREE_STATE F(fmi2FreeFMUstate)
+#define NAME_STATE_SIZE F(fmi2SerializedFMUstateSize)
+#define NAME_STATE_TO_BYTES F(fmi2SerializeFMUstate)
+#define NAME_STATE_OF_BYTES F(fmi2DeSerializeFMUstate)
+#define NAME_GET_DERIVATIVES F(fmi2GetDerivatives)
+#include "both.h"
 
 EXPORT const char *F(fmi2GetTypesPlatform)(void)
 {
@@ -102,14 +130,9 @@ EXPORT fmi2Component F(fmi2Instantiate)(fmi2String name, fmi2Type type, fmi2Stri
     if (name != NULL) {
         strncpy(s->name, name, sizeof s->name - 1);
     }
-    s->type = type;
+    s->exchange = type == fmi2ModelExchange;
     model_reset(&s->model);
     return s;
-}
-
-EXPORT void F(fmi2FreeInstance)(fmi2Component c)
-{
-    free(c);
 }
 
 EXPORT fmi2Status F(fmi2SetupExperiment)(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
@@ -127,131 +150,44 @@ EXPORT fmi2Status F(fmi2EnterInitializationMode)(fmi2Component c)
     return fmi2OK;
 }
 
-EXPORT fmi2Status F(fmi2ExitInitializationMode)(fmi2Component c)
-{
-    Instance *s = (Instance *)c;
-    model_update(&s->model, 1);
-    s->running = 1;
-    return fmi2OK;
-}
-
 EXPORT fmi2Status F(fmi2Terminate)(fmi2Component c)
 {
     (void)c;
     return fmi2OK;
 }
 
-EXPORT fmi2Status F(fmi2Reset)(fmi2Component c)
-{
-    Instance *s = (Instance *)c;
-    model_reset(&s->model);
-    s->running = 0;
-    return fmi2OK;
-}
-
 EXPORT fmi2Status F(fmi2GetReal)(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
-    Instance *s = (Instance *)c;
-    size_t i;
-    for (i = 0; i < n; i++) {
-        if (!model_get(&s->model, vr[i], &value[i])) {
-            return fail(s, "There is no variable with this value reference.");
-        }
-    }
-    return fmi2OK;
+    return get_values(c, vr, n, value);
 }
 
 EXPORT fmi2Status F(fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
 {
-    Instance *s = (Instance *)c;
-    size_t i;
-    for (i = 0; i < n; i++) {
-        if (!model_set(&s->model, vr[i], value[i])) {
-            return fail(s, "Only inputs and initial states can be set, and only to finite numbers.");
-        }
-    }
-    if (s->type == fmi2ModelExchange || !s->running) {
-        s->model.stale = 1;
-    }
-    return fmi2OK;
+    return set_values(c, vr, n, value);
 }
 
 #define NO_VARIABLES(TypeName, type)                                                                                     \
     EXPORT fmi2Status F(fmi2Get##TypeName)(fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])       \
     {                                                                                                                    \
         (void)vr; (void)value;                                                                                           \
-        return n == 0 ? fmi2OK : fail((Instance *)c, "All variables of this model are of type Real.");                   \
+        return n == 0 ? fmi2OK : fail(c, "All variables of this model are of type Real.");                   \
     }                                                                                                                    \
     EXPORT fmi2Status F(fmi2Set##TypeName)(fmi2Component c, const fmi2ValueReference vr[], size_t n, const type value[]) \
     {                                                                                                                    \
         (void)vr; (void)value;                                                                                           \
-        return n == 0 ? fmi2OK : fail((Instance *)c, "All variables of this model are of type Real.");                   \
+        return n == 0 ? fmi2OK : fail(c, "All variables of this model are of type Real.");                   \
     }
 
 NO_VARIABLES(Integer, fmi2Integer)
 NO_VARIABLES(Boolean, fmi2Boolean)
 NO_VARIABLES(String, fmi2String)
 
-EXPORT fmi2Status F(fmi2GetFMUstate)(fmi2Component c, fmi2FMUstate *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(Model));
-    }
-    if (*state == NULL) {
-        return fail((Instance *)c, "No memory for a copy of the state.");
-    }
-    memcpy(*state, &((Instance *)c)->model, sizeof(Model));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2SetFMUstate)(fmi2Component c, fmi2FMUstate state)
-{
-    memcpy(&((Instance *)c)->model, state, sizeof(Model));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2FreeFMUstate)(fmi2Component c, fmi2FMUstate *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2SerializedFMUstateSize)(fmi2Component c, fmi2FMUstate state, size_t *size)
-{
-    (void)c; (void)state;
-    *size = sizeof(Model);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2SerializeFMUstate)(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    if (size < sizeof(Model)) {
-        return fail((Instance *)c, "The buffer is smaller than the state.");
-    }
-    memcpy(bytes, state, sizeof(Model));
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2DeSerializeFMUstate)(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    if (size != sizeof(Model)) {
-        return fail((Instance *)c, "These bytes are no state of this model.");
-    }
-    if (F(fmi2GetFMUstate)(c, state) != fmi2OK) {
-        return fmi2Error;
-    }
-    memcpy(*state, bytes, size);
-    return fmi2OK;
-}
-
 EXPORT fmi2Status F(fmi2GetDirectionalDerivative)(fmi2Component c, const fmi2ValueReference unknown[], size_t n,
                                                   const fmi2ValueReference known[], size_t m, const fmi2Real seed[],
                                                   fmi2Real sensitivity[])
 {
     (void)unknown; (void)n; (void)known; (void)m; (void)seed; (void)sensitivity;
-    return fail((Instance *)c, "Directional derivatives are not provided.");
+    return fail(c, "Directional derivatives are not provided.");
 }
 
 EXPORT fmi2Status F(fmi2EnterEventMode)(fmi2Component c)
@@ -273,88 +209,29 @@ EXPORT fmi2Status F(fmi2EnterContinuousTimeMode)(fmi2Component c)
     return fmi2OK;
 }
 
-EXPORT fmi2Status F(fmi2CompletedIntegratorStep)(fmi2Component c, fmi2Boolean final, fmi2Boolean *event, fmi2Boolean *terminate)
-{
-    Instance *s = (Instance *)c;
-    (void)final;
-    *event = *terminate = 0;
-    model_update(&s->model, 1);
-    return model_is_finite(&s->model) ? fmi2OK : fail(s, "The motion is not finite any more; take a smaller step.");
-}
-
-EXPORT fmi2Status F(fmi2SetTime)(fmi2Component c, fmi2Real time)
-{
-    Instance *s = (Instance *)c;
-    s->model.time = time;
-    s->model.stale = 1;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2SetContinuousStates)(fmi2Component c, const fmi2Real x[], size_t n)
-{
-    (void)n;
-    model_set_states(&((Instance *)c)->model, x);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2GetDerivatives)(fmi2Component c, fmi2Real derivatives[], size_t n)
-{
-    (void)n;
-    model_get_derivatives(&((Instance *)c)->model, derivatives);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2GetEventIndicators)(fmi2Component c, fmi2Real indicators[], size_t n)
-{
-    (void)c; (void)indicators; (void)n;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2GetContinuousStates)(fmi2Component c, fmi2Real x[], size_t n)
-{
-    (void)n;
-    model_get_states(&((Instance *)c)->model, x);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status F(fmi2GetNominalsOfContinuousStates)(fmi2Component c, fmi2Real nominals[], size_t n)
-{
-    size_t i;
-    (void)c;
-    for (i = 0; i < n; i++) {
-        nominals[i] = i < COORDINATES ? 1e-3 : 1e-1;
-    }
-    return fmi2OK;
-}
-
 EXPORT fmi2Status F(fmi2SetRealInputDerivatives)(fmi2Component c, const fmi2ValueReference vr[], size_t n,
                                                  const fmi2Integer order[], const fmi2Real value[])
 {
     (void)vr; (void)n; (void)order; (void)value;
-    return fail((Instance *)c, "Input derivatives are not used; velocities are inputs of their own.");
+    return fail(c, "Input derivatives are not used; velocities are inputs of their own.");
 }
 
 EXPORT fmi2Status F(fmi2GetRealOutputDerivatives)(fmi2Component c, const fmi2ValueReference vr[], size_t n,
                                                   const fmi2Integer order[], fmi2Real value[])
 {
     (void)vr; (void)n; (void)order; (void)value;
-    return fail((Instance *)c, "Output derivatives are not provided.");
+    return fail(c, "Output derivatives are not provided.");
 }
 
 EXPORT fmi2Status F(fmi2DoStep)(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean final)
 {
-    Instance *s = (Instance *)c;
     (void)final;
-    if (!(step > 0.0) || !isfinite(step)) {
-        return fail(s, "The communication step must be greater than zero.");
-    }
-    s->model.time = time;
-    return model_step(&s->model, step) ? fmi2OK : fail(s, "The motion is not finite any more; take a smaller step.");
+    return step_from(c, time, step);
 }
 
 EXPORT fmi2Status F(fmi2CancelStep)(fmi2Component c)
 {
-    return fail((Instance *)c, "Steps do not run in the background.");
+    return fail(c, "Steps do not run in the background.");
 }
 
 #define NO_STATUS(TypeName, type)                                                                        \

@@ -71,6 +71,33 @@ static fmi3Status fail(fmi3Instance c, const char *message)
     return fmi3Error;
 }
 
+typedef fmi3Instance Handle;
+typedef fmi3Status Status;
+typedef fmi3ValueReference Reference;
+typedef fmi3Float64 Real;
+typedef fmi3Boolean Bool;
+typedef fmi3Byte Byte;
+typedef fmi3FMUState State;
+#define OK fmi3OK
+#define ERROR fmi3Error
+#define NAME_FREE_INSTANCE F(fmi3FreeInstance)
+#define NAME_EXIT_INITIALIZATION F(fmi3ExitInitializationMode)
+#define NAME_RESET F(fmi3Reset)
+#define NAME_COMPLETED_STEP F(fmi3CompletedIntegratorStep)
+#define NAME_SET_TIME F(fmi3SetTime)
+#define NAME_SET_STATES F(fmi3SetContinuousStates)
+#define NAME_GET_STATES F(fmi3GetContinuousStates)
+#define NAME_GET_NOMINALS F(fmi3GetNominalsOfContinuousStates)
+#define NAME_GET_EVENT_INDICATORS F(fmi3GetEventIndicators)
+#define NAME_GET_STATE F(fmi3GetFMUState)
+#define NAME_SET_STATE F(fmi3SetFMUState)
+#define NAME_FREE_STATE F(fmi3FreeFMUState)
+#define NAME_STATE_SIZE F(fmi3SerializedFMUStateSize)
+#define NAME_STATE_TO_BYTES F(fmi3SerializeFMUState)
+#define NAME_STATE_OF_BYTES F(fmi3DeserializeFMUState)
+#define NAME_GET_DERIVATIVES F(fmi3GetContinuousStateDerivatives)
+#include "both.h"
+
 static fmi3Instance make(fmi3String token, int exchange, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
     Instance *s;
@@ -133,33 +160,12 @@ EXPORT fmi3Instance F(fmi3InstantiateScheduledExecution)(fmi3String name, fmi3St
     return NULL;
 }
 
-EXPORT void F(fmi3FreeInstance)(fmi3Instance c)
-{
-    free(c);
-}
-
 EXPORT fmi3Status F(fmi3EnterInitializationMode)(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                                  fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop)
 {
     Instance *s = (Instance *)c;
     (void)tolerance_defined; (void)tolerance; (void)stop_defined; (void)stop;
     s->model.time = s->model.committed = start;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3ExitInitializationMode)(fmi3Instance c)
-{
-    Instance *s = (Instance *)c;
-    model_update(&s->model, 1);
-    s->running = 1;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3Reset)(fmi3Instance c)
-{
-    Instance *s = (Instance *)c;
-    model_reset(&s->model);
-    s->running = 0;
     return fmi3OK;
 }
 
@@ -180,31 +186,15 @@ NOTHING_TO_DO(fmi3ExitConfigurationMode)
 
 EXPORT fmi3Status F(fmi3GetFloat64)(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t count)
 {
-    size_t i;
     (void)count;
-    for (i = 0; i < n; i++) {
-        if (!model_get(&((Instance *)c)->model, vr[i], &values[i])) {
-            return fail(c, "There is no variable with this value reference.");
-        }
-    }
-    return fmi3OK;
+    return get_values(c, vr, n, values);
 }
 
 EXPORT fmi3Status F(fmi3SetFloat64)(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
                                     size_t count)
 {
-    Instance *s = (Instance *)c;
-    size_t i;
     (void)count;
-    for (i = 0; i < n; i++) {
-        if (!model_set(&s->model, vr[i], values[i])) {
-            return fail(c, "Only inputs and initial states can be set, and only to finite numbers.");
-        }
-    }
-    if (s->exchange || !s->running) {
-        s->model.stale = 1;
-    }
-    return fmi3OK;
+    return set_values(c, vr, n, values);
 }
 
 #define NO_VARIABLES(TypeName, type)                                                                                         \
@@ -283,119 +273,11 @@ NOT_PROVIDED(fmi3ActivateModelPartition, (fmi3Instance c, fmi3ValueReference clo
 #pragma GCC diagnostic pop
 #endif
 
-EXPORT fmi3Status F(fmi3GetFMUState)(fmi3Instance c, fmi3FMUState *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(Model));
-    }
-    if (*state == NULL) {
-        return fail(c, "No memory for a copy of the state.");
-    }
-    memcpy(*state, &((Instance *)c)->model, sizeof(Model));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3SetFMUState)(fmi3Instance c, fmi3FMUState state)
-{
-    memcpy(&((Instance *)c)->model, state, sizeof(Model));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3FreeFMUState)(fmi3Instance c, fmi3FMUState *state)
-{
-    (void)c;
-    free(*state);
-    *state = NULL;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3SerializedFMUStateSize)(fmi3Instance c, fmi3FMUState state, size_t *size)
-{
-    (void)c; (void)state;
-    *size = sizeof(Model);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3SerializeFMUState)(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-    if (size < sizeof(Model)) {
-        return fail(c, "The buffer is smaller than the state.");
-    }
-    memcpy(bytes, state, sizeof(Model));
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3DeserializeFMUState)(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-    if (size != sizeof(Model)) {
-        return fail(c, "These bytes are no state of this model.");
-    }
-    if (F(fmi3GetFMUState)(c, state) != fmi3OK) {
-        return fmi3Error;
-    }
-    memcpy(*state, bytes, size);
-    return fmi3OK;
-}
-
 EXPORT fmi3Status F(fmi3UpdateDiscreteStates)(fmi3Instance c, fmi3Boolean *update, fmi3Boolean *terminate, fmi3Boolean *nominals,
                                               fmi3Boolean *values, fmi3Boolean *defined, fmi3Float64 *next)
 {
     (void)c; (void)next;
     *update = *terminate = *nominals = *values = *defined = false;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3CompletedIntegratorStep)(fmi3Instance c, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *terminate)
-{
-    Instance *s = (Instance *)c;
-    (void)final;
-    *event = *terminate = false;
-    model_update(&s->model, 1);
-    return model_is_finite(&s->model) ? fmi3OK : fail(c, "The motion is not finite any more; take a smaller step.");
-}
-
-EXPORT fmi3Status F(fmi3SetTime)(fmi3Instance c, fmi3Float64 time)
-{
-    Instance *s = (Instance *)c;
-    s->model.time = time;
-    s->model.stale = 1;
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3SetContinuousStates)(fmi3Instance c, const fmi3Float64 x[], size_t n)
-{
-    (void)n;
-    model_set_states(&((Instance *)c)->model, x);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3GetContinuousStates)(fmi3Instance c, fmi3Float64 x[], size_t n)
-{
-    (void)n;
-    model_get_states(&((Instance *)c)->model, x);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3GetContinuousStateDerivatives)(fmi3Instance c, fmi3Float64 derivatives[], size_t n)
-{
-    (void)n;
-    model_get_derivatives(&((Instance *)c)->model, derivatives);
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3GetNominalsOfContinuousStates)(fmi3Instance c, fmi3Float64 nominals[], size_t n)
-{
-    size_t i;
-    (void)c;
-    for (i = 0; i < n; i++) {
-        nominals[i] = i < COORDINATES ? 1e-3 : 1e-1;
-    }
-    return fmi3OK;
-}
-
-EXPORT fmi3Status F(fmi3GetEventIndicators)(fmi3Instance c, fmi3Float64 indicators[], size_t n)
-{
-    (void)c; (void)indicators; (void)n;
     return fmi3OK;
 }
 
@@ -416,17 +298,13 @@ EXPORT fmi3Status F(fmi3GetNumberOfContinuousStates)(fmi3Instance c, size_t *n)
 EXPORT fmi3Status F(fmi3DoStep)(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Boolean final, fmi3Boolean *event,
                                 fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
 {
-    Instance *s = (Instance *)c;
+    Status status;
     (void)final;
     *event = *terminate = *early = false;
     *last = time;
-    if (!(step > 0.0) || !isfinite(step)) {
-        return fail(c, "The communication step must be greater than zero.");
+    status = step_from(c, time, step);
+    if (status == OK) {
+        *last = ((Instance *)c)->model.time;
     }
-    s->model.time = time;
-    if (!model_step(&s->model, step)) {
-        return fail(c, "The motion is not finite any more; take a smaller step.");
-    }
-    *last = s->model.time;
-    return fmi3OK;
+    return status;
 }
