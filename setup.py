@@ -67,7 +67,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={f"{NAME}.export": ["c/*"], f"{NAME}.reporting": ["web/*"]},
+    package_data={f"{NAME}.export": ["c/*", "modelica/*"], f"{NAME}.reporting": ["web/*"]},
     data_files=data_files(),
     zip_safe=False,
     install_requires=RUNTIME,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import ride_estimation
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.cli.progress import Progress
 from ride_estimation.cli.reading import reading_options
+from ride_estimation.elements.registry import SEEN
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.analysis import BenchIdentification, identify_records
 from ride_estimation.identification.bench.choices import JOUNCE_MODELS, MODELS
@@ -22,11 +24,14 @@ from ride_estimation.identification.bench.frequency_analysis import identify_ope
 from ride_estimation.identification.bench.jounce_analysis import identify_jounce
 from ride_estimation.identification.bench.models import ladder_for
 from ride_estimation.identification.bench.oscillator import identify_oscillator
-from ride_estimation.identification.bench.steady_cycles import find_operating_points
+from ride_estimation.identification.bench.record import BenchRecord
+from ride_estimation.identification.bench.steady_cycles import OperatingPoints, find_operating_points
 from ride_estimation.identification.bench.time_domain import prepare
 from ride_estimation.io.bench_records import read_bench_record, read_operating_points, read_oscillator_record
 from ride_estimation.io.identification_files import write_identification
 from ride_estimation.io.results import require_folder
+from ride_estimation.io.vehicle_mechanics import seen_to_mapping
+from ride_estimation.vehicles.data_range import DataRange, seen_in, union
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,15 +58,30 @@ def _software() -> str:
     return f"ride_estimation {ride_estimation.__version__}"
 
 
-def _write(options: argparse.Namespace, document: dict[str, Any], mapping: dict[str, Any] | None) -> None:
+def _write(
+    options: argparse.Namespace, document: dict[str, Any], mapping: dict[str, Any] | None, seen: DataRange | None = None
+) -> None:
     """Write the result files; say where an element is outside the bounds of its kind instead of writing one."""
     element, problem = (None, "") if mapping is None else build_element(mapping)
     if problem:
         document["warnings"].append(f"no element.yaml: {problem}")
-    write_identification(options.out, document, None if element is None else element.to_mapping())
+    known = {} if seen is None else {SEEN: seen_to_mapping(seen)}
+    document |= known
+    write_identification(options.out, document, None if element is None else element.to_mapping() | known)
     for warning in document["warnings"]:
         print(f"warning: {warning}", file=sys.stderr)
     print(f"written to {options.out}")
+
+
+def _seen(records: Sequence[BenchRecord]) -> DataRange | None:
+    """Return what records to fit show of the element."""
+    return union(seen_in(r.displacement, r.step_s, float(np.mean(r.force))) for r in records)
+
+
+def _seen_points(points: OperatingPoints) -> DataRange:
+    """Return what a table of operating points shows of the element."""
+    frequency = points.omega / (2.0 * np.pi)
+    return DataRange(float(np.max(points.amplitude)), (float(np.min(frequency)), float(np.max(frequency))))
 
 
 def _run_time(options: argparse.Namespace) -> int:
@@ -73,7 +93,7 @@ def _run_time(options: argparse.Namespace) -> int:
     with Progress("identify", len(ladder_for(options.model))) as progress:
         found = identify_records(records, validation, model=options.model, progress=progress.update)
     print_summary(found)
-    _write(options, identification_document(found, _software()), found.element)
+    _write(options, identification_document(found, _software()), found.element, _seen(records))
     write_identification_report(found, options.out / "report.html")
     return 0
 
@@ -102,7 +122,7 @@ def _run_frequency(options: argparse.Namespace) -> int:
         print(f"  {quantity.name:<18}{value:>13.5g} +- {std:<10.2g}{quantity.unit}")
     for held in found.best.held_out:
         print(f"  {held.name}: NRMSE {100 * held.scores()['std']:.3g} %")
-    _write(options, frequency_document(found, _software()), found.element)
+    _write(options, frequency_document(found, _software()), found.element, _seen_points(found.points))
     write_frequency_report(found, options.out / "report.html")
     return 0
 
@@ -131,7 +151,7 @@ def _run_jounce(options: argparse.Namespace) -> int:
     for name, value, unit, std in found.quantities:
         print(f"  {name:<32}{value:>12.5g} {'' if std is None else f'+- {std:<10.2g}'}{unit:<7}{jounce_status(name, value, std)}")
     usable = found.choice is None or not found.choice.refusal
-    _write(options, jounce_document(found, _software()), found.element if usable else None)
+    _write(options, jounce_document(found, _software()), found.element if usable else None, _seen([*records, *static]))
     write_jounce_report(found, options.out / "report.html")
     return 0
 

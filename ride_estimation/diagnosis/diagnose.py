@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.calibration import calibrate, file_parameters, with_held_cg
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
-from ride_estimation.diagnosis.extension import set_linear
+from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy
@@ -391,7 +391,8 @@ def _extended_vehicle(
         scene = accepted.scene if accepted is not None else work.calibrated.scene
         vehicle, notes = cause.extend(vehicle, scene, fitted)
         remarks += notes
-    return vehicle, tuple(remarks)
+    scene = work.calibrated.scene
+    return with_knowledge(vehicle, ports, _log_std(work), scene.deflection, scene.grid.rate_hz), tuple(remarks)
 
 
 def _ladder(work: Work, base: Prediction, extended: Prediction) -> tuple[Step, ...]:

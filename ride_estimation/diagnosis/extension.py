@@ -14,6 +14,9 @@ from ride_estimation.elements.curve import CurveDamper, CurveSpring
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.elements.sum_of_elements import SumOfElements
+from ride_estimation.vehicles.assembly import assemble
+from ride_estimation.vehicles.data_range import seen_in
+from ride_estimation.vehicles.identified import with_parameter
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -65,6 +68,42 @@ def set_linear(vehicle: Vehicle, ports: Sequence[tuple[str, str]], stiffness: Ar
         for (mount, axis), k, c in zip(ports, stiffness, damping)
     }
     return vehicle.replace_elements(changes)
+
+
+def with_knowledge(
+    vehicle: Vehicle, ports: Sequence[tuple[str, str]], log_std: tuple[Array, Array], deflection: Array, rate_hz: float
+) -> Vehicle:
+    """Return the vehicle with what a run told of its elements: standard deviations, the motion and the preload in the data.
+
+    Parameters
+    ----------
+    vehicle
+        With the calibrated values in it.
+    ports
+        Mount and axis of every port.
+    log_std
+        Standard deviations of ln k and ln c of the plain spring and dashpot of every port, infinite where unknown, (P,) each.
+    deflection
+        Of the ports [m], shape (N, P).
+    rate_hz
+        Samples per second.
+    """
+    mounts = dict(vehicle.mounts)
+    assembly = assemble(vehicle)
+    preload = dict(zip(assembly.components, assembly.static_tension, strict=True))
+    for p, (name, axis) in enumerate(ports):
+        mount = mounts[name]
+        plain = [i for i, part in enumerate(parts_of(mount.elements[axis])) if isinstance(part, KelvinVoigt)]
+        for role, std in zip(("stiffness", "damping"), log_std, strict=True):
+            address = f"elements[{plain[0]}].{role}" if plain and len(parts_of(mount.elements[axis])) > 1 else role
+            value = mount.elements[axis].addressed()[address][1] if len(plain) == 1 else 0.0
+            if value > 0.0 and np.isfinite(std[p]):
+                mount = with_parameter(mount, axis, address, value, float(value * std[p]), "calibrated by diagnose")
+        seen = seen_in(deflection[:, p], 1.0 / rate_hz, float(preload[name, axis]))
+        if seen is not None:
+            mount = dataclasses.replace(mount, seen={**mount.seen, axis: seen})
+        mounts[name] = mount
+    return dataclasses.replace(vehicle, mounts=mounts)
 
 
 def add_parallel(vehicle: Vehicle, mount: str, axis: str, kind: str, values: Mapping[str, float]) -> Vehicle:

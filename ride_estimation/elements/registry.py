@@ -14,6 +14,9 @@ import ride_estimation.elements as package
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import ConfigurationError
 
+#: key that may stand beside the parameters: what was in the data the element was identified from; no part of the law
+SEEN = "seen_in_data"
+
 
 @functools.cache
 def kinds() -> dict[str, type[ForceElement]]:
@@ -38,4 +41,4 @@ def element_from_mapping(mapping: Mapping[str, Any]) -> ForceElement:
     kind = mapping.get("kind")
     if not isinstance(kind, str) or kind not in kinds():
         raise ConfigurationError(f"kind: {kind!r} is not a force element; allowed: {', '.join(kinds())}")
-    return kinds()[kind].from_mapping(mapping)
+    return kinds()[kind].from_mapping({key: value for key, value in mapping.items() if key != SEEN})

@@ -13,8 +13,10 @@ import numpy as np
 
 import ride_estimation
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.export.elements import Constant
 from ride_estimation.export.kernel_translation import kernel_source
 from ride_estimation.export.model import ExportModel, Variable
+from ride_estimation.vehicles.data_range import DataRange
 
 #: FMI versions that can be written
 VERSIONS = ("3", "2")
@@ -48,7 +50,8 @@ def fmu_texts(model: ExportModel, version: str) -> dict[str, str]:
     kernels = kernel_source()
     interface = _template(f"fmi{version}.c")
     shared = {name: _template(name) for name in ("model.h", "both.h")}
-    token = _token(data + kernels + interface + "".join(shared.values()) + "".join(v.name + v.unit + v.role for v in model.variables))
+    variables = "".join(v.name + v.unit + v.role for v in model.variables)
+    token = _token(data + kernels + interface + "".join(shared.values()) + variables)
     texts = {
         "modelDescription.xml": _description_2(model, token) if version == "2" else _description_3(model, token),
         f"sources/fmi{version}.c": interface,
@@ -80,7 +83,7 @@ def parameter_document(model: ExportModel, origin: Mapping[str, Any]) -> dict[st
         "parameters": [
             {
                 "name": c.name, "value": c.value, "std": c.std, "unit": c.unit, "lower": c.lower, "upper": c.upper,
-                "meaning": c.meaning, "source": c.source,
+                "meaning": c.meaning, "source": c.source, "seen_in_data": None if c.seen is None else _seen(c.seen),
             }
             for c in model.constants
         ],
@@ -153,8 +156,28 @@ def _interface(variable: Variable) -> dict[str, str]:
     if variable.role == "state":
         return {"causality": "output", "variability": "continuous", "initial": "exact", **start}
     if variable.role == "constant":
-        return {"causality": "local", "variability": "constant", "initial": "exact", **start}
+        c = variable.constant
+        bounds = {} if c is None or c.lower is None or c.upper is None else {"min": repr(c.lower), "max": repr(c.upper)}
+        return {"causality": "local", "variability": "constant", "initial": "exact", **start, **bounds}
     return {"causality": "output", "variability": "continuous", "initial": "calculated"}
+
+
+def _known(constant: Constant) -> str:
+    """Return what is known of a parameter as an element of XML: numbers for programs, as the description has them for people."""
+    pairs = {"value": repr(float(constant.value)), "unit": constant.unit}
+    pairs |= {k: repr(float(v)) for k in ("std", "lower", "upper") if (v := getattr(constant, k)) is not None}
+    if constant.source:
+        pairs["source"] = constant.source
+    if constant.seen is not None:
+        pairs |= {key: repr(float(value)) for key, value in _seen(constant.seen).items()}
+    return f"<Parameter{_attributes(pairs)}/>"
+
+
+def _seen(seen: DataRange) -> dict[str, float]:
+    found = {"largest_deflection": seen.deflection, "lowest_frequency": seen.frequency[0], "highest_frequency": seen.frequency[1]}
+    if seen.preload is not None:
+        found |= {"lowest_preload": seen.preload[0], "highest_preload": seen.preload[1]}
+    return found
 
 
 def _units(model: ExportModel) -> str:
@@ -201,13 +224,15 @@ def _description_2(model: ExportModel, token: str) -> str:
     ]
     for i, v in enumerate(model.variables, start=1):
         words = _interface(v)
-        real = {k: words.pop(k) for k in ("start",) if k in words}
+        real: dict[str, str] = {k: words.pop(k) for k in ("start", "min", "max") if k in words}
         if v.unit:
             real["unit"] = v.unit
         if v.derivative_of:
             real["derivative"] = str(reference[v.derivative_of] + 1)
+        known = "" if v.constant is None else _known(v.constant)
+        note = f'<Annotations><Tool name="ride_estimation">{known}</Tool></Annotations>' if known else ""
         head = _attributes({"name": v.name, "valueReference": str(i), "description": v.meaning, **words})
-        lines.append(f"    <ScalarVariable{head}><Real{_attributes(real)}/></ScalarVariable>")
+        lines.append(f"    <ScalarVariable{head}><Real{_attributes(real)}/>{note}</ScalarVariable>")
     lines.append("  </ModelVariables>")
     lines.append("  <ModelStructure>")
     for tag, indices in (
@@ -243,7 +268,11 @@ def _description_3(model: ExportModel, token: str) -> str:
             pairs["unit"] = v.unit
         if v.derivative_of:
             pairs["derivative"] = str(reference[v.derivative_of])
-        lines.append(f"    <Float64{_attributes(pairs)}/>")
+        if v.constant is None:
+            lines.append(f"    <Float64{_attributes(pairs)}/>")
+        else:
+            note = f'<Annotations><Annotation type="ride_estimation">{_known(v.constant)}</Annotation></Annotations>'
+            lines.append(f"    <Float64{_attributes(pairs)}>{note}</Float64>")
     lines += ["  </ModelVariables>", "  <ModelStructure>"]
     for tag, references in (
         ("Output", _references(model, ("state", "output"))),

@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-import re
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,20 +12,16 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.terms import initial_states, needs_rate, pack_terms
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.export.elements import Constant, ExportedElement, identifier, of_assembly
 from ride_estimation.frames import COORDINATES
 from ride_estimation.simulation.substeps import choose_substeps
 from ride_estimation.vehicles.assembly import Assembly
-from ride_estimation.vehicles.vehicle import Prior
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Priors = Mapping[tuple[str, str], Prior]
 
 #: unit of the deflection of an axis, of its rate, of the acceleration and of the force: along x, y, z and about them
 _UNITS = {False: ("m", "m/s", "m/s2", "N"), True: ("rad", "rad/s", "rad/s2", "N.m")}
-#: keeps generated names within what every compiler distinguishes
-_LONGEST_IDENTIFIER = 60
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +38,8 @@ class Variable:
         Start value.
     derivative_of
         Name of the state this is the time derivative of.
+    constant
+        The parameter this variable shows.
     """
 
     name: str
@@ -51,29 +48,7 @@ class Variable:
     role: str
     value: float = 0.0
     derivative_of: str = ""
-
-
-@dataclasses.dataclass(frozen=True)
-class Constant:
-    """One parameter of a law: value, what is known of it, and what it means."""
-
-    name: str
-    value: float
-    unit: str
-    meaning: str
-    std: float | None = None
-    lower: float | None = None
-    upper: float | None = None
-    source: str = ""
-
-    def sentence(self) -> str:
-        """Return meaning, unit, standard deviation and range in one line."""
-        parts = [f"{self.meaning} [{self.unit}]"]
-        if self.std is not None:
-            parts.append(f"standard deviation {self.std:g}")
-        if self.lower is not None and self.upper is not None:
-            parts.append(f"range {self.lower:g} to {self.upper:g}")
-        return "; ".join(parts)
+    constant: Constant | None = None
 
 
 class PackedTerms(NamedTuple):
@@ -130,7 +105,7 @@ class ExportModel:
     constants: tuple[Constant, ...]
 
 
-def element_model(name: str, elements: Mapping[str, ForceElement], priors: Priors, description: str) -> ExportModel:
+def element_model(name: str, elements: Sequence[ExportedElement], description: str) -> ExportModel:
     """Return elements alone: deflection and rate of each axis in, tension out; the memory starts at rest at deflection zero.
 
     Parameters
@@ -138,36 +113,28 @@ def element_model(name: str, elements: Mapping[str, ForceElement], priors: Prior
     name
         Any text; it becomes an identifier.
     elements
-        By axis (``x`` to ``yaw``); the axis goes before the variables where there are several.
-    priors
-        (axis, parameter name) -> what is known of it.
+        One or more; where there are several, their prefixes tell the variables apart.
     description
         One sentence.
-
-    Raises
-    ------
-    ConfigurationError
-        No element.
     """
-    if not elements:
-        raise ConfigurationError(f"{name}: there is no force element to export")
-    prefix = {axis: f"{axis}." if len(elements) > 1 else "" for axis in elements}
     inputs: list[Variable] = []
-    for axis, element in elements.items():
-        units = _UNITS[axis in COORDINATES[3:]]
-        used = "" if needs_rate(element.terms()) else "; does not change the force of this element"
-        inputs.append(Variable(prefix[axis] + "deflection", units[0], "deflection, positive in extension", "input"))
-        inputs.append(Variable(prefix[axis] + "rate", units[1], f"its time derivative{used}", "input"))
+    for e in elements:
+        units = _UNITS[e.turned]
+        used = "" if needs_rate(e.element.terms()) else "; does not change the force of this element"
+        range_seen = "" if e.seen is None else f"; {e.seen.sentence(e.axis)}"
+        inputs.append(Variable(f"{e.prefix}deflection", units[0], f"deflection, positive in extension{range_seen}", "input"))
+        inputs.append(Variable(f"{e.prefix}rate", units[1], f"its time derivative{used}", "input"))
     passed_on = [
-        Variable(f"{p}deflection_of_force", _unit(a, 0), "deflection the force belongs to", "output") for a, p in prefix.items()
+        Variable(f"{e.prefix}deflection_of_force", _unit(e.axis, 0), "deflection the force belongs to", "output")
+        for e in elements
     ]
-    forces = [Variable(f"{p}force", _unit(a, 3), "tension, positive in extension", "output") for a, p in prefix.items()]
-    constants = tuple(c for axis, e in elements.items() for c in _constants(prefix[axis], axis, e, priors))
+    forces = [Variable(f"{e.prefix}force", _unit(e.axis, 3), "tension, positive in extension", "output") for e in elements]
+    constants = tuple(c for e in elements for c in e.constants)
     count = len(elements)
     return ExportModel(
         name=identifier(name),
         description=description,
-        terms=_packed(tuple(elements.values())),
+        terms=_packed(tuple(e.element for e in elements)),
         base_of=np.arange(count, dtype=np.int64),
         base_sign=1.0,
         deflection_map=np.zeros((count, 0)),
@@ -201,14 +168,7 @@ def vehicle_model(assembly: Assembly, rate_hz: float) -> ExportModel:
         if a >= 3:
             tilt[:, column] = assembly.tilt_map[:, m, a - 3]
     vehicle = assembly.vehicle
-    priors = {
-        (f"{m}.{a}", name): prior for m, held in vehicle.mounts.items() for (a, name), prior in held.priors.items()
-    }
-    constants = tuple(
-        c
-        for (m_name, a_name), element in zip(assembly.components, assembly.elements, strict=True)
-        for c in _constants(f"{m_name}.{a_name}.", f"{m_name}.{a_name}", element, priors)
-    )
+    constants = tuple(c for e in of_assembly(assembly) for c in e.constants)
     static = [
         assembly.static_force[m, a] if a < 3 else -tension
         for m, a, tension in zip(mount, axis, assembly.static_tension, strict=True)
@@ -228,12 +188,6 @@ def vehicle_model(assembly: Assembly, rate_hz: float) -> ExportModel:
         variables=(*_vehicle_variables(assembly, bases), *_as_variables(constants)),
         constants=constants,
     )
-
-
-def identifier(name: str) -> str:
-    """Return a name as an identifier of C."""
-    word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "model"
-    return (f"m_{word}" if word[0].isdigit() else word)[:_LONGEST_IDENTIFIER]
 
 
 def _is_input(assembly: Assembly, mount: int, axis: int) -> bool:
@@ -275,22 +229,5 @@ def _packed(elements: tuple[ForceElement, ...]) -> PackedTerms:
     return PackedTerms(codes, channel, parameters, initial_states(codes, parameters).shape[1])
 
 
-def _constants(prefix: str, axis: str, element: ForceElement, priors: Priors) -> list[Constant]:
-    found = []
-    for address, (declared, value) in element.addressed().items():
-        prior = priors.get((axis, address))
-        bounded = prior is not None and np.isfinite(prior.lower) and np.isfinite(prior.upper)
-        found.append(
-            Constant(
-                prefix + address, value, declared.unit, declared.meaning,
-                std=None if prior is None else prior.std,
-                lower=prior.lower if prior is not None and bounded else None,
-                upper=prior.upper if prior is not None and bounded else None,
-                source="" if prior is None else prior.source,
-            )
-        )  # fmt: skip
-    return found
-
-
 def _as_variables(constants: tuple[Constant, ...]) -> tuple[Variable, ...]:
-    return tuple(Variable(c.name, "", c.sentence(), "constant", c.value) for c in constants)
+    return tuple(Variable(c.name, "", c.sentence(), "constant", c.value, constant=c) for c in constants)

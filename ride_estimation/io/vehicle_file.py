@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ride_estimation.elements.registry import SEEN
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import COORDINATES
 from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.document import Section, read_yaml
-from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, stiffness_unit_problems
+from ride_estimation.io.vehicle_mechanics import read_bodies, read_mounts, seen_to_mapping, stiffness_unit_problems
 from ride_estimation.io.vehicle_sensors import Names, read_force_references, read_sensors, topic_problems
 from ride_estimation.resources import shared_path
 from ride_estimation.sensors.layout import LayoutCheck, check_layout
@@ -199,6 +200,8 @@ def _mount_mapping(mount: Mount) -> dict[str, Any]:
             if address in priors:
                 _put(mapping, address, p.key, _quantity(dataclasses.replace(priors[address], value=value)))
         axes[axis] = _turned(mapping) if axis in COORDINATES[3:] else mapping
+        if axis in mount.seen:
+            axes[axis][SEEN] = seen_to_mapping(mount.seen[axis], axis)
     mapping = {"position_m": [float(v) for v in mount.position], "body": mount.body, "base": mount.base, "axes": axes}
     if mount.static_load is not None:
         mapping["static_load_n"] = _quantity(mount.static_load)

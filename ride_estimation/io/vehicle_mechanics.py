@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
-from ride_estimation.elements.registry import element_from_mapping, kinds
+from ride_estimation.elements.registry import SEEN, element_from_mapping, kinds
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.io.document import Section, as_number, quantity_from, shown, suggestion
 from ride_estimation.units import ABOUT_AN_AXIS, key_about_an_axis, si_unit, split_suffix
+from ride_estimation.vehicles.data_range import DataRange
 from ride_estimation.vehicles.inertia import GYRATION_RANGE
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior
 
@@ -155,17 +156,19 @@ def read_mounts(sections: Mapping[str, Section], bodies: Collection[str], proble
         if body and body == base:
             section.note("base", f"{shown(base)} is the body itself; a mount joins two different bodies")
             base = None
-        elements, priors = _read_axes(section)
+        elements, priors, seen = _read_axes(section)
         load = section.quantity("static_load", "N", lower=-1e7, upper=1e7, meaning="vertical force on the body at rest, weighed")
         section.finish()
         if position is not None and body and base:
-            mounts[name] = Mount(name, position, body, base, elements, priors, load)
+            mounts[name] = Mount(name, position, body, base, elements, priors, load, seen)
     if not sections and not problems:
         problems.append("mounts: at least one mount is needed")
     return mounts
 
 
-def _read_axes(section: Section) -> tuple[dict[str, ForceElement], dict[tuple[str, str], Prior]]:
+def _read_axes(
+    section: Section,
+) -> tuple[dict[str, ForceElement], dict[tuple[str, str], Prior], dict[str, DataRange]]:
     entries: dict[str, Any] = {}
     if "element" in section:
         entries = {axis: section.raw("element", meaning=_SAME_ELEMENT) for axis in AXES}
@@ -182,13 +185,69 @@ def _read_axes(section: Section) -> tuple[dict[str, ForceElement], dict[tuple[st
             section.note("axes", "at least one axis is needed")
     elements: dict[str, ForceElement] = {}
     priors: dict[tuple[str, str], Prior] = {}
+    seen: dict[str, DataRange] = {}
     for axis, entry in entries.items():
         found: dict[str, Prior] = {}
         element = read_element(entry, section.where(f"axes.{axis}"), section.problems, found, axis)
         if element is not None:
             elements[axis] = element
             priors.update({(axis, name): prior for name, prior in found.items()})
-    return elements, priors
+        shown_by_data = read_seen(entry, section.where(f"axes.{axis}"), section.problems, axis)
+        if shown_by_data is not None:
+            seen[axis] = shown_by_data
+    return elements, priors, seen
+
+
+def read_seen(entry: Any, where: str, problems: list[str], axis: str = "z") -> DataRange | None:
+    """Return what the data showed that a force element was identified from, None where it says nothing of that.
+
+    Parameters
+    ----------
+    entry
+        The mapping of :func:`read_element`.
+    where
+        Path for messages.
+    problems
+        List the mistakes are added to.
+    axis
+        Axis of the element.
+    """
+    if not isinstance(entry, Mapping) or SEEN not in entry:
+        return None
+    section = Section(entry[SEEN], f"{where}.{SEEN}", problems)
+    length, force = ("rad", "N m") if axis in COORDINATES[3:] else ("m", "N")
+    largest = section.number("largest_deflection", length, required=True, lower=0.0, upper=10.0, meaning="from the mean")
+    frequency = [
+        section.number(f"{which}_frequency", "Hz", required=True, lower=0.0, upper=1e5, meaning=f"{which} frequency of it")
+        for which in ("lowest", "highest")
+    ]
+    preload = [
+        section.number(f"{which}_preload", force, lower=-1e8, upper=1e8, meaning=f"{which} mean force; left out where unknown")
+        for which in ("lowest", "highest")
+    ]
+    section.finish()
+    for name, (low, high) in (("frequency", frequency), ("preload", preload)):
+        if low is not None and high is not None and low > high:
+            section.note(f"lowest_{name}", f"{low:g} is above the highest, {high:g}")
+            return None
+    if largest is None or frequency[0] is None or frequency[1] is None:
+        return None
+    both = None if preload[0] is None or preload[1] is None else (preload[0], preload[1])
+    return DataRange(largest, (frequency[0], frequency[1]), both)
+
+
+def seen_to_mapping(seen: DataRange, axis: str = "z") -> dict[str, float]:
+    """Return the YAML form of what the data showed, as :func:`read_seen` reads it."""
+    turned = axis in COORDINATES[3:]
+    mapping = {
+        "largest_deflection_rad" if turned else "largest_deflection_m": float(seen.deflection),
+        "lowest_frequency_hz": float(seen.frequency[0]),
+        "highest_frequency_hz": float(seen.frequency[1]),
+    }
+    if seen.preload is not None:
+        unit = "n_m" if turned else "n"
+        mapping |= {f"lowest_preload_{unit}": float(seen.preload[0]), f"highest_preload_{unit}": float(seen.preload[1])}
+    return mapping
 
 
 def read_element(entry: Any, where: str, problems: list[str], priors: dict[str, Prior], axis: str = "z") -> ForceElement | None:

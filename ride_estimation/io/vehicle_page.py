@@ -38,6 +38,10 @@ What a vehicle file may contain. Written from the loader by `python -m ride_esti
 """
 #: title, text, paths of the mappings of a group; groups in the order of the page
 _ENTRY = r"[^.]+"
+_SEEN = (
+    "Beside `kind` of the element of an axis (about roll, pitch and yaw in rad and N m): what was in the data the element was\n"
+    "identified from. Nothing is limited to it; `export-model` writes it beside the parameters and marks what lies outside."
+)
 _REFERENCES = {
     "known_mass": "The mass of the body in the file was measured. Default of `relative_std`: that of the mass.",
     "known_stiffness": "The stiffness of this axis in the file was measured.",
@@ -91,6 +95,7 @@ def groups(
         ("### `cg_m` with its uncertainty", "In place of three numbers.", _of(fields, rf"bodies\.{_ENTRY}\.cg_m")),
         ("### `inertia_kg_m2`", "In the unit of the key.", _of(fields, rf"bodies\.{_ENTRY}\.inertia_kg_m2")),
         ("## `mounts`", "Mounts by name. At rest all deflections are zero.", _of(fields, rf"mounts\.{_ENTRY}")),
+        ("### `seen_in_data`", _SEEN, _of(fields, rf"mounts\.{_ENTRY}\.axes\.[xyz]\.seen_in_data")),
     ]
     for kind in SENSOR_KINDS:
         names = "|".join(name for name, entry in document["sensors"].items() if entry["kind"] == kind)

@@ -30,22 +30,36 @@ def with_identified(vehicle: Vehicle, values: Mapping[str, tuple[float, float]],
             mass = dataclasses.replace(bodies[owner].mass, value=value, std=std, source=source)
             bodies[owner] = dataclasses.replace(bodies[owner], mass=mass)
         elif mount_name in mounts and axis in mounts[mount_name].elements:
-            mounts[mount_name] = _with_parameter(mounts[mount_name], axis, last, value, std, source)
+            mounts[mount_name] = with_parameter(mounts[mount_name], axis, last, value, std, source)
     return dataclasses.replace(vehicle, bodies=bodies, mounts=mounts, checksum="")
 
 
-def _with_parameter(mount: Mount, axis: str, name: str, value: float, std: float, source: str) -> Mount:
+def with_parameter(mount: Mount, axis: str, name: str, value: float, std: float, source: str) -> Mount:
+    """Return the mount with one identified parameter of an element; the mount itself where the element has no such parameter.
+
+    Parameters
+    ----------
+    mount, axis
+        Where the element is.
+    name
+        Address of the number in the element, such as ``stiffness`` or ``elements[0].stiffness``.
+    value, std
+        Value and standard deviation, SI; the value is brought within the bounds of the parameter.
+    source
+        Where the value comes from.
+    """
     element = mount.elements[axis]
-    declared = {p.name: p for p in element.parameters()}
-    if name not in declared:
+    addressed = element.addressed()
+    if name not in addressed:
         return mount
-    kept = min(max(value, declared[name].lower), declared[name].upper)
+    declared = addressed[name][0]
+    kept = min(max(value, declared.lower), declared.upper)
     old = mount.priors.get((axis, name), Prior(kept))
     prior = dataclasses.replace(
         old, value=kept, std=std, lower=min(old.lower, kept), upper=max(old.upper, kept), source=source
     )
     return dataclasses.replace(
         mount,
-        elements={**mount.elements, axis: element.replace(**{name: kept})},
+        elements={**mount.elements, axis: element.with_values({name: kept})},
         priors={**mount.priors, (axis, name): prior},
     )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.frames import COORDINATES
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.data_range import DataRange
 
 Array = NDArray[np.float64]
 
@@ -79,6 +80,8 @@ class Mount:
         What is known of each element parameter: (axis, parameter name) -> Prior.
     static_load
         Vertical force on the body at rest [N], None where nobody weighed it.
+    seen
+        What the data showed that the element of an axis was identified from, by axis.
     """
 
     name: str
@@ -88,6 +91,7 @@ class Mount:
     elements: Mapping[str, ForceElement]
     priors: Mapping[tuple[str, str], Prior] = dataclasses.field(default_factory=dict)
     static_load: Prior | None = None
+    seen: Mapping[str, DataRange] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

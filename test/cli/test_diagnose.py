@@ -97,6 +97,11 @@ def test_hidden_friction_is_found_at_its_mount_and_the_gain_is_measured_on_the_o
     assert gain["extended"] < 0.5 * gain["baseline"]
     assert gain["ci95"][0] > 0.0
     extended = load_vehicle(tmp_path / "vehicle_extended.yaml")
+    seen = extended.mounts["front_left"].seen["z"]
+    assert 0.001 < seen.deflection < 0.1 and 0.1 < seen.frequency[0] < seen.frequency[1] < 50.0
+    assert 1500.0 < -seen.preload[0] < 5000.0, "the share of the weight, in compression"
+    prior = extended.mounts["front_left"].priors["z", "elements[0].stiffness"]
+    assert 0.0 < prior.std < 0.2 * prior.value
     assert "stribeck" in str(extended.mounts["front_left"].elements["z"]) .lower() or "dahl" in str(
         extended.mounts["front_left"].elements["z"]
     ).lower()

@@ -66,6 +66,8 @@ def test_time_domain_route_writes_all_files(tmp_path, capsys):
     assert len(found["correlation"]) == 3
     element = element_from_mapping(yaml.safe_load((out / "element.yaml").read_text(encoding="utf-8")))
     assert abs(element.dynamic_stiffness(2 * np.pi * 30, 1e-3)) == pytest.approx(1.6e5, rel=0.1)
+    assert found["seen_in_data"]["largest_deflection_m"] > 0.0
+    assert found["seen_in_data"]["lowest_preload_n"] <= found["seen_in_data"]["highest_preload_n"]
     report = (out / "report.html").read_text(encoding="utf-8")
     assert report.count('<figure class="chart">') == 3 and "http:" not in report and "https:" not in report
     assert "maxwell" in capsys.readouterr().out

@@ -69,6 +69,7 @@ def belongs(path: str, title: str, document: dict[str, Any]) -> bool:
         return found is not None and entry["force_references"][int(found.group(1))]["kind"] == kind.group(1)
     forms = {
         "## The file": "", "## Quantities": r"bodies\.\w+\.mass_kg", "## `bodies`": r"bodies\.\w+", "## `mounts`": r"mounts\.\w+",
+        "### `seen_in_data`": r"mounts\.\w+\.axes\.\w+\.seen_in_data",
         "### `cg_m` with its uncertainty": r"bodies\.\w+\.cg_m", "### `inertia_kg_m2`": r"bodies\.\w+\.inertia_kg_m2",
     }  # fmt: skip
     return re.fullmatch(forms[title], path) is not None

@@ -16,6 +16,7 @@ from ride_estimation.elements.modified_berg import ModifiedBerg
 from ride_estimation.elements.registry import kinds
 from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.elements.terms import continued, initial_states, pack_terms
+from ride_estimation.export.elements import exported
 from ride_estimation.export.fmu import VERSIONS, fmu_texts, parameter_document
 from ride_estimation.export.model import ExportModel, element_model, vehicle_model
 from ride_estimation.io.fmu_file import find_compiler, write_fmu
@@ -47,7 +48,8 @@ def written(model: ExportModel, version: str, folder: Path) -> str:
 @pytest.fixture(scope="module", params=VERSIONS)
 def all_elements(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> str:
     """Every kind of force element side by side in one unit."""
-    model = element_model("all kinds", ELEMENTS, {}, "every kind of force element")
+    parts = [exported(kind, "z", element, {}, None, prefix=f"{kind}.") for kind, element in ELEMENTS.items()]
+    model = element_model("all kinds", parts, "every kind of force element")
     return written(model, request.param, tmp_path_factory.mktemp("fmu"))
 
 
@@ -209,7 +211,8 @@ def test_the_description_obeys_the_standard_and_the_source_fits_its_headers(vers
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_state_that_was_kept_gives_the_same_steps_again(version: str, tmp_path: Path) -> None:
-    path = written(element_model("mount", {"z": ModifiedBerg.example()}, {}, "one mount"), version, tmp_path)
+    alone = exported("mount", "z", ModifiedBerg.example(), {}, None)
+    path = written(element_model("mount", [alone], "one mount"), version, tmp_path)
     unit = Unit(path, "CoSimulation", {})
 
     def steps(first: int) -> list[float]:

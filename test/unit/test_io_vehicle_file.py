@@ -16,6 +16,7 @@ import yaml
 from ride_estimation.elements.registry import kinds
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle, save_vehicle, vehicle_from_mapping, vehicle_to_mapping
+from ride_estimation.vehicles.data_range import DataRange
 
 ROOT = Path(__file__).parents[2]
 TRUCK = ROOT / "config" / "vehicles" / "truck_cab.yaml"
@@ -107,6 +108,30 @@ def test_an_axis_of_rotation_takes_and_gives_the_units_of_moments_and_angles(tmp
     text = (tmp_path / "v.yaml").read_text()
     assert text.count("stiffness_n_m_per_rad") == text.count("slope_n_m_per_rad") == 1
     assert load_vehicle(tmp_path / "v.yaml").mounts["front_left"].elements == vehicle.mounts["front_left"].elements
+
+
+def test_what_the_data_showed_of_an_element_is_kept_in_the_units_of_its_axis(tmp_path: Path) -> None:
+    document = truck()
+    axes = document["mounts"]["front_left"]["axes"]
+    axes["z"]["seen_in_data"] = {"largest_deflection_mm": 12, "lowest_frequency_hz": 0.5, "highest_frequency_hz": 18}
+    axes["roll"] = {
+        "kind": "kelvin_voigt", "stiffness_n_m_per_rad": 4600, "damping_n_m_s_per_rad": 3,
+        "seen_in_data": {
+            "largest_deflection_rad": 0.01, "lowest_frequency_hz": 1, "highest_frequency_hz": 2, "lowest_preload_n_m": -5,
+            "highest_preload_n_m": 7,
+        },
+    }  # fmt: skip
+    vehicle = vehicle_from_mapping(document)
+    save_vehicle(vehicle, tmp_path / "v.yaml")
+    again = load_vehicle(tmp_path / "v.yaml").mounts["front_left"].seen
+    assert again == vehicle.mounts["front_left"].seen
+    assert again["z"] == DataRange(0.012, (0.5, 18.0))
+    assert again["roll"] == DataRange(0.01, (1.0, 2.0), (-5.0, 7.0))
+    axes["z"]["seen_in_data"]["lowest_frequency_hz"] = 20
+    axes["roll"]["seen_in_data"]["amplitude"] = 3
+    with pytest.raises(ConfigurationError) as caught:
+        vehicle_from_mapping(document)
+    assert "20 is above the highest, 18" in str(caught.value) and "unknown key" in str(caught.value)
 
 
 def test_units_of_a_rotation_are_refused_along_an_axis_and_named_about_one() -> None:
