@@ -235,8 +235,8 @@ def diagnose_bench(
     # the secant that the fit starts from is no belief of anybody
     parameters = tuple(dataclasses.replace(p, prior=float("nan")) for p in answer.parameters)
     return dataclasses.replace(
-        answer, extended=_element_alone(answer.extended, k), warnings=warnings, remarks=remarks, evidence=evidence,
-        parameters=parameters,
+        answer, extended=_element_alone(answer.extended, k, float(np.mean(sample.force))), warnings=warnings, remarks=remarks,
+        evidence=evidence, parameters=parameters,
     )  # fmt: skip
 
 
@@ -263,9 +263,16 @@ def _channel_remarks(answer: Diagnosis) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _element_alone(vehicle: Vehicle, stiffness: float) -> Vehicle:
+def _element_alone(vehicle: Vehicle, stiffness: float, preload: float) -> Vehicle:
     """Return the bench without its channels and with a head that a simulation can move: the element is what was found."""
     mass = stiffness / (2.0 * np.pi * _HEAD_HZ) ** 2
     head = dataclasses.replace(vehicle.bodies["head"], mass=Prior(mass), inertia=mass * np.eye(3))
     words = f"element from a bench record; the mass of the head is chosen for {_HEAD_HZ:g} Hz on it and was not measured"
-    return dataclasses.replace(vehicle, bodies={"head": head}, sensors={}, description=words)
+    # the weight of the heavy body is none: the element carried the mean force of the record
+    mounts = {
+        name: dataclasses.replace(
+            mount, seen={axis: dataclasses.replace(s, preload=(preload, preload)) for axis, s in mount.seen.items()}
+        )
+        for name, mount in vehicle.mounts.items()
+    }
+    return dataclasses.replace(vehicle, bodies={"head": head}, mounts=mounts, sensors={}, description=words)

@@ -75,7 +75,11 @@ def test_friction_in_a_bench_record_is_named_and_the_element_loads_again(tmp_pat
     document = json.loads((out / "diagnosis.json").read_text())
     assert document["verdict"] == "explained"
     assert [(c["id"], c["location"], c["axis"]) for c in document["causes"]] == [("coulomb_friction", "mount", "z")]
-    assert load_vehicle(out / "vehicle_extended.yaml").mounts["mount"].elements["z"].KIND != "kelvin_voigt"
+    mount = load_vehicle(out / "vehicle_extended.yaml").mounts["mount"]
+    assert mount.elements["z"].KIND != "kelvin_voigt"
+    assert mount.seen["z"].preload == pytest.approx((force.mean(),) * 2)
+    assert mount.seen["z"].deflection == pytest.approx(np.abs(x).max() * 1e-3, rel=0.1)
+    assert mount.seen["z"].frequency == pytest.approx((0.7, 7.1), abs=0.1)
     assert (out / "report.html").stat().st_size > 0
 
 
