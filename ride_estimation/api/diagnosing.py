@@ -19,7 +19,7 @@ from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.json_file import written_last
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import save_vehicle
-from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
+from ride_estimation.reporting.diagnosis_report import Truth, write_diagnosis_report
 from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Recording, UniformRun
@@ -74,20 +74,20 @@ class DiagnosedRun:
         columns |= {key: [getattr(p, key, None) for _, p in pairs] for key in ("name", "value", "std", "unit")}
         return dataframe(columns)
 
-    def report(self, path: str | Path) -> Path:
-        """Write the report as one HTML file and return its path."""
-        write_diagnosis_report(self.answer, self.name, Path(path))
+    def report(self, path: str | Path, truth: Truth | None = None) -> Path:
+        """Write the report as one HTML file and return its path; ``truth`` of a simulated run is shown beside what was found."""
+        write_diagnosis_report(self.answer, self.name, Path(path), truth)
         return Path(path)
 
-    def save(self, folder: str | Path, *, report: bool = True) -> None:
-        """Write ``diagnosis.json``, ``vehicle_extended.yaml`` and ``report.html`` into a folder."""
+    def save(self, folder: str | Path, *, report: bool = True, truth: Truth | None = None) -> None:
+        """Write ``diagnosis.json``, ``vehicle_extended.yaml`` and ``report.html`` (see :meth:`report`) into a folder."""
         folder = output_folder(folder)
         document = self.answer.to_mapping()
         document |= {"software": software(), "run": self.run_facts, "vehicle": self.vehicle_facts}
         with written_last(folder / "diagnosis.json", document):
             save_vehicle(self.answer.extended, folder / "vehicle_extended.yaml")
             if report:
-                self.report(folder / "report.html")
+                self.report(folder / "report.html", truth)
 
     def __repr__(self) -> str:
         return f"DiagnosedRun({self.name}: {self.verdict}; {self.answer.sentence})"

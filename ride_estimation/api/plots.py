@@ -43,7 +43,7 @@ class ReplayPlots:
             No such mount.
         """
         _one_of("mount", mount, self.result.mount_names)
-        return Plot(replay_plots.mount_forces(self.result, self.result.mount_names.index(mount), window_s))
+        return Plot(replay_plots.mount_forces(self.result, self.result.mount_names.index(mount), window_s=window_s))
 
     def parameters(self, *names: str) -> Plot:
         """Return parameters over time, divided by what the vehicle file says, for example ``"front_left.z.stiffness"``.
@@ -74,7 +74,7 @@ class DiagnosisPlots:
         return Plot(diagnosis_report.stretch(self._evidence()))
 
     def loops(self) -> Plot:
-        """Return force over deflection of the mounts in question.
+        """Return force over deflection of the mount in question, and over its rate what the linear model lacks.
 
         Raises
         ------
@@ -84,7 +84,7 @@ class DiagnosisPlots:
         evidence = self._evidence()
         if not evidence.loops:
             raise ConfigurationError("this diagnosis has no force over deflection to show")
-        return Plot(diagnosis_report.loops(evidence))
+        return Plot(diagnosis_report.large_loop(evidence, diagnosis_report.leading_port(self.answer, evidence)))
 
     def _evidence(self) -> Evidence:
         if self.answer.evidence is None:

@@ -16,12 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.api import diagnosing as api
+from ride_estimation.api.runs import read_run
 from ride_estimation.assessment.truth import SignalScore, at_times, score
 from ride_estimation.cli import main as command
+from ride_estimation.cli.diagnose import STAGES
+from ride_estimation.cli.progress import Progress
+from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.io.results import output_folder
 from ride_estimation.reporting.demo_report import force_figure, write_demo_report
-from ride_estimation.reporting.numbers import plain, with_std
+from ride_estimation.reporting.diagnosis_report import Truth
+from ride_estimation.reporting.numbers import plain, reading_unit, with_std
+from ride_estimation.reporting.page import Digits, is_number
 from ride_estimation.resources import shared_path
 from ride_estimation.units import split_suffix
 
@@ -44,8 +51,9 @@ def run(options: argparse.Namespace) -> int:
     print("   The mounts of the truck differ from the vehicle file by up to 20 %; the estimator is not told.\n", flush=True)
     quietly(["replay", str(run_folder / "bag"), "--vehicle", str(vehicle), "--out", str(out / "replay")])
     found = Comparison.of(out / "replay", run_folder)
-    parameters = found.parameter_rows()
-    forces: list[Row] = [(*row[:2], *(round(float(str(v)), 1) for v in row[2:])) for row in found.force_rows()]
+    # what the run determines first
+    parameters = [as_read(row) for row in sorted(found.parameter_rows(), key=lambda row: row[-1] != "valid")]
+    forces: list[Row] = [(*row[:2], *(Digits(f"{float(str(v)):.1f}") for v in row[2:])) for row in found.force_rows()]
     print(text_table(PARAMETER_HEAD, parameters), "\n")
     print(text_table(FORCE_HEAD, forces), "\n")
     print(found.verdict(), "\n", flush=True)
@@ -150,20 +158,9 @@ class Comparison:
                 signals["mount_force"][inside],
             )  # fmt: skip
 
-    def true_parameters(self) -> dict[str, float]:
-        """Return the true values by the names the estimator uses."""
-        found = {f"{name}.mass": float(body["mass_kg"]) for name, body in self.truth["parameters"]["bodies"].items()}
-        for mount, axes in self.truth["parameters"]["mounts"].items():
-            for axis, element in axes.items():
-                for key, value in element.items():
-                    if isinstance(value, (int, float)):
-                        name, _, factor = split_suffix(key)
-                        found[f"{mount}.{axis}.{name}"] = float(value) * factor
-        return found
-
     def parameter_rows(self) -> list[Row]:
         """Return one row per estimated parameter that has a true value."""
-        true = self.true_parameters()
+        true = true_parameters(self.truth)
         rows: list[Row] = []
         for p in self.result["parameters"]:
             if p["name"] in true and p["value"] is not None:
@@ -207,28 +204,59 @@ class Comparison:
 def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
     """Diagnose the bundled run with a hidden effect; return a table and the sentence that compares it with the truth."""
     hidden, second = recorded("hidden_friction", out), recorded("hidden_friction_validation", out)
-    truth = json.loads((hidden / "truth.json").read_text(encoding="utf-8"))
+    document = json.loads((hidden / "truth.json").read_text(encoding="utf-8"))
+    known = true_parameters(document)
+    # the diagnosis calls the level of a friction so, whatever its law
+    known |= {f"{name} level": value for name, value in known.items() if name.endswith(".friction")}
     print("2. A second truck behaves differently from the linear simulation. What is it?\n", flush=True)
-    arguments = ["diagnose", str(hidden / "bag"), "--vehicle", str(vehicle), "--out", str(out / "diagnosis")]
-    quietly([*arguments, "--validate", str(second / "bag")])
-    document = json.loads((out / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))
-    measure = f"\nMisfit: {document['gain']['metric']}." if document.get("gain") else ""
-    rows: list[Row] = [("verdict", document["verdict"], "")]
-    for cause in document["causes"]:
-        values = ", ".join(f"{p['name']} {p['value']:.4g} +- {p['std']:.2g} {p['unit']}" for p in cause["parameters"])
-        place = " ".join(part for part in (cause["location"], cause["axis"]) if part)
-        rows.append((f"{cause['id']} at {place}", values, f"confidence {cause['confidence']:.2f}"))
-    gain = document.get("gain") or {}
-    for entry in gain.get("validation", []):
-        rows.append(("misfit on another road", f"linear {entry['baseline']:.3g}, extended {entry['extended']:.3g}", ""))
-    return ("what", "value", "how sure"), rows, f"The truth: {truth['description']}.{measure}"
+    with Progress("diagnose", shares=STAGES) as progress:
+        progress.begin("reading")
+        runs = [read_run(folder / "bag", vehicle) for folder in (hidden, second)]
+        progress.begin("searching for causes")
+        found = api.diagnose(runs[0], runs[1:], report=progress.reach)
+        progress.begin("report")
+        found.save(out / "diagnosis", truth=Truth(document["description"], known))
+    answer = found.answer
+    rows: list[Row] = [("verdict", answer.verdict, "", "")]
+    for cause in answer.causes:
+        for p in cause.parameters:
+            true = known.get(f"{cause.location}.{cause.axis}.{p.name}")
+            value = " ± ".join(with_std(p.value, p.std))
+            what = f"{title(cause.id, cause.location, cause.axis)}: {p.name}"
+            rows.append((what, f"{value} {p.unit}", "" if true is None else f"{plain(true)} {p.unit}", f"{cause.confidence:.0%}"))
+    for gain in answer.gain.validation if answer.gain else ():
+        floor = f"noise floor {100.0 * gain.noise_floor:.1f} %"
+        rows.append(("error on another road", f"{100.0 * gain.baseline:.1f} % to {100.0 * gain.extended:.1f} %", "", floor))
+    measure = f"\nError: {answer.gain.metric}." if answer.gain else ""
+    return ("what", "found", "true", "how sure"), rows, f"The truth: {document['description']}.{measure}"
+
+
+def true_parameters(truth: Mapping[str, Any]) -> dict[str, float]:
+    """Return the parameters a run was simulated with, by the names the estimator uses, SI."""
+    found = {f"{name}.mass": float(body["mass_kg"]) for name, body in truth["parameters"]["bodies"].items()}
+    for mount, axes in truth["parameters"]["mounts"].items():
+        for axis, element in axes.items():
+            for part in element.get("elements", [element]):
+                for key, value in part.items():
+                    if isinstance(value, (int, float)):
+                        name, _, factor = split_suffix(key)
+                        found[f"{mount}.{axis}.{name}"] = float(value) * factor
+    return found
+
+
+def as_read(row: Row) -> Row:
+    """Return a row of :meth:`Comparison.parameter_rows` in the units people read, with the digits the std leaves."""
+    name, prior, known, value, std, error, unit, status = row
+    shown_unit, factor = reading_unit(str(unit))
+    prior, known, value, std = (factor * float(str(v)) for v in (prior, known, value, std))
+    return (name, prior, known, *map(Digits, with_std(value, std)), Digits(f"{float(str(error)) + 0.0:.1f}"), shown_unit, status)
 
 
 def text_table(head: Sequence[str], rows: Sequence[Row]) -> str:
     """Return a table for a terminal: numbers without powers of ten, columns aligned."""
     cells = [list(head)] + [[plain(v, 5) if isinstance(v, float) else str(v) for v in row] for row in rows]
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    numeric = [bool(rows) and isinstance(rows[0][i], float) for i in range(len(head))]
+    numeric = [bool(rows) and is_number(rows[0][i]) for i in range(len(head))]
     lines = []
     for row in cells:
         padded = (c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ride_estimation.diagnosis.result import Diagnosis
 
 #: usual share of the time by stage
-_STAGES = {"reading": 0.03, "searching for causes": 0.92, "report": 0.05}
+STAGES = {"reading": 0.03, "searching for causes": 0.92, "report": 0.05}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     folder = output_folder(options.out)
     rate = options.rate if options.rate > 0.0 else None
     begin, end = part_of_options(options)
-    with Progress("diagnose", shares=_STAGES) as progress:
+    with Progress("diagnose", shares=STAGES) as progress:
         progress.begin("reading")
         run = read_run(options.recording, vehicle, start_s=begin, end_s=end)
         others = [read_run(path, vehicle) for path in options.validate]
@@ -97,7 +97,7 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
         warnings.append(f"--vehicle {options.vehicle} is not used: the record is one mount on a bench")
     folder = output_folder(options.out)
     band = options.band is not None
-    with Progress("diagnose", shares=_STAGES) as progress:
+    with Progress("diagnose", shares=STAGES) as progress:
         progress.begin("searching for causes")
         answer = diagnose_bench(samples[0], tuple(samples[1:]), settings, band, progress.reach)
         answer = dataclasses.replace(answer, warnings=(*answer.warnings, *warnings))
@@ -133,7 +133,7 @@ def _run_oscillator(options: argparse.Namespace) -> int:
                 "the rest chooses the model and judges it"
             )
     folder = output_folder(options.out)
-    with Progress("diagnose", shares=_STAGES) as progress:
+    with Progress("diagnose", shares=STAGES) as progress:
         progress.begin("searching for causes")
         answer = diagnose_oscillator(record, fit, others)
         facts = {"path": str(options.recording), "checksum": "", "duration_s": duration}

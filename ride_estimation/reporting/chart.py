@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 _STEPS = 65534
 _GAP = -32768
 #: dash patterns by matplotlib's name of the style [pixels]
+_NONE = ("None", "none", " ", "")
 _DASHES = {"--": (6, 3), ":": (2, 3), "-.": (6, 3, 2, 3)}
 
 
@@ -161,7 +162,7 @@ def _item(axes: Axes, artist: Any, logs: tuple[bool, bool], arrays: _Arrays) -> 
         colours = [to_hex(tuple(c)) for c in np.asarray(artist.get_facecolor(), dtype=float).reshape(-1, 4)]
         return {
             "k": "points", "c": colours[0] if colours else "#0969da", "n": _name(artist),
-            "cs": colours if len(colours) == len(places) else [],
+            "m": 3.0, "cs": colours if len(colours) == len(places) else [],
             "x": arrays.add(places[:, 0], logs[0]), "y": arrays.add(places[:, 1], logs[1]),
         }  # fmt: skip
     if isinstance(artist, PolyCollection):
@@ -184,9 +185,10 @@ def _line(axes: Axes, line: Line2D, logs: tuple[bool, bool], arrays: _Arrays) ->
         return {"k": "level" if level else "mark", "v": _short(float((y if level else x)[0])), **look}
     if not len(x):
         return None
-    if str(line.get_linestyle()) in ("None", "none", " ", ""):
-        return {"k": "points", "c": colour, "n": _name(line), "cs": [], "x": arrays.add(x, logs[0]), "y": arrays.add(y, logs[1])}
-    marked = 0.5 * float(line.get_markersize()) if str(line.get_marker()) not in ("None", "none", "", " ") else 0.0
+    marked = 0.5 * float(line.get_markersize()) if str(line.get_marker()) not in _NONE else 0.0
+    if str(line.get_linestyle()) in _NONE:
+        places = {"x": arrays.add(x, logs[0]), "y": arrays.add(y, logs[1])}
+        return {"k": "points", "c": colour, "n": _name(line), "m": marked, "cs": [], **places}
     look |= {"m": marked, "o": 1.0 if (alpha := line.get_alpha()) is None else float(alpha)}
     return {"k": "line", "n": _name(line), "x": arrays.add(x, logs[0]), "y": arrays.add(y, logs[1]), **look}
 

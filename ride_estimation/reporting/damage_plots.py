@@ -45,7 +45,7 @@ def matrix_plot(damage: MountDamage, force: Array) -> Figure:
     left.set_xlabel("to [kN]")
     left.set_ylabel("from [kN]")
     levels = np.linspace(low, high, _LEVELS)
-    right.semilogx(np.maximum(level_crossings(force, levels), 0.5), 1e-3 * levels, color="#0969da", lw=1.0, drawstyle="steps-mid")
+    right.semilogx(np.maximum(level_crossings(force, levels), 0.5), 1e-3 * levels, color="#0969da", lw=1.0)
     right.set_title(f"level crossings upwards, {damage.mount} {damage.axis}", fontsize=9)
     right.set_xlabel("crossings [-]")
     right.set_ylabel("force [kN]")
@@ -61,6 +61,9 @@ def range_pair_plot(damages: Sequence[MountDamage]) -> Figure:
     for i, damage in enumerate(damages):
         ranges, counts = range_pairs(damage.cycles)
         if len(ranges):
+            error = 2.0 * damage.estimated.relative_std
+            low, high = (1e-3 * ranges * max(1.0 + sign * error, 0.0) for sign in (-1.0, 1.0))
+            axes.fill_between(counts, low, high, color=f"C{i % 10}", alpha=0.15, lw=0.0)
             axes.semilogx(counts, 1e-3 * ranges, lw=1.0, color=f"C{i % 10}", label=f"{damage.mount} {damage.axis}")
     axes.set_xlabel("cumulated cycles [-]")
     axes.set_ylabel("range [kN]")

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.page import Link, Page
+from ride_estimation.reporting.replay_plots import differences, legend_above
 
 Array = NDArray[np.float64]
 
@@ -33,20 +34,28 @@ def force_figure(
     window
         First and last second shown.
     """
-    figure = Figure(figsize=(11, 2.1 * len(mounts)))
+    height = 0.8 + 2.3 * len(mounts)
+    figure = Figure(figsize=(11, height))
+    grid = figure.add_gridspec(len(mounts), 1)
     chosen = (time_s >= window[0]) & (time_s <= window[1])
-    panels = figure.subplots(len(mounts), 1, sharex=True, squeeze=False)[:, 0]
-    for i, (axis, mount) in enumerate(zip(panels, mounts, strict=True)):
-        middle, spread, t = found[chosen, i], 2.0 * std[chosen, i], time_s[chosen]
-        axis.fill_between(t, middle - spread, middle + spread, color=BAND, linewidth=0, label="estimate +- 2 std")
-        axis.plot(t, true[chosen, i], color=TRUE, linewidth=1.6, label="true")
-        axis.plot(t, middle, color=FOUND, linewidth=0.8, label="estimate")
-        axis.set_ylabel(f"{mount}\nforce z [N]")
-        axis.grid(alpha=0.3)
+    t, first = time_s[chosen], None
+    for i, mount in enumerate(mounts):
+        halves = grid[i].subgridspec(2, 1, height_ratios=(3, 1), hspace=0.06)
+        upper = figure.add_subplot(halves[0], sharex=first)
+        first = upper
+        lower = figure.add_subplot(halves[1], sharex=upper)
+        known, middle, spread = (1e-3 * values[chosen, i] for values in (true, found, std))
+        upper.fill_between(t, middle - 2.0 * spread, middle + 2.0 * spread, color=BAND, linewidth=0, label="± 2 std")
+        upper.plot(t, known, color=TRUE, linewidth=1.6, label="true")
+        upper.plot(t, middle, color=FOUND, linewidth=0.8, label="estimate")
+        upper.set_ylabel(f"{mount} z [kN]")
+        upper.tick_params(labelbottom=False)
+        differences(lower, t, known - middle, spread, "kN")
         if i == 0:
-            axis.legend(loc="upper right", ncols=3, fontsize="small")
-        if i == len(mounts) - 1:
-            axis.set_xlabel("time [s]")
+            legend_above(upper)
+            legend_above(lower)
+        lower.set_xlabel("time [s]")
+    figure.subplots_adjust(left=0.08, right=0.99, bottom=0.5 / height, top=1.0 - 0.15 / height, hspace=0.12)
     return figure
 
 
@@ -71,20 +80,20 @@ def write_demo_report(
     figure
         Of :func:`force_figure`.
     notes
-        Sentences below, what must be known to read the numbers.
+        What must be known to read the numbers.
     links
         Title -> file beside the page with the details.
     """
     page = Page("Demonstration: estimates against the truth of a simulated run")
     page.verdict(verdict)
+    for note in notes:
+        page.text(note)
+    if links:
+        page.table(("in detail", "file"), [(title, Link(target, target)) for title, target in links.items()])
     for heading, (head, rows) in tables.items():
         page.heading(heading)
         page.table(head, rows)
     page.heading("Vertical mount forces")
-    page.figure(figure, "Force on the cab by each mount, static share included")
-    for note in notes:
-        page.text(note)
-    if links:
-        page.heading("Details")
-        page.table(("report", "file"), list(links.items()))
+    caption = "Force on the cab by each mount, static share included, and its error with the stated ± 2 std"
+    page.figure(figure, caption, tight=False)
     page.write(path)

@@ -3,23 +3,42 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
 from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
-from ride_estimation.reporting.numbers import plain
+from ride_estimation.reporting.numbers import plain, reading_unit
 from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.replay_plots import frequency_axis, legend_above
 from ride_estimation.signals.recording import run_title
 
+_MEASURED, _LINEAR, _EXTENDED = "#8c959f", "#cf222e", "#0969da"
 
-def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path) -> None:
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    """What a simulated run was made with, to be shown beside what was found.
+
+    Attributes
+    ----------
+    sentence
+        The hidden effect in words.
+    values
+        ``<mount>.<axis>.<parameter>`` -> true value, SI.
+    """
+
+    sentence: str
+    values: Mapping[str, float]
+
+
+def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path, truth: Truth | None = None) -> None:
     """Write the HTML report of a diagnosis.
 
     Parameters
@@ -30,23 +49,34 @@ def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path) -> None:
         Name of the run.
     path
         File to write.
+    truth
+        Of a simulated run.
     """
+    values = {} if truth is None else truth.values
     page = Page(f"Diagnosis of {run_title(run)}")
     page.verdict(diagnosis.sentence)
-    for warning in diagnosis.warnings:
-        if warning not in diagnosis.isolability and warning not in diagnosis.sentence:
-            page.warning(warning)
-    for cause in diagnosis.causes:
-        _cause(page, cause)
-    _gain(page, diagnosis)
-    if diagnosis.evidence is not None:
-        _evidence(page, diagnosis.evidence)
-    _ladder(page, diagnosis)
+    if truth is not None:
+        page.text(f"The truth of this simulated run: {truth.sentence}.")
+    _answer(page, diagnosis, values)
+    if diagnosis.evidence is not None and diagnosis.evidence.loops:
+        port = leading_port(diagnosis, diagnosis.evidence)
+        page.figure(
+            large_loop(diagnosis.evidence, port), f"{port}: force over deflection, and what the linear model lacks over the rate",
+            tight=False,
+        )  # fmt: skip
+    shown = [w for w in diagnosis.warnings if w not in diagnosis.isolability and w not in diagnosis.sentence]
+    if shown:
+        page.heading("Warnings")
+    for warning in shown:
+        page.warning(warning)
     _rivals(page, diagnosis)
     _isolability(page, diagnosis)
-    _remaining(page, diagnosis)
     _next(page, diagnosis)
-    _parameters(page, diagnosis)
+    if diagnosis.evidence is not None:
+        _evidence(page, diagnosis, diagnosis.evidence)
+    _ladder(page, diagnosis)
+    _remaining(page, diagnosis)
+    _parameters(page, diagnosis, values)
     if diagnosis.remarks:
         page.heading("What the extended vehicle file holds and what not")
         for remark in diagnosis.remarks:
@@ -59,33 +89,38 @@ def _title(cause: NamedCause) -> str:
     return f"{words[0].upper()}{words[1:]}"
 
 
-def _cause(page: Page, cause: NamedCause) -> None:
-    page.heading(_title(cause))
-    sure = f"{100 * cause.confidence:.0f} %"
-    doubt = f"The best candidate, but rather not: confidence {sure}."
-    page.text(f"{cause.question} {f'With {sure} confidence, yes.' if cause.confidence >= 0.5 else doubt}")
-    rows = []
-    for p in cause.parameters:
-        value, std, unit = in_reading_unit(p.value, p.std, p.unit)
-        rows.append([p.name, *map(Digits, rounded(value, std)), "" if unit == "-" else unit])
-    page.table(["quantity", "value", "std", "unit"], rows)
-
-
-def _gain(page: Page, diagnosis: Diagnosis) -> None:
-    if diagnosis.gain is None:
-        return
-    page.heading("Gain on data that neither fitted nor selected")
-    page.text(f"Metric: {diagnosis.gain.metric}.")
-    page.table(
-        ["run", "calibrated linear model [%]", "extended model [%]", "noise floor [%]", "gain, 95 % interval [points]"],
-        [
+def _answer(page: Page, diagnosis: Diagnosis, truth: Mapping[str, float]) -> None:
+    """Add the named causes and the gain, side by side."""
+    parts: dict[str, tuple[Sequence[str], list[list[object]]]] = {}
+    for cause in diagnosis.causes:
+        rows: list[list[object]] = []
+        for p in cause.parameters:
+            value, std, unit = in_reading_unit(p.value, p.std, p.unit)
+            known = truth.get(f"{cause.location}.{cause.axis}.{p.name}")
+            factor = value / p.value if p.value else 1.0
+            beside = [] if not truth else ["" if known is None else Digits(plain(factor * known))]
+            rows.append([p.name, *map(Digits, rounded(value, std)), *beside, "" if unit == "-" else unit])
+        sure = f"{100 * cause.confidence:.0f} %"
+        doubt = "" if cause.confidence >= 0.5 else "; the best candidate, but rather not"
+        head = ["quantity", "value", "std", *(["truth"] if truth else []), "unit"]
+        parts[f"{_title(cause)} (confidence {sure}{doubt})"] = (head, rows)
+    if parts:
+        page.beside(parts)
+    if diagnosis.gain is not None and diagnosis.gain.validation:
+        page.beside({"Error on data that neither fitted nor selected [%]": (
+            ["run", "linear", "extended", "noise floor", "gain, 95 % interval"],
             [
-                run_title(v.run), f"{100 * v.baseline:.1f}", f"{100 * v.extended:.1f}", f"{100 * v.noise_floor:.1f}",
-                f"{100 * v.ci95[0]:.1f} to {100 * v.ci95[1]:.1f}",
-            ]
-            for v in diagnosis.gain.validation
-        ],
-    )
+                [
+                    run_title(v.run), *(Digits(f"{100 * e:.1f}") for e in (v.baseline, v.extended, v.noise_floor)),
+                    Digits(f"{100 * v.ci95[0]:.1f} to {100 * v.ci95[1]:.1f}"),
+                ]
+                for v in diagnosis.gain.validation
+            ],
+        )})  # fmt: skip
+    for cause in diagnosis.causes:
+        page.text(f"The question answered: {cause.question}")
+    if diagnosis.gain is not None:
+        page.text(f"Error: {diagnosis.gain.metric}. Linear: the calibrated linear model.")
 
 
 def _rivals(page: Page, diagnosis: Diagnosis) -> None:
@@ -174,32 +209,50 @@ def stiffness_words(parameters: Sequence[Calibration]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _parameters(page: Page, diagnosis: Diagnosis) -> None:
+def _parameters(page: Page, diagnosis: Diagnosis, truth: Mapping[str, float]) -> None:
     if not diagnosis.parameters:
         return
     page.heading("Calibrated parameters")
     for words in stiffness_words(diagnosis.parameters):
         page.text(words + ".")
-    page.table(
-        ["parameter", "value", "std", "unit", "vehicle file"],
-        [
-            [p.name, *map(Digits, rounded(p.value, p.std)), p.unit, Digits(plain(p.prior)) if math.isfinite(p.prior) else ""]
-            for p in diagnosis.parameters
-        ],
-    )
+    rows: list[list[object]] = []
+    for p in diagnosis.parameters:
+        unit, factor = reading_unit(p.unit)
+        shown = [*map(Digits, rounded(factor * p.value, factor * p.std)), unit, _digits(factor * p.prior)]
+        rows.append([p.name, *shown, *([_digits(factor * truth.get(p.name, math.nan))] if truth else [])])
+    page.table(["parameter", "value", "std", "unit", "vehicle file", *(["truth"] if truth else [])], rows)
 
 
-def _evidence(page: Page, evidence: Evidence) -> None:
+def _digits(value: float) -> Digits:
+    return Digits(plain(value) if math.isfinite(value) else "")
+
+
+def leading_port(diagnosis: Diagnosis, evidence: Evidence) -> str:
+    """Return the mount axis whose loop says most: that of the first named cause, else where the linear model lacks most force."""
+    for cause in diagnosis.causes:
+        if f"{cause.location}.{cause.axis}" in evidence.loops:
+            return f"{cause.location}.{cause.axis}"
+    lack = {name: float(np.std(measured - linear)) for name, (_, linear, _, measured) in evidence.loops.items()}
+    return max(lack, key=lambda name: lack[name])
+
+
+def _evidence(page: Page, diagnosis: Diagnosis, evidence: Evidence) -> None:
     page.heading("Evidence")
-    page.figure(residual_spectrum(evidence), "Spectrum of the residual against the spectrum that sensor noise predicts")
     page.figure(
-        cumulated_periodogram(evidence), "Cumulated periodogram of the residual over the noise; straight for a right model"
+        residual_spectrum(evidence), "Spectrum of the residual against the spectrum that sensor noise predicts", tight=False
     )
-    page.figure(residual_over_time(evidence), "Misfit over the run; 1 = down to the noise")
-    if evidence.loops:
-        words = "Force over deflection; measured: the extended model and what it leaves of the readings"
-        page.figure(loops(evidence), words if len(evidence.loops) == 1 else f"{words}, split among the mounts")
-    page.figure(stretch(evidence), "Measured and modelled, the channel with the largest misfit")
+    page.figure(
+        cumulated_periodogram(evidence), "Cumulated periodogram of the residual over the noise; straight for a right model",
+        tight=False,
+    )
+    page.figure(residual_over_time(evidence), "Misfit over the run; 1 = down to the noise", tight=False)
+    if len(evidence.loops) > 1:
+        axis = leading_port(diagnosis, evidence).rpartition(".")[2]
+        page.figure(
+            loops(evidence, axis), f"Force over deflection of every mount along {axis}; measured: the extended model and what it "
+            "leaves of the readings, split among the mounts", tight=False,
+        )  # fmt: skip
+    page.figure(stretch(evidence), "Measured and modelled, the channel with the largest misfit", tight=False)
     page.text("Error of every channel over the whole run that was fitted:")
     page.table(
         ["channel", "calibrated [%]", "extended [%]", "noise floor [%]"],
@@ -213,7 +266,7 @@ def _printed(unit: str) -> str:
 
 def residual_spectrum(evidence: Evidence) -> Figure:
     """Draw residual and noise spectra."""
-    figure = Figure(figsize=(9, 3.6))
+    figure = Figure(figsize=(11, 3.6))
     axes = figure.add_subplot()
     width = max(len(evidence.frequency_hz) // 300, 1)
     kernel = np.ones(width) / width
@@ -228,12 +281,13 @@ def residual_spectrum(evidence: Evidence) -> Figure:
     axes.set_ylabel(f"power per bin, all channels [({_printed(evidence.unit)})²]")
     legend_above(axes)
     axes.grid(alpha=0.3)
+    figure.subplots_adjust(left=0.08, right=0.99, bottom=0.14, top=0.93)
     return figure
 
 
 def cumulated_periodogram(evidence: Evidence) -> Figure:
     """Draw the cumulated whitened periodogram of both models."""
-    figure = Figure(figsize=(9, 3.0))
+    figure = Figure(figsize=(11, 3.0))
     axes = figure.add_subplot()
     noise = np.maximum(evidence.noise_power, 1e-300)
     for values, label, style in (
@@ -245,12 +299,13 @@ def cumulated_periodogram(evidence: Evidence) -> Figure:
     axes.set_ylabel("cumulated share [-]")
     legend_above(axes)
     axes.grid(alpha=0.3)
+    figure.subplots_adjust(left=0.08, right=0.99, bottom=0.16, top=0.92)
     return figure
 
 
 def residual_over_time(evidence: Evidence) -> Figure:
     """Draw the misfit of every block."""
-    figure = Figure(figsize=(9, 2.6))
+    figure = Figure(figsize=(11, 2.6))
     axes = figure.add_subplot()
     axes.plot(evidence.block_time_s, evidence.block_misfit[:, 0], "C3.-", label="calibrated linear model")
     axes.plot(evidence.block_time_s, evidence.block_misfit[:, 1], "C0.-", label="extended model")
@@ -259,35 +314,70 @@ def residual_over_time(evidence: Evidence) -> Figure:
     axes.set_ylabel("misfit [-]")
     legend_above(axes)
     axes.grid(alpha=0.3)
+    figure.subplots_adjust(left=0.08, right=0.99, bottom=0.19, top=0.9)
     return figure
 
 
-def loops(evidence: Evidence) -> Figure:
-    """Draw the force of every mount axis over its deflection."""
-    count = len(evidence.loops)
-    columns = min(count, 3)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(max(3.4 * columns, 6.0), 2.5 * rows if columns > 1 else 4.0))
-    for number, (name, (x, *forces)) in enumerate(evidence.loops.items(), start=1):
+def large_loop(evidence: Evidence, port: str) -> Figure:
+    """Draw the loop that must convince: force over deflection, and what the linear model lacks of it over the rate.
+
+    A dry friction is a step over the rate, a nonlinear damping a bent curve there; a hardening bends the loop.
+
+    Parameters
+    ----------
+    evidence
+        Numbers of the diagnosis.
+    port
+        Key of its loops.
+    """
+    figure = Figure(figsize=(11, 4.8))
+    left, right = figure.subplots(1, 2)
+    x, linear, extended, measured = evidence.loops[port]
+    _loop(left, evidence, port, 1.0)
+    left.legend(fontsize=8, loc="upper left")
+    times = next(iter(evidence.stretch.values()))[0]
+    rate = 1e3 * np.gradient(x) / max(float(np.median(np.diff(times))), 1e-9)
+    right.plot(rate, measured - linear, ".", color=_MEASURED, ms=3, label="measured minus linear")
+    right.plot(rate, extended - linear, ".", color=_EXTENDED, ms=2.4, label="extended minus linear")
+    right.axhline(0.0, color=_LINEAR, lw=1.2)
+    right.set_xlabel("rate [mm/s]")
+    right.set_ylabel("force the linear model lacks [N]")
+    right.legend(fontsize=8, loc="upper left")
+    right.grid(alpha=0.3)
+    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.12, top=0.96, wspace=0.18)
+    return figure
+
+
+def loops(evidence: Evidence, axis: str) -> Figure:
+    """Draw the force of every mount along one axis over its deflection."""
+    names = [name for name in evidence.loops if name.rpartition(".")[2] == axis]
+    columns = min(len(names), 4)
+    rows = -(-len(names) // columns)
+    height = 0.6 + 2.7 * rows
+    figure = Figure(figsize=(11, height))
+    for number, name in enumerate(names, start=1):
         axes = figure.add_subplot(rows, columns, number)
-        styles = (("C3", "calibrated linear model"), ("C0", "extended model"))
-        axes.plot(1e3 * x, forces[2], "k", lw=1.4, alpha=0.4, label="measured")
-        for force, (colour, label) in zip(forces, styles):
-            axes.plot(1e3 * x, force, colour, lw=0.6, label=label)
-        axes.set_title(name, fontsize=8)
-        axes.tick_params(labelsize=7)
-        axes.set_xlabel("deflection [mm]", fontsize=7)
-        axes.set_ylabel("force [N]", fontsize=7)
-        axes.xaxis.set_major_locator(MaxNLocator(5))
+        _loop(axes, evidence, name, 0.6)
+        axes.set_title(name, fontsize=9)
         if number == 1:
             axes.legend(fontsize=6, loc="upper left")
-    figure.tight_layout()
+    figure.subplots_adjust(left=0.07, right=0.99, bottom=0.55 / height, top=1.0 - 0.3 / height, wspace=0.32, hspace=0.5)
     return figure
+
+
+def _loop(axes: Axes, evidence: Evidence, port: str, width: float) -> None:
+    x, linear, extended, measured = evidence.loops[port]
+    axes.plot(1e3 * x, 1e-3 * measured, color=_MEASURED, lw=2.0 * width, label="measured")
+    axes.plot(1e3 * x, 1e-3 * linear, color=_LINEAR, lw=width, label="linear")
+    axes.plot(1e3 * x, 1e-3 * extended, color=_EXTENDED, lw=width, label="extended")
+    axes.set_xlabel("deflection [mm]")
+    axes.set_ylabel("force [kN]")
+    axes.grid(alpha=0.3)
 
 
 def stretch(evidence: Evidence) -> Figure:
     """Draw a few seconds of the channel with the largest relative misfit, and what both models leave of it."""
-    figure = Figure(figsize=(9, 4.4))
+    figure = Figure(figsize=(11, 4.4))
     axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     excess = evidence.channel_nrmse[:, 0] / np.maximum(evidence.channel_nrmse[:, 2], 1e-12)
     name = evidence.channel_names[int(np.argmax(excess))]
@@ -303,4 +393,5 @@ def stretch(evidence: Evidence) -> Figure:
     legend_above(axes)
     for one in (axes, below):
         one.grid(alpha=0.3)
+    figure.subplots_adjust(left=0.08, right=0.99, bottom=0.11, top=0.94)
     return figure

@@ -200,7 +200,8 @@ def is_number(value: object) -> bool:
 
 
 def _escaped(text: str) -> str:
-    return html.escape(printable(text))
+    # messages are written for a terminal too, which may have no such sign
+    return html.escape(printable(text).replace(" +- ", " ± "))
 
 
 def _html(block: Block) -> str:

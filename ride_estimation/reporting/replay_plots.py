@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,8 @@ from ride_estimation.frames import AXES
 Array = NDArray[np.float64]
 
 MEASURED, MODEL, BAND, RESIDUAL = "#57606a", "#0969da", "#9ec5fe", "#cf222e"
-_POINTS = 3000
+#: most points of a curve over the whole run, and blocks of a band there
+_POINTS, _BLOCKS = 6000, 1500
 
 
 def thinned(time_s: Array, values: Array) -> tuple[Array, Array]:
@@ -41,6 +42,39 @@ def thinned(time_s: Array, values: Array) -> tuple[Array, Array]:
     return time_s[places], values[places]
 
 
+def banded(axes: Axes, time_s: Array, values: Array, std: Array, colour: str, label: str) -> None:
+    """Draw a signal of a whole run with its two-sigma band.
+
+    Parameters
+    ----------
+    axes
+        Where to.
+    time_s, values, std
+        Shape (N,).
+    colour, label
+        Of the curve.
+    """
+    low, high = values - 2.0 * std, values + 2.0 * std
+    if len(values) > 2 * _BLOCKS:
+        # the band of a block reaches from its lowest to its highest value, as the curve does
+        starts = np.linspace(0, len(values), _BLOCKS, endpoint=False).astype(int)
+        axes.fill_between(
+            time_s[starts], np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts), color=colour, alpha=0.3, lw=0.0
+        )
+    else:
+        axes.fill_between(time_s, low, high, color=colour, alpha=0.3, lw=0.0)
+    axes.plot(*thinned(time_s, values), color=colour, lw=0.6, label=label)
+
+
+def differences(axes: Axes, time_s: Array, values: Array, std: Array | None, unit: str) -> None:
+    """Draw a difference on a scale of its own, with the two-sigma band it should stay in where that is known."""
+    if std is not None:
+        axes.fill_between(time_s, -2.0 * std, 2.0 * std, color=BAND, lw=0.0, label="± 2 std")
+    axes.plot(time_s, values, color=RESIDUAL, lw=0.6, label="difference")
+    axes.set_ylabel(f"difference\n[{unit}]", fontsize=8)
+    axes.tick_params(labelsize=8)
+
+
 def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) -> Figure:
     """Return measured and modelled specific force of one sensor where it moves most, and both spectra.
 
@@ -59,29 +93,29 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
     residual = measured - predicted
     figure = Figure(figsize=(11, 8.0))
     grid = figure.add_gridspec(3, 2, width_ratios=(2, 1))
+    upper = right = None
     for i, axis in enumerate(AXES):
         # the difference has a strip and a scale of its own: beside the signal it is a straight line
         halves = grid[i, 0].subgridspec(2, 1, height_ratios=(3, 1), hspace=0.08)
-        upper = figure.add_subplot(halves[0])
+        upper = figure.add_subplot(halves[0], sharex=upper)
         lower = figure.add_subplot(halves[1], sharex=upper)
-        right = figure.add_subplot(grid[i, 1])
+        right = figure.add_subplot(grid[i, 1], sharex=right)
         upper.plot(time[first:last], measured[first:last, i], color=MEASURED, linewidth=1.2, label="measured")
         upper.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label="rigid body")
-        lower.plot(time[first:last], residual[first:last, i], color=RESIDUAL, linewidth=0.6, label="difference")
         upper.set_ylabel(f"{axis} [m/s²]")
-        lower.set_ylabel("difference\n[m/s²]", fontsize=8)
         upper.tick_params(labelbottom=False)
-        lower.tick_params(labelsize=8)
-        for values, colour in ((measured, MEASURED), (residual, RESIDUAL)):
+        differences(lower, time[first:last], residual[first:last, i], None, "m/s²")
+        for values, colour, label in ((measured, MEASURED, "measured"), (residual, RESIDUAL, "difference")):
             frequency, density = spectrum(values[run.valid, i], time)
-            right.loglog(frequency, np.sqrt(density), color=colour, linewidth=0.9)
+            right.loglog(frequency, density, color=colour, linewidth=0.9, label=label)
         frequency_axis(right)
-        right.set_ylabel("[m/s²/√Hz]")
+        right.set_ylabel("[(m/s²)²/Hz]")
         if i == 0:
             legend_above(upper)
-            right.set_title("spectrum: measured (grey), difference (red)", fontsize=9)
-    lower.set_xlabel("time [s]")
-    right.set_xlabel("frequency [Hz]")
+            legend_above(right)
+        if i == 2:
+            lower.set_xlabel("time [s]")
+            right.set_xlabel("frequency [Hz]")
     figure.subplots_adjust(left=0.1, right=0.98, bottom=0.07, top=0.96, hspace=0.22, wspace=0.22)
     return figure
 
@@ -124,12 +158,13 @@ def motion_and_load(run: OfflineRun) -> Figure:
     axes = figure.subplots(4, 1, sharex=True)
     time = run.time_s
     groups = (
-        ("cg_accel", 0, "acceleration [m/s²]"), ("cg_accel", 3, "angular accel. [rad/s²]"),
-        ("inertial_load", 0, "force [N]"), ("inertial_load", 3, "moment [N m]"),
+        ("cg_accel", 0, "acceleration [m/s²]", 1.0), ("cg_accel", 3, "angular accel. [rad/s²]", 1.0),
+        ("inertial_load", 0, "force [kN]", 1e-3), ("inertial_load", 3, "moment [kN m]", 1e-3),
     )
-    for axis, (name, start, label) in zip(axes, groups):
+    for axis, (name, start, label, factor) in zip(axes, groups):
+        values, std = factor * run.signals[name], factor * run.signals[f"{name}_std"]
         for i, direction in enumerate(AXES if start == 0 else ("roll", "pitch", "yaw")):
-            axis.plot(*thinned(time, run.signals[name][:, start + i]), linewidth=0.6, label=direction)
+            banded(axis, time, values[:, start + i], std[:, start + i], f"C{i}", direction)
         axis.set_ylabel(label)
         legend_above(axis)
     axes[-1].set_xlabel("time [s]")
@@ -137,28 +172,55 @@ def motion_and_load(run: OfflineRun) -> Figure:
     return figure
 
 
-def mount_forces(run: OfflineRun, mount: int, window_s: float = 5.0) -> Figure:
-    """Return the force on the body by one mount with its two-sigma band: whole run and the busiest stretch, there as live too."""
-    figure = Figure(figsize=(11, 6.2))
-    axes = figure.subplots(3, 2, width_ratios=(2, 1))
-    time, force, std, live = run.time_s, run.force[:, mount], run.force_std[:, mount], run.signals["mount_force"][:, mount]
+def mount_forces(run: OfflineRun, mount: int, measured: Array | None = None, window_s: float = 5.0) -> Figure:
+    """Return the force on the body by one mount with its two-sigma band: whole run and the busiest stretch.
+
+    Beside the estimate stands the load cell, or the live estimate where there is none; they lie on each other, so their
+    difference from the estimate has a strip of its own, with the band the estimate states.
+
+    Parameters
+    ----------
+    run
+        The replay.
+    mount
+        Its number.
+    measured
+        Force a load cell measured, shape (N, 3) [N].
+    window_s
+        Length of the stretch shown [s].
+    """
+    figure = Figure(figsize=(11, 8.4))
+    grid = figure.add_gridspec(3, 2, width_ratios=(3, 2))
+    time, force, std = run.time_s, 1e-3 * run.force[:, mount], 1e-3 * run.force_std[:, mount]
+    other, name = (run.signals["mount_force"][:, mount], "live") if measured is None else (measured, "load cell")
+    compared = measured is not None or not isinstance(run.hindsight, str)
     first, last = busiest_stretch(time, force[:, 2], window_s)
+    part = slice(first, last)
+    whole = upper = None
     for i, axis in enumerate(AXES):
-        left, right = axes[i]
-        left.plot(*thinned(time, force[:, i]), color=MODEL, linewidth=0.6)
-        left.set_ylabel(f"{axis} [N]")
-        part = slice(first, last)
-        low, high = force[part, i] - 2.0 * std[part, i], force[part, i] + 2.0 * std[part, i]
-        right.fill_between(time[part], low, high, color=BAND, linewidth=0.0)
-        if not isinstance(run.hindsight, str):
-            right.plot(time[part], live[part, i], color=MEASURED, linewidth=0.6, linestyle="--", label="live")
-        right.plot(time[part], force[part, i], color=MODEL, linewidth=0.8)
-    if not isinstance(run.hindsight, str):
-        legend_above(axes[2][1])
-    axes[0][1].set_title("busiest stretch with ± 2 std", fontsize=9)
-    for axis in axes[2]:
-        axis.set_xlabel("time [s]")
-    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.09, top=0.95, hspace=0.28, wspace=0.22)
+        whole = figure.add_subplot(grid[i, 0], sharex=whole)
+        halves = grid[i, 1].subgridspec(2, 1, height_ratios=(3, 1), hspace=0.08)
+        upper = figure.add_subplot(halves[0], sharex=upper)
+        lower = figure.add_subplot(halves[1], sharex=upper)
+        banded(whole, time, force[:, i], std[:, i], MODEL, "estimate")
+        whole.set_ylabel(f"{axis} [kN]")
+        low, high = (force[part, i] + sign * std[part, i] for sign in (-2.0, 2.0))
+        upper.fill_between(time[part], low, high, color=BAND, lw=0.0, label="± 2 std")
+        if compared:
+            upper.plot(time[part], 1e-3 * other[part, i], color=MEASURED, lw=1.0, linestyle="--", label=name)
+            differences(lower, time[part], 1e-3 * other[part, i] - force[part, i], std[part, i], "kN")
+        else:
+            differences(lower, time[part], np.zeros(last - first), std[part, i], "kN")
+        upper.plot(time[part], force[part, i], color=MODEL, lw=0.8, label="estimate")
+        upper.set_ylabel(f"{axis} [kN]")
+        upper.tick_params(labelbottom=False)
+        if i == 0:
+            legend_above(upper)
+            legend_above(lower)
+    for axes in (whole, lower):
+        if axes is not None:
+            axes.set_xlabel("time [s]")
+    figure.subplots_adjust(left=0.08, right=0.98, bottom=0.07, top=0.985, hspace=0.16, wspace=0.2)
     return figure
 
 
@@ -176,7 +238,6 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
     """
     history, prior = run.history, {p.name: p.prior for p in run.parameters}
     time = (history.stamp_ns - run.stamp_ns[0]) * 1e-9
-    limits = _limits(history.value, history.names, names, prior)
     # one panel per axis of the mounts: twelve curves and their bands in one cannot be told apart
     panels: dict[str, list[str]] = {}
     for name in names:
@@ -185,14 +246,18 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
     figure = Figure(figsize=(11, 3.2))
     frames = figure.subplots(1, len(panels), squeeze=False)[0]
     for place, (axis, (direction, shown)) in enumerate(zip(frames, panels.items())):
+        late = len(time) // 3  # before, little is known and the bands fill everything
+        edges = [1.0]
         for name in shown:
             column = history.names.index(name)
             scale = prior[name] or 1.0
             value, std = history.value[:, column] / scale, history.std[:, column] / abs(scale)
             line = axis.plot(time, value, linewidth=1.0, label=name.split(".")[0])[0]
             axis.fill_between(time, value - 2.0 * std, value + 2.0 * std, color=line.get_color(), alpha=0.12, linewidth=0.0)
+            edges += [*value[late:], *(value - 2.0 * std)[-1:], *(value + 2.0 * std)[-1:]]
         axis.axhline(1.0, color=MEASURED, linewidth=0.6, linestyle=":")
-        axis.set_ylim(*limits)
+        margin = max(0.1 * (max(edges) - min(edges)), 0.02)
+        axis.set_ylim(min(edges) - margin, max(edges) + margin)
         axis.set_title(direction, fontsize=9)
         axis.set_xlabel("time [s]")
         if place == 0:
@@ -200,10 +265,3 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
             axis.legend(fontsize=7, ncols=2, loc="upper right")
     figure.subplots_adjust(left=0.07, right=0.99, bottom=0.16, top=0.92, wspace=0.15)
     return figure
-
-
-def _limits(values: Array, all_names: Sequence[str], names: Iterable[str], prior: dict[str, float]) -> tuple[float, float]:
-    ratios = np.concatenate([values[:, all_names.index(n)] / (prior[n] or 1.0) for n in names])
-    low, high = float(np.min(ratios)), float(np.max(ratios))
-    margin = max(0.3 * (high - low), 0.5)
-    return min(low, 1.0) - margin, max(high, 1.0) + margin

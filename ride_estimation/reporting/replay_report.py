@@ -63,7 +63,7 @@ def replay_page(
         page.heading("Warnings")
     for text in result["warnings"]:
         page.warning(text)
-    _forces(page, run)
+    _forces(page, run, side)
     sections.mounts(page, run, side)
     sections.durability(page, run, assessment)
     sections.comfort(page, assessment)
@@ -162,18 +162,22 @@ def _kurtosis(values: Array) -> object:
     return Digits(plain(float(np.mean(about**4)) / variance**2, 3)) if variance > 0.0 else "constant"
 
 
-def _forces(page: Page, run: OfflineRun) -> None:
+def _forces(page: Page, run: OfflineRun, side: SideSignals) -> None:
     if not run.mount_names:
         return
     page.heading("Attachment forces")
     page.text(
-        "Force on the body by each mount, body axes, static share included. The standard deviation has a part that rigid-body "
-        "equilibrium determines and a part that rests on the mount model (how the forces are split among the mounts). "
+        "Force on the body by each mount, body axes, static share included (rms: about the mean). The standard deviation has a "
+        "part that rigid-body equilibrium determines and a part that rests on the mount model (how the forces are split among "
+        "the mounts). "
         f"The table and the curves show {run.forces_in_words()}."
     )
     later = not isinstance(run.hindsight, str)
     if later:
-        page.text("Dashed beside them, and in signals.npz as mount_force: the estimate as the node publishes it live.")
+        page.text(
+            "Dashed beside them: the load cell where there is one, else the estimate as the node publishes it live "
+            "(mount_force in signals.npz)."
+        )
     s = run.signals
     rows = []
     for m, mount in enumerate(run.mount_names):
@@ -181,15 +185,15 @@ def _forces(page: Page, run: OfflineRun) -> None:
             force = run.force[run.valid, m, i]
             if len(force):
                 stds = [run.force_std, *(s[f"mount_force_std{part}"] for part in ("", "_equilibrium", "_model"))]
-                parts = [Digits(plain(float(np.median(std[run.valid, m, i])), 2)) for std in (stds if later else stds[1:])]
-                numbers = (force.mean(), force.std(), force.min(), force.max())
-                rows.append([mount, axis, *(float(v) for v in numbers), *parts])
+                parts = [Digits(plain(1e-3 * float(np.median(std[run.valid, m, i])), 2)) for std in (stds if later else stds[1:])]
+                numbers = alike([1e-3 * float(v) for v in (force.mean(), force.std(), force.min(), force.max())], 4).split()
+                rows.append([mount, axis, *map(Digits, numbers), *parts])
     page.table([
-        "mount", "axis", "mean [N]", "rms about mean [N]", "min [N]", "max [N]", *(["std [N]"] if later else []),
-        f"{'live ' if later else ''}std [N]", "of it equilibrium [N]", "of it the mount model [N]",
+        "mount", "axis", "mean [kN]", "rms [kN]", "min [kN]", "max [kN]", *(["std [kN]"] if later else []),
+        f"{'live ' if later else ''}std [kN]", "live: equilibrium [kN]", "live: mount model [kN]",
     ], rows)  # fmt: skip
     for m, mount in enumerate(run.mount_names):
-        page.figure(plots.mount_forces(run, m), f"Force on the body by mount {mount}", tight=False)
+        page.figure(plots.mount_forces(run, m, side.cells.get(mount)), f"Force on the body by mount {mount}", tight=False)
 
 
 def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:

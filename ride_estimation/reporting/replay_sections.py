@@ -17,6 +17,7 @@ from ride_estimation.frames import AXES
 from ride_estimation.reporting import damage_plots, replay_mounts, replay_spectra
 from ride_estimation.reporting.numbers import interval, plain
 from ride_estimation.reporting.page import Digits, Page
+from ride_estimation.reporting.replay_mounts import LawStiffness, StiffnessClass
 from ride_estimation.reporting.side_signals import SideSignals
 
 
@@ -55,30 +56,47 @@ def mounts(page: Page, run: OfflineRun, side: SideSignals) -> None:
     page.heading("Mounts: hysteresis and dynamic stiffness")
     cells = "Grey is a load cell. " if side.cells else "Without a load cell the estimate rests on equilibrium and the law. "
     page.text(
-        f"Tension over deflection and over its rate, about the mean, busiest seconds of each mount. {cells}"
+        f"Tension over deflection, about the mean, busiest seconds of each mount. {cells}"
         "The law is that of the vehicle file with the stiffness and damping found in this run."
     )
     curves = {
         (m, a): replay_mounts.mount_curves(run, m, a, side.elements.get((m, a)), _cell(side, name, a))
         for m, name in enumerate(run.mount_names) for a in range(3) if (m, a) in side.elements
     }  # fmt: skip
-    if any(a == 2 for _, a in curves):
-        caption = "Hysteresis loops, measured or estimated against law"
-        page.figure(replay_mounts.loops(run, run.mount_names, curves), caption, tight=False)
+    vertical = {m: curve for (m, a), curve in curves.items() if a == 2}
+    if not vertical:
+        return
+    most = max(vertical, key=lambda m: float(np.std(run.force[run.valid, m, 2])))
+    page.figure(
+        replay_mounts.large_loop(run, f"{run.mount_names[most]} z, the largest load", vertical[most]),
+        "Hysteresis loop of the mount with the largest load, and what the law leaves of its force over the rate", tight=False,
+    )  # fmt: skip
+    page.figure(
+        replay_mounts.loops(run, run.mount_names, curves), "Hysteresis loops of every mount, one scale of force", tight=False
+    )
     rate = replay_spectra.tick_rate(run)
-    for m, name in enumerate(run.mount_names):
-        if (m, 2) not in curves:
-            continue
-        curve = curves[m, 2]
+    found: dict[str, tuple[list[StiffnessClass], LawStiffness]] = {}
+    for m, curve in vertical.items():
         force = curve.estimated if curve.measured is None else curve.measured
         classes = replay_mounts.stiffness_by_amplitude(curve.deflection, force, run.valid, rate)
         if any(len(one.frequency_hz) for one in classes):
-            source = "estimated force" if curve.measured is None else "measured force"
-            page.figure(
-                replay_mounts.stiffness_plot(f"{name} z", classes, source),
-                f"Dynamic stiffness and loss angle of {name} by frequency and amplitude, K(f, A); coherence of at least 0.8",
-                tight=False,
-            )
+            amplitude = np.sqrt(2.0) * float(np.median([one.amplitude for one in classes]))
+            law = replay_mounts.law_stiffness(side.elements[m, 2], _relative_stds(run, m), amplitude)
+            found[f"{run.mount_names[m]} z"] = (classes, law)
+    if found:
+        of = "measured" if all(curve.measured is not None for curve in vertical.values()) else "estimated"
+        page.figure(
+            replay_mounts.stiffness_plot(found),
+            f"Dynamic stiffness and loss angle by frequency and amplitude from the {of} force, with ± 2 std (coherence of at "
+            "least 0.8), and the law with the values found",
+            tight=False,
+        )  # fmt: skip
+
+
+def _relative_stds(run: OfflineRun, mount: int) -> dict[str, float]:
+    """Return the relative standard deviations of vertical stiffness and damping of a mount by role."""
+    names = {f"{run.mount_names[mount]}.z.{role}": role for role in ("stiffness", "damping")}
+    return {names[p.name]: p.std / p.value for p in run.parameters if p.name in names and p.value > 0.0 and math.isfinite(p.std)}
 
 
 def _cell(side: SideSignals, mount: str, axis: int) -> Any:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import signal, stats
 
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
@@ -53,6 +53,10 @@ def power_spectra(run: OfflineRun) -> Figure:
             largest = float(np.max(found.density[shown], initial=0.0))
             if largest > 0.0:  # a planar body does not move along every axis
                 density = np.maximum(found.density[shown], 1e-12 * largest)
+                # 95 % of a chi-square variable with two degrees of freedom a block; half-overlapping blocks hold half as much
+                freedom = max(found.averages, 1)
+                low, high = (density * freedom / stats.chi2.ppf(p, freedom) for p in (0.975, 0.025))
+                axes.fill_between(found.frequency_hz[shown], low, high, color=_COLOURS[i], alpha=0.15, lw=0.0)
                 axes.loglog(found.frequency_hz[shown], density, lw=0.9, color=_COLOURS[i], label=name)
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(f"power spectral density [{unit}]")
@@ -145,14 +149,22 @@ def transmissibility_plot(functions: Mapping[str, TransferFunction]) -> Figure:
         shown = _band(found.frequency_hz)
         frequency, colour = found.frequency_hz[shown], _COLOURS[i % len(_COLOURS)]
         width = 1.8 if name == "heave" else 0.9
-        panels[0].loglog(frequency, np.maximum(np.abs(found.h1[shown]), 1e-4), color=colour, lw=width, label=name)
-        phase = np.where(found.coherence[shown] >= LEAST_COHERENCE, np.degrees(np.angle(found.h1[shown])), np.nan)
+        coherence = found.coherence[shown]
+        size = np.maximum(np.abs(found.h1[shown]), 1e-4)
+        known = coherence >= LEAST_COHERENCE
+        # sqrt((1 - g^2) / (2 n g^2)) with n = half of the half-overlapping blocks (Bendat and Piersol)
+        spread = 2.0 * np.sqrt((1.0 - np.minimum(coherence, 1.0)) / (found.averages * np.maximum(coherence, 1e-3)))
+        panels[0].loglog(frequency, size, color=colour, lw=0.5, alpha=0.25)
+        panels[0].loglog(frequency, np.where(known, size, np.nan), color=colour, lw=width, label=name)
+        low, high = (np.where(known, size * np.maximum(1.0 + sign * spread, 1e-3), np.nan) for sign in (-1.0, 1.0))
+        panels[0].fill_between(frequency, low, high, color=colour, alpha=0.15, lw=0.0)
+        phase = np.where(known, np.degrees(np.angle(found.h1[shown])), np.nan)
         # a turn from 180 to -180 degrees is no change: the line breaks there
         phase[1:][np.abs(np.diff(phase)) > 180.0] = np.nan
         panels[1].semilogx(frequency, phase, color=colour, lw=width)
         panels[2].semilogx(frequency, found.coherence[shown], color=colour, lw=width)
     panels[0].axhline(1.0, color="k", lw=0.6, ls=":")
-    panels[0].set_ylabel("magnitude [(m/s²)/(m/s²)]")
+    panels[0].set_ylabel("magnitude [-]")
     panels[1].set_ylabel("phase [deg]")
     panels[1].set_yticks((-180, -90, 0, 90, 180))
     panels[2].set_ylabel("coherence [-]")

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import PROGRAM, Browser
 
 from ride_estimation.assessment.truth import at_times, score
 from ride_estimation.cli import demo
@@ -31,6 +34,68 @@ def test_report_is_one_offline_page_with_picture(finished: Path) -> None:
     assert "https:" not in page
     assert "front_left.z.stiffness" in page
     assert (finished / "replay" / "report.html").is_file()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if PROGRAM is None:
+        pytest.skip("no browser is installed")
+    started = Browser(tmp_path_factory.mktemp("profile"))
+    yield started
+    started.close()
+
+
+CHART = "document.querySelector('figure.chart').chart"
+PLACES = f"""(() => {{ const box = {CHART}.panels[0].box,
+  view = document.querySelector('figure.chart .plot>svg').getBoundingClientRect();
+  return [view.left + box[0], view.top + box[1], box[2], box[3]]; }})()"""
+ZOOM = f"JSON.stringify([{CHART}.panels[0].x, {CHART}.reset.hidden])"
+
+
+@pytest.mark.parametrize("name", ["report.html", "replay/report.html"])
+def test_a_reader_sees_the_answer_and_can_read_off_the_plots(finished: Path, browser: Browser, name: str) -> None:
+    browser.complaints.clear()
+    browser.open(finished / name, 1280, 900)
+    # the first screen holds the verdict, and of a replay the loads, modes, comfort and what is not known
+    low = browser.run("Math.max(...[...document.querySelectorAll('.verdict, .side')].map(e => e.getBoundingClientRect().bottom))")
+    assert 0 < low < 900
+    if name.startswith("replay"):
+        seen = browser.run("[...document.querySelectorAll('.side h3')].map(e => e.textContent).join()")
+        assert all(words in seen for words in ("damaging force", "Modes", "comfort", "not known"))
+    figures = browser.run("[document.querySelectorAll('figure.chart').length, document.querySelectorAll('.plot>svg').length]")
+    assert figures[0] == figures[1] > 0
+    assert browser.run("[...document.querySelectorAll('td, th')].filter(e => /^-0(\\.0*)?$/.test(e.textContent)).length") == 0
+    # every link leads somewhere
+    for target in browser.run("[...document.querySelectorAll('a')].map(e => e.getAttribute('href'))"):
+        beside = (finished / name).parent / target
+        assert browser.run(f"!!document.getElementById('{target[1:]}')") if target.startswith("#") else beside.is_file()
+    # cursor
+    browser.run("document.querySelector('figure.chart').scrollIntoView()")
+    left, top, width, height = browser.run(PLACES)
+    browser.mouse("mouseMoved", left + 0.5 * width, top + 0.5 * height)
+    shown = "document.querySelector('figure.chart .readout').innerText"
+    middle = browser.run(shown)
+    browser.mouse("mouseMoved", left + 0.7 * width, top + 0.5 * height)
+    assert re.search(r"time: [\d.]+ s", middle) and middle != browser.run(shown)
+    # zoom by dragging, and back
+    whole = json.loads(browser.run(ZOOM))
+    browser.mouse("mousePressed", left + 0.25 * width, top + 0.5 * height)
+    browser.mouse("mouseMoved", left + 0.75 * width, top + 0.5 * height)
+    browser.mouse("mouseReleased", left + 0.75 * width, top + 0.5 * height)
+    near = json.loads(browser.run(ZOOM))
+    low, high = whole[0]
+    assert near[0] == pytest.approx([low + 0.25 * (high - low), low + 0.75 * (high - low)], rel=0.02) and not near[1]
+    browser.run(f"{CHART}.reset.click()")
+    assert json.loads(browser.run(ZOOM)) == whole
+    # export: as many rows as the longest curve has points, every column with its unit
+    csv = browser.run(f"{CHART}.csv()").splitlines()
+    assert len(csv) > 500 and all(re.search(r"\[.+\]", head) for head in csv[0].split('","'))
+    # on a phone nothing but tables in their boxes is wider than the screen, and the first column of those stays
+    browser.open(finished / name, 390, 844)
+    assert browser.run("document.documentElement.scrollWidth") == 390
+    still = "getComputedStyle(document.querySelector('.wide table:not(.fit) td')).position"
+    assert browser.run(still) == "sticky"
+    assert browser.complaints == []
 
 
 def test_force_errors_are_those_of_the_files(finished: Path) -> None:

@@ -116,8 +116,8 @@ def test_pictures_show_the_mount_that_was_asked_for(found: Replay, tmp_path: Pat
         found.plot.parameters("front_left.z.stiffness", "rear_left.z.stiffness"),
     ):
         assert plot._repr_svg_().count("<svg") == 1
-    vertical = found.plot.forces("rear_left").figure.axes[4].lines[0].get_ydata()
-    assert np.isin(np.asarray(vertical), found.result.force[:, 2, 2]).all()
+    vertical = next(axes for axes in found.plot.forces("rear_left").figure.axes if axes.get_ylabel() == "z [kN]").lines[0]
+    assert np.isin(np.asarray(vertical.get_ydata()), 1e-3 * found.result.force[:, 2, 2]).all()
     assert found.plot.motion().save(tmp_path / "motion.pdf").read_bytes().startswith(b"%PDF")
     for call, given in ((found.plot.forces, "left"), (found.plot.measured, "left"), (found.plot.parameters, "left")):
         with pytest.raises(ConfigurationError, match=r"'left' is no .*; there are"):

@@ -33,7 +33,7 @@ function short(v, digits = 4) {
 }
 
 function ticks(low, high, log, room) {
-  const most = Math.max(2, Math.floor(room));
+  const most = Math.max(3, Math.floor(room));
   if (log) {
     const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
     for (const [parts, every] of [[[1, 2, 5], 1], [[1], 1], [[1], 2], [[1], 3], [[1], 5]]) {
@@ -94,24 +94,29 @@ class Panel {
     const clip = node('clipPath', {id}, svg);
     node('rect', {x: l, y: t, width: w, height: h}, clip);
     const under = node('g', {}, svg), marks = node('g', {'clip-path': `url(#${id})`}, svg);
-    for (const v of this.spec.x.ticks || ticks(...this.x, this.spec.x.log, w / 62)) {
+    for (const v of this.spec.x.ticks || ticks(...this.x, this.spec.x.log, w / (this.spec.x.log ? 36 : 62))) {
       const x = this.sx(v);
       if (x < l - 0.5 || x > l + w + 0.5) continue;
       node('line', {x1: x, x2: x, y1: t, y2: t + h, class: 'grid'}, under);
       if (this.spec.x.numbers) node('text', {x, y: t + h + 15, 'text-anchor': 'middle'}, svg, short(v, 6));
     }
+    let widest = 0;
     for (const v of this.spec.y.ticks || ticks(...this.y, this.spec.y.log, h / 30)) {
       const y = this.sy(v);
       if (y < t - 0.5 || y > t + h + 0.5) continue;
       node('line', {x1: l, x2: l + w, y1: y, y2: y, class: 'grid'}, under);
       node('text', {x: l - 5, y: y + 4, 'text-anchor': 'end'}, svg, short(v, 6));
+      widest = Math.max(widest, short(v, 6).length);
     }
     for (const item of this.items) if (!this.chart.hidden.has(item.n + item.c)) this.drawItem(item, marks);
     node('rect', {x: l, y: t, width: w, height: h, class: 'frame'}, svg);
-    if (this.spec.title) node('text', {x: l + 2, y: t - 6, 'font-weight': 600}, svg, this.spec.title);
+    if (this.spec.title) {
+      const size = Math.max(8, Math.min(12, w / (0.58 * this.spec.title.length)));
+      node('text', {x: l + 2, y: t - 6, 'font-weight': 600, 'font-size': size}, svg, this.spec.title);
+    }
     if (this.spec.x.label && this.spec.x.numbers) node('text', {x: l + w / 2, y: t + h + 32, 'text-anchor': 'middle'}, svg, this.spec.x.label);
     if (this.spec.y.label) {
-      const x = Math.max(12, l - (this.chart.narrow ? 50 : 52)), y = t + h / 2;
+      const x = Math.max(10, l - 13 - 7 * widest), y = t + h / 2;
       const size = Math.min(12, Math.max(9, 12 * (h + 14) / (6.4 * this.spec.y.label.length)));
       const words = this.wrapped(this.spec.y.label, h / (0.53 * size));
       words.forEach((word, i) => node('text', {
@@ -145,7 +150,7 @@ class Panel {
       }
       node('path', {d: path, fill: item.c}, g);
     } else if (item.k === 'points') {
-      for (let i = 0; i < item.x.length; i++) node('circle', {cx: this.sx(item.x[i]).toFixed(1), cy: this.sy(item.y[i]).toFixed(1), r: 3, fill: item.cs.length ? item.cs[i] : item.c}, g);
+      for (let i = 0; i < item.x.length; i++) node('circle', {cx: this.sx(item.x[i]).toFixed(1), cy: this.sy(item.y[i]).toFixed(1), r: item.m, fill: item.cs.length ? item.cs[i] : item.c}, g);
     } else if (item.k === 'band') {
       const [xs, low] = this.thinned(item, item.lo, -1), [back, high] = this.thinned(item, item.hi, 1);
       const d = this.path(xs, low) + this.path(Array.from(back).reverse(), Array.from(high).reverse()).replace('M', 'L');
@@ -219,6 +224,9 @@ class Panel {
     node('text', {x: tx, y: ty, 'text-anchor': 'middle', transform: `rotate(-90 ${tx} ${ty})`}, svg, this.spec.bar);
   }
 
+  // of panels that share their x axis one carries its label
+  xLabel() { return this.spec.x.label || this.chart.panels.find(p => p.spec.group === this.spec.group && p.spec.x.label)?.spec.x.label || 'x'; }
+
   // rows of the readout at a place: [colour, name, value]
   read(px, py) {
     const rows = [], x = this.xAt(px);
@@ -228,7 +236,7 @@ class Panel {
       const [a, b, c, d] = image.box, col = Math.floor((x - a) / (b - a) * image.cols), row = Math.floor((this.yAt(py) - c) / (d - c) * image.rows);
       const level = image.levels[row * image.cols + col], share = (level - 1) / 254, [low, high] = image.lim;
       const value = image.log ? low * (high / low) ** share : low + share * (high - low);
-      return [['', this.spec.x.label, short(x)], ['', this.spec.y.label, short(this.yAt(py))], ['', this.spec.bar || 'value', level ? short(value, 3) : '-']];
+      return [['', this.xLabel(), short(x)], ['', this.spec.y.label, short(this.yAt(py))], ['', this.spec.bar || 'value', level ? short(value, 3) : '-']];
     }
     if (this.overTime) {
       let at = NaN;
@@ -241,7 +249,7 @@ class Panel {
         const value = item.k === 'band' ? `${short(item.lo[i])} to ${short(item.hi[i])}` : short(item.y[i]);
         rows.push([item.c, item.k === 'band' ? item.n || '± 2 std' : named(item), value]);
       }
-      if (rows.length) rows.unshift(['', this.spec.x.label, short(at, 5)]);
+      if (rows.length) rows.unshift(['', this.xLabel(), short(at, 5)]);
       if (rows.length || !this.curves.length) return rows;
     }
     let best = 24 ** 2, found = null;
@@ -252,10 +260,10 @@ class Panel {
         if (far < best) { best = far; found = [item, i]; }
       }
     }
-    if (!found) return [['', this.spec.x.label, short(x)], ['', this.spec.y.label, short(this.yAt(py))]];
+    if (!found) return [['', this.xLabel(), short(x)], ['', this.spec.y.label, short(this.yAt(py))]];
     const [item, i] = found;
     if (item.n) rows.push([item.c, item.n, '']);
-    return [...rows, ['', this.spec.x.label, short(item.x[i])], ['', this.spec.y.label, short(item.y[i])]];
+    return [...rows, ['', this.xLabel(), short(item.x[i])], ['', this.spec.y.label, short(item.y[i])]];
   }
 
   // the range of what is seen between two x, so that a zoom along x fills the panel
@@ -447,8 +455,7 @@ class Chart {
     const columns = [];
     for (const p of this.panels) for (const item of p.curves) {
       const head = [p.spec.title, item.n].filter(Boolean).join(' ');
-      const label = p.spec.x.label || this.panels.find(q => q.spec.group === p.spec.group && q.spec.x.label)?.spec.x.label || 'x';
-      columns.push([`${head} ${label}`.trim(), item.x]);
+      columns.push([`${head} ${p.xLabel()}`.trim(), item.x]);
       for (const [key, word] of [['y', ''], ['lo', ' lower'], ['hi', ' upper']]) if (item[key]) columns.push([`${head} ${p.spec.y.label}${word}`.trim(), item[key]]);
     }
     const quoted = text => `"${text.replace(/^[=+\-@]/, "'$&").replaceAll('"', '""')}"`; // no formula for a spreadsheet
