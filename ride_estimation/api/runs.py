@@ -12,7 +12,7 @@ import numpy as np
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.arrangement import arrange
-from ride_estimation.io.bags import read_recording
+from ride_estimation.io.recorded_run import read_recorded_run
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 from ride_estimation.signals.recording import Recording, part_of
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -80,19 +80,22 @@ def read_run(
     start_s: float | None = None,
     end_s: float | None = None,
     salvage: bool = False,
+    channels: str | Path = "",
 ) -> Run:
     """Read the sensors of a vehicle from a recorded run.
 
     Parameters
     ----------
     path
-        rosbag2 folder, ``.mcap``, ``.db3`` or ROS 1 ``.bag``.
+        rosbag2 folder, ``.mcap``, ``.db3``, ROS 1 ``.bag``, or a measurement file (MDF4, TDMS, RPC III, LabVIEW, CSV, Parquet).
     vehicle
         A loaded vehicle, a vehicle file, or the name of a bundled one.
     start_s, end_s
         Part of the run that is used [s since its first stamp]; the whole run by default.
     salvage
         Use what is readable of a damaged file.
+    channels
+        Channel map of a measurement file; without it its channels must have the names an export writes.
 
     Raises
     ------
@@ -107,7 +110,7 @@ def read_run(
     3.0
     """
     known = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    return Run(part_of(read_recording(path, known, salvage=salvage), start_s, end_s), known)
+    return Run(part_of(read_recorded_run(path, known, channels=channels, salvage=salvage), start_s, end_s), known)
 
 
 def require_layout(vehicle: Vehicle) -> None:

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
         if not 0.0 < low < high:
             raise ConfigurationError(f"--band {low:g} {high:g}: two frequencies with 0 < LOW < HIGH are needed [Hz]")
         settings = dataclasses.replace(settings, band_hz=(low, high))
-    bench = Path(options.recording).suffix.lower() in _BENCH_SUFFIXES or options.vehicle is None
+    bench = (Path(options.recording).suffix.lower() in _BENCH_SUFFIXES and not options.channels) or options.vehicle is None
     if (options.oscillator or bench) and part_of_options(options) != (None, None):
         raise ConfigurationError("--from, --to: only for a run of a vehicle")
     if options.oscillator:
@@ -57,8 +57,8 @@ def run(options: argparse.Namespace) -> int:
     begin, end = part_of_options(options)
     with Progress("diagnose", shares=STAGES) as progress:
         progress.begin("reading")
-        run = read_run(options.recording, vehicle, start_s=begin, end_s=end)
-        others = [read_run(path, vehicle) for path in options.validate]
+        run = read_run(options.recording, vehicle, start_s=begin, end_s=end, channels=options.channels)
+        others = [read_run(path, vehicle, channels=options.channels) for path in options.validate]
         for path, other in zip(options.validate, others):
             if other.recording.checksum == run.recording.checksum:
                 raise ConfigurationError(f"--validate {path}: is the run that is fitted; only another one can judge the gain")

@@ -6,9 +6,7 @@ from __future__ import annotations
 import argparse
 
 from ride_estimation.io.bag_writer import write_bag
-from ride_estimation.io.files.channel_map import default_map, load_channel_map
-from ride_estimation.io.files.conversion import recording_from_file
-from ride_estimation.io.files.formats import read_measurement_file
+from ride_estimation.io.recorded_run import read_mapped
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.quality import judge_sensors
 
@@ -16,13 +14,7 @@ from ride_estimation.sensors.quality import judge_sensors
 def run(options: argparse.Namespace) -> int:
     """Read, map, write."""
     vehicle = load_vehicle(options.vehicle)
-    channels = default_map(vehicle.sensors) if options.channels is None else load_channel_map(options.channels, vehicle.sensors)
-    file = read_measurement_file(options.file, channels.time)
-    if options.channels is None:
-        # a file that was exported with fewer sensors is complete in itself
-        there = {channel.name for channel in file.channels} | set(file.unreadable)
-        channels = type(channels)({name: source for name, source in channels.sources.items() if name in there})
-    recording = recording_from_file(file, vehicle.sensors, channels)
+    recording = read_mapped(options.file, vehicle, options.channels)
     write_bag(options.out, recording, vehicle.sensors)
     for reason, count in recording.ignored.items():
         print(f"not used: {reason} ({count} samples)")

@@ -21,4 +21,4 @@ def part_of_options(options: argparse.Namespace) -> tuple[float | None, float | 
 def read_part(path: str | Path, vehicle: Vehicle, options: argparse.Namespace) -> Recording:
     """Return the part of a recorded run that a command line asks for."""
     begin, end = part_of_options(options)
-    return read_run(path, vehicle, start_s=begin, end_s=end).recording
+    return read_run(path, vehicle, start_s=begin, end_s=end, channels=options.channels).recording

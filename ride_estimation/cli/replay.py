@@ -46,6 +46,8 @@ class ReplayJob:
         Whether forces are made again with the whole run known.
     part
         Begin and end of what is used of the run [s since its first stamp], None for the whole.
+    channels
+        Channel map of a measurement file.
     """
 
     vehicle: Vehicle
@@ -56,6 +58,7 @@ class ReplayJob:
     formats: tuple[str, ...] = ("html",)
     hindsight: bool = True
     part: tuple[float | None, float | None] = (None, None)
+    channels: str = ""
 
     @classmethod
     def of(cls, options: argparse.Namespace, formats: Sequence[str]) -> ReplayJob:
@@ -76,7 +79,7 @@ class ReplayJob:
         slope = DEFAULT_SLOPE if options.slope is None else checked_slope(options.slope)
         return cls(
             vehicle, settings, options.salvage, slope, 3600.0 * options.daily_hours, chosen,
-            not options.no_hindsight, part_of_options(options),
+            not options.no_hindsight, part_of_options(options), options.channels,
         )  # fmt: skip
 
 
@@ -126,7 +129,7 @@ def replay_run(
         Content of ``result.json``, the summary in words, names of the files written.
     """
     begin("reading")
-    run = read_run(path, job.vehicle, start_s=job.part[0], end_s=job.part[1], salvage=job.salvage)
+    run = read_run(path, job.vehicle, start_s=job.part[0], end_s=job.part[1], salvage=job.salvage, channels=job.channels)
     # importing and compiling take time: whoever named a wrong file need not wait for them
     from ride_estimation.api.replaying import replay
 

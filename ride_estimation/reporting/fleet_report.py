@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ride_estimation.io.run_metrics import Metric, run_metrics
 from ride_estimation.reporting.outliers import Outlier, find_outliers, run_sentence
-from ride_estimation.reporting.page import Page
+from ride_estimation.reporting.page import Link, Page
 
 #: runs that stand out and numbers per run that are shown; the table holds all
 _SHOWN = 40
@@ -40,30 +40,39 @@ class Row(Protocol):
     def result(self) -> Mapping[str, Any]:
         """Return the content of ``result.json``."""
 
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """Return what is said of the run: vehicle, payload, tags."""
 
-def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
+    @property
+    def report(self) -> str:
+        """Return where its report is, seen from this page; empty where there is none."""
+
+
+def fleet_page(title: str, rows: Sequence[Row]) -> Page:
     """Return the summary page.
 
     Parameters
     ----------
-    folder, vehicle
-        What was replayed with what.
+    title
+        Of the page.
     rows
         One per run.
     """
-    page = Page(f"Fleet of {len(rows)} runs in {folder}")
+    page = Page(title)
     counts = Counter(row.status for row in rows)
     good = [(row.name, run_metrics(row.result)) for row in rows if row.result]
     outliers = find_outliers(good)
     page.verdict(
-        f"{len(good)} of {len(rows)} runs evaluated with {vehicle}, {counts['failed']} failed, "
-        f"{len({o.run for o in outliers})} stand out."
+        f"{len(good)} of {len(rows)} runs evaluated, {counts['failed']} failed, {len({o.run for o in outliers})} stand out."
     )
     if counts["failed"]:
         page.heading("Failed runs")
         page.table(["run", "reason"], [[row.name, row.error] for row in rows if row.status == "failed"])
     if not good:
         return page
+    page.heading("Runs")
+    page.table(*_runs(rows, {outlier.run for outlier in outliers}))
     page.heading("Runs that stand out")
     by_run: dict[str, list[Outlier]] = {}
     for outlier in outliers:
@@ -77,6 +86,11 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
     page.heading("Spread over the runs")
     page.text("Only usable values count: parameters with the status valid, damage that is known.")
     names = list(dict.fromkeys(name for _, metrics in good for name in metrics))
+    groups = _groups(rows)
+    if len(groups) > 1:
+        page.heading("By tag")
+        page.text("Median over the usable values of the runs with a tag; a run may have several.")
+        page.table(["metric", "unit", *(f"{tag} ({len(own)})" for tag, own in groups.items())], _by_tag(names, groups))
     page.table(
         ["metric", "unit", "runs", "median", "smallest", "largest", "robust std"],
         [_spread(name, good) for name in names if _known(name, good)],
@@ -91,6 +105,43 @@ def fleet_page(folder: str, vehicle: str, rows: Sequence[Row]) -> Page:
         numbers = [place for place, row in enumerate(rows, start=1) if row.result]
         page.figure(_strips(shown, good, numbers, outliers), caption, tight=False)
     return page
+
+
+def _runs(rows: Sequence[Row], odd: Collection[str]) -> tuple[list[str], list[list[object]]]:
+    """Return headings and one line per run: what it is, how loud, what its report says."""
+    labels = list(dict.fromkeys(label for row in rows for label in row.labels))
+    lines: list[list[object]] = []
+    for row in rows:
+        metrics = run_metrics(row.result) if row.result else {}
+        numbers = [metrics[name].value if name in metrics else "" for name in ("duration", "valid ticks", "warnings")]
+        known = sum(p.get("status") == "valid" for p in row.result.get("parameters", ()))
+        name: object = Link(row.name, row.report) if row.report else row.name
+        what = "stands out" if row.name in odd else row.status
+        lines.append([name, *(row.labels.get(label, "") for label in labels), what, *numbers, known if row.result else ""])
+    return ["run", *labels, "status", "duration [s]", "valid [%]", "warnings", "parameters valid"], lines
+
+
+def _groups(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mapping[str, Metric]]]]:
+    """Return the finished runs by tag."""
+    found: dict[str, list[tuple[str, Mapping[str, Metric]]]] = {}
+    for row in rows:
+        for tag in row.labels.get("tags", "").split():
+            if row.result:
+                found.setdefault(tag, []).append((row.name, run_metrics(row.result)))
+    return found
+
+
+def _by_tag(
+    names: Sequence[str], groups: Mapping[str, Sequence[tuple[str, Mapping[str, Metric]]]]
+) -> list[list[object]]:
+    """Return a line per metric that is usable under two tags: its median under each."""
+    lines: list[list[object]] = []
+    for name in names:
+        values = [[value for _, value in _known(name, runs)] for runs in groups.values()]
+        if sum(map(bool, values)) > 1:
+            unit = next(metrics[name].unit for runs in groups.values() for _, metrics in runs if name in metrics)
+            lines.append([name, unit, *(float(np.median(own)) if own else "" for own in values)])
+    return lines
 
 
 def _known(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[tuple[int, float]]:

@@ -30,7 +30,7 @@ from ride_estimation.io.run_table import write_run_table
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.reporting.fleet_report import fleet_page
 from ride_estimation.reporting.outliers import find_outliers
-from ride_estimation.reporting.page import Text
+from ride_estimation.reporting.page import Table, Text
 
 
 def test_a_pool_outlives_a_death_and_an_exception() -> None:
@@ -170,16 +170,21 @@ def test_the_summary_says_per_run_what_stands_out() -> None:
         status: str
         error: str
         result: dict[str, Any]
+        labels: dict[str, str]
+        report: str = ""
 
     def result(factor: float) -> dict[str, Any]:
         names = [f"p{i}" for i in range(7)]
         parameters = [{"name": n, "value": factor * 10.0, "std": 0.1, "unit": "N/m", "status": "valid"} for n in names]
         return {"run": {"duration_s": 5.0}, "warnings": [], "parameters": parameters}
 
-    rows = [Row(f"r{i}", "done", "", result(1.0 + 0.001 * i)) for i in range(5)]
-    rows += [Row("odd", "done", "", result(2.0)), Row("bad", "failed", "why it failed", {})]
-    page = fleet_page("folder", "truck", rows)
+    rows = [Row(f"r{i}", "done", "", result(1.0 + 0.001 * i), {"tags": "empty"}, "runs/r/report.html") for i in range(5)]
+    rows += [Row("odd", "done", "", result(2.0), {"tags": "loaded"}), Row("bad", "failed", "why it failed", {}, {})]
+    page = fleet_page("folder", rows)
     texts = [b.text for b in page.blocks if isinstance(b, Text)]
-    assert any(t.startswith("6 of 7 runs evaluated with truck, 1 failed, 1 stand out") for t in texts)
+    assert any(t.startswith("6 of 7 runs evaluated, 1 failed, 1 stand out") for t in texts)
+    (by_tag,) = [b for b in page.blocks if isinstance(b, Table) and "empty (5)" in b.headers]
+    (line,) = [row for row in by_tag.rows if row[0] == "p0"]
+    assert line[2:] == pytest.approx((10.02, 20.0))
     (odd,) = [t for t in texts if t.startswith("odd:")]
     assert "p0 20 instead of 10.0" in odd and "and 2 more" in odd

@@ -30,6 +30,7 @@ WITH_VEHICLE = {
     "calibrate": [str(BAGS / "standing")],
     "compare": [str(BAGS / "standing"), "--out", "out"],
     "fleet": [str(BAGS), "--out", "out"],
+    "project": ["init", "campaign", str(BAGS / "standing")],
     "plan": [],
     "inspect": [str(BAGS / "standing")],
     "import-file": ["table.csv", "--out", "out"],

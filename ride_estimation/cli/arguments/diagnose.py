@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 
 from ride_estimation.cli.arguments.identify import add_reading_arguments
-from ride_estimation.cli.arguments.parts import add_part_arguments
+from ride_estimation.cli.arguments.parts import add_channels_argument, add_part_arguments
 
 HELP = "find what the simulation of a recorded run gets wrong, name the cause, extend the model, measure the gain"
 EXAMPLES = """\
@@ -43,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fit-range", nargs=2, type=float, metavar=("FROM", "TO"),
         help="seconds of an --oscillator record that are fitted (default: the first half); the rest chooses and judges",
     )
+    add_channels_argument(parser)
     add_part_arguments(parser)
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
     # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-from ride_estimation.cli.arguments.parts import add_part_arguments
+from ride_estimation.cli.arguments.parts import RUN_HELP, add_channels_argument, add_part_arguments
 
 HELP = "estimate motion, loads, mount parameters and attachment forces from a recorded run"
 EXAMPLES = """\
@@ -18,7 +18,7 @@ FORMATS = ("html", "pdf", "png", "none")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
+    parser.add_argument("recording", metavar="RUN", help=RUN_HELP)
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for result.json, signals.npz, report.html")
     add_replay_arguments(parser)
     parser.add_argument("--diagnosis", metavar="DIR", help="folder of a diagnosis of this run, to report its ladder of models")
@@ -34,11 +34,17 @@ def add_replay_arguments(parser: argparse.ArgumentParser, vehicle_required: bool
     parser.add_argument(
         "--vehicle", required=vehicle_required, metavar="V.yaml", help="vehicle file, or the name of a bundled one"
     )
+    parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")
+    add_channels_argument(parser)
+    add_part_arguments(parser)
+    add_estimation_arguments(parser)
+
+
+def add_estimation_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how a run is estimated and judged, whichever run it is."""
     parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
     parser.add_argument("--settings", metavar="P.yaml", help="parameter file of the node, to replay with what ran live")
     parser.add_argument("--no-hindsight", action="store_true", help="leave out the second pass over the forces of a finished run")
-    parser.add_argument("--without", action="append", default=[], metavar="SENSOR", help="leave a sensor of the vehicle file out")
-    add_part_arguments(parser)
     parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
     parser.add_argument("--slope", type=float, metavar="K", help="of the damage line [-] (default 5)")
     parser.add_argument(
