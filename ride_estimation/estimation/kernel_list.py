@@ -27,7 +27,7 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.kinematics.bracket_tilt:accumulate", "f2C f2C b2C f f f f2C f2C"),
     ("estimation.kinematics.bracket_tilt:integrate_slope", "f2C b1C f f f f2C f2C f2C"),
     ("estimation.kinematics.bracket_tilt:take_readings", "f3C f3C f2C f2C f2C"),
-    ("estimation.kinematics.deflection_kernel:deflection_block", "f2C f2C b1C f3C b2C f2C f3C f2C f f f3C f4C f3C f3C b3C f2C f3C f2C f f3C f3C f3C f3C"),
+    ("estimation.kinematics.deflection_kernel:deflection_block", "f2C f2C b1C f3C b2C f2C f3C f2C f f f3C f4C f3C f3C b3C f2C f3C f2C f f f f3C f3C f3C f3C"),
     ("estimation.kinematics.frame_kernel:filter_history", "f2C f1C f2C f1C f1C f2C"),
     ("estimation.kinematics.frame_kernel:frame_block", "f3C f3C f3C f2C f2C f2C f2C f2C f2C f f f f3C f2C f2C f2C f2C f2C f2C"),
     ("estimation.motion.centripetal:_add_covariance", "f2C f2C f2C f1C f2C"),

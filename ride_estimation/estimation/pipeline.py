@@ -184,19 +184,25 @@ class Pipeline:
         self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
         self._copies.clear()
         self._apply()
+        self._forget_sizes()
         self._restart(reason)
         self._aligner = self._new_aligner()
 
+    def _forget_sizes(self) -> None:
+        """Forget how large deflections and forces are and the spectrum of the frame: they may be those of other sensors."""
+        for part in (self._deflection, self._forces, self._fill):
+            part.reset()
+
     def _restart(self, reason: str) -> None:
-        """Begin a new time base: motion and integrators start again, parameters stay."""
+        """Begin a new time base: motion and integrators start again; parameters, sizes and spectra stay."""
         self._restarts[reason] += 1
         self._motion.reset()
         self._carried.reset()
         self.tilting.restart()
-        self._deflection.reset()
-        self._forces.reset()
+        self._deflection.restart()
+        self._forces.restart()
         self._parameters.restart()
-        self._fill.reset()
+        self._fill.restart()
         self._hints.reset()
         self._checks.reset(same_time=reason == NUMERICAL_FAULT)
         self._excess = 1.0
@@ -214,6 +220,7 @@ class Pipeline:
         learned, self._due = self._copies.checkpoint() or self._begin, None
         self._new_body()
         self._agree()
+        self._forget_sizes()
         self._restart(NUMERICAL_FAULT)
         self._go_back_to(learned)
 
@@ -333,6 +340,7 @@ class Pipeline:
 
     def _begin_anew(self, reason: str) -> None:
         """Begin a new time base without what was learned in this run."""
+        self._forget_sizes()
         self._restart(reason)
         self._forget()
 

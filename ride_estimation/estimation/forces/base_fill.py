@@ -26,6 +26,8 @@ _UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
 #: doubt where a sensor that is used may be wrong: its error adds to what is unknown without it; memory of the size of the forces
 #: meanwhile, which are mostly that error [s]
 _WRONG, _NOW = 2.0, 0.3
+#: what a bracket moves on its own over what a slope of the frame moves it, lever too short for any slope [m]
+_OWN_SHARE, _LEAST_LEVER = 0.3, 1e-3
 #: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
 _UNKNOWN_FORCE = 1.0
 
@@ -54,14 +56,20 @@ class BaseFill:
         count = len(self._place)
         self._square, self._rate_square = np.zeros((count, 3)), np.zeros((count, 3))
         self._force, self._force_square = np.zeros((count, 3)), np.zeros((count, 3))
-        self._doubt, self._age = np.zeros(count), 0.0
+        self._age = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new time base: no base motion is a guess any more; sizes stay."""
+        count = len(self._place)
+        self._doubt = np.zeros(count)
         self._wrong, self._now_square = 0.0, np.zeros((count, 3))
 
     def _map(self, there: BoolArray) -> Array:
         """Return weights of the sensors that speak on every mount, shape (3, M, M).
 
-        Their mean and the slopes they tell, of those the least: what all have in common, gravity above all, goes over whole
-        however few speak.
+        Their mean, over which what all have in common, gravity above all, goes over whole however few speak, and slopes by least
+        squares with a prior: brackets move on their own too, and over a short lever that is no slope.
         """
         key = there.tobytes()
         found = self._maps.get(key)
@@ -70,7 +78,9 @@ class BaseFill:
             place = self._place - self._place[there].mean(axis=0)
             found = np.zeros((3, count, count))
             for axis, columns in enumerate(([1], [0], [0, 1])):
-                slopes = np.linalg.pinv(place[there][:, columns], rcond=1e-3)
+                lever = place[there][:, columns]
+                prior = np.diag(_OWN_SHARE**2 * np.mean(self._place[self._has][:, columns] ** 2, axis=0) + _LEAST_LEVER**2)
+                slopes = np.linalg.solve(lever.T @ lever + prior, lever.T)
                 found[axis][:, there] = 1.0 / speak + place[:, columns] @ (slopes - slopes.mean(axis=1, keepdims=True))
             self._maps[key] = found
         return found

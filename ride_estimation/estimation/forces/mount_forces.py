@@ -35,6 +35,8 @@ STATIC_LOAD_STD = 0.025
 _MEMORY, _SHORT_MEMORY = 5.0, 0.5
 #: time between two recomputations of the gains [s]
 _INTERVAL = 0.2
+#: ratio of standard deviations of deflections from which on they are recomputed at once
+_OUTDATED = 1.5
 #: memory of the residual of equilibrium against its covariance [s]
 _CONSISTENCY_MEMORY = 5.0
 #: rows of the wrench that judge horizontal and vertical deflections
@@ -169,20 +171,29 @@ class MountForceEstimator:
 
     def reset(self) -> None:
         """Forget running statistics and what the elements remember."""
-        self.law.reset()
-        #: what the mount model does not explain of the force on the body in the last block, shape (K, 6) [N, N m]
-        self.missing = np.zeros((0, 6))
         count = self._count
         if self._frame is not None:
             self._frame.reset()
         self._elastic_square, self._elastic_now = np.zeros((count, 3)), np.zeros((count, 3))
         self._viscous_square = np.zeros((count, 3))
         self._dynamic_square = np.zeros((count, 3))
-        self._slow = np.zeros(6)
-        self._until = 0.0
         self._ratio = np.ones(2)
-        self._square, self._count_square = np.zeros(6), 0
         self._time = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new time base: what integrates begins anew, sizes and spectra of what was seen stay."""
+        self.law.reset()
+        #: what the mount model does not explain of the force on the body in the last block, shape (K, 6) [N, N m]
+        self.missing = np.zeros((0, 6))
+        count = self._count
+        if self._frame is not None:
+            self._frame.restart()
+        self._slow = np.zeros(6)
+        self._until = self._time
+        self._square, self._count_square = np.zeros(6), 0
+        #: standard deviations of deflection and rate the gains are made for
+        self._gains_for = np.zeros((2, count, 3))
         self._gain = np.zeros((3 * count, 6))
         self._gain_slow = np.zeros((3 * count, 6))
         self._innovation = np.zeros(6)
@@ -262,6 +273,10 @@ class MountForceEstimator:
         if told.all():
             self._watch(x, v, support, dt)
         if self._time >= self._until:
+            self._until = self._time + _INTERVAL
+            self._judge()
+            self._update_gains(deflection, load_covariance)
+        elif self._outdated(deflection):
             self._update_gains(deflection, load_covariance)
         force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
         balanced_forces(
@@ -342,9 +357,13 @@ class MountForceEstimator:
         """Return the mean squared residual of equilibrium over what the mount model and the noise let expect."""
         return float(np.mean(self._ratio))
 
+    def _outdated(self, deflection: DeflectionBlock) -> bool:
+        """Return whether deflections are known much better or worse than when the gains were made: sensors went or came."""
+        now = np.stack([deflection.std, deflection.rate_std])
+        return bool(np.any(now > _OUTDATED * self._gains_for) or np.any(self._gains_for > _OUTDATED * now))
+
     def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
-        self._until = self._time + _INTERVAL
-        self._judge()
+        self._gains_for = np.stack([deflection.std, deflection.rate_std])
         self._update_static()
         count, k, c = self._count, self.law.stiffness, self.law.damping
         elastic = np.maximum(self._elastic_square, self._elastic_now)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ _BIAS_DENSITY = np.array([1e-6, 1e-6, 1e-8])
 _BIAS_STD = np.array([0.2, 0.2, 0.07])
 #: deflection assumed before it is known [m]
 _DEFLECTION_STD = np.array([2e-3, 2e-3, 8e-3])
+#: rate of a motion nothing is known of over its deflection [1/s], and time in which it comes to rest [s]: cabs on their mounts
+_RATE_RATIO, _COASTS = 10.0, 0.2
 #: time over which the slow deflection stays similar [s]
 _CORRELATION_TIME = 0.3
 #: relative acceleration while no base sensor tells it [m/s^2]
@@ -120,15 +123,17 @@ class DeflectionEstimator:
         return self.has_base[:, None] | self.has_transducer
 
     def reset(self) -> None:
-        """Start again from rest with wide uncertainty."""
+        """Start again from rest with wide uncertainty; how large deflections are is forgotten too."""
+        self._mean_square, self._sized = np.tile(_MARGIN * _DEFLECTION_STD**2, (self._count, 1)), False
+        self.restart()
+
+    def restart(self) -> None:
+        """Start again from rest; deflections may be as large as they were."""
         m = self._count
         self._state = np.zeros((4, m, 3))
+        square = np.maximum(_DEFLECTION_STD**2, self._mean_square / _MARGIN)
         self._p = np.zeros((m, 3, 3, 3))
-        for a in range(3):
-            self._p[:, a, 0, 0] = _DEFLECTION_STD[a] ** 2
-            self._p[:, a, 1, 1] = (10.0 * _DEFLECTION_STD[a]) ** 2
-            self._p[:, a, 2, 2] = _BIAS_STD[a] ** 2
-        self._mean_square = np.tile(_DEFLECTION_STD**2, (m, 1))
+        self._p[:, :, 0, 0], self._p[:, :, 1, 1], self._p[:, :, 2, 2] = square, _RATE_RATIO**2 * square, _BIAS_STD**2
         self._started = False
         self._lasting = LastingAcceleration()
         self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 5))
@@ -169,19 +174,22 @@ class DeflectionEstimator:
         deflection, rate, relative, turn = (np.zeros(shape) for _ in range(4))
         if not self._started:
             self._begin(motion, base)
-            self._mean_square = _MARGIN * expected_square
+        if not self._sized:
+            self._mean_square, self._sized = _MARGIN * expected_square, True
         self._lasting.observe(motion.motion[:, :3], ticks * dt)
         swing, swing_rate = self._tilting.swing(base, measured, dt)
+        before = self._p[:, :, :2, :2].copy()
         noise = self._noise_now(motion.covariance, ticks, dt)
         drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base].all()), ticks, dt)
         deflection_block(
             motion.motion, motion.rate, motion.valid, np.ascontiguousarray(base), base_ok, self.arrangement.arms,
             self._tilting.maps, swing, self.arrangement.vehicle.gravity, dt, self._state, self._p, noise,
-            displaced, displaced_ok, self._transducer_variance, drawn, lag, LARGEST_TRAVEL,
+            displaced, displaced_ok, self._transducer_variance, drawn, lag, LARGEST_TRAVEL, math.exp(-dt / _COASTS), _RATE_RATIO,
             deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
-        std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
+        # what a sensor that comes back tells at the end of a block was not known at its beginning
+        std, rate_std = (np.sqrt(np.maximum(before[:, :, a, a], self._p[:, :, a, a])) for a in (0, 1))
         return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
 
     def _drawn(
@@ -229,11 +237,11 @@ class DeflectionEstimator:
 
     def _noise(self, covariance: Array, dt: float) -> Array:
         """Return the noise that :func:`deflection_block` takes, shape (M, 3, 5)."""
-        noise = np.empty((self._count, 3, 5))
+        noise, square = np.empty((self._count, 3, 5)), np.maximum(self._mean_square, _LEAST**2)
         for a in range(3):
             noise[:, a, 0] = self._base_variance + covariance[a, a]
         noise[:, :, 1] = _BIAS_DENSITY
-        noise[:, :, 2] = np.maximum(self._mean_square, _LEAST**2) * _CORRELATION_TIME / dt
+        noise[:, :, 2] = square * _CORRELATION_TIME / dt
         # sensors on both sides whose angles and gains are not quite those of the file
         slow = 2.0 * self._lasting.error_variance
         if slow > 0.0:
@@ -247,15 +255,14 @@ class DeflectionEstimator:
             noise[:, a, 0] += gravity**2 * tilt_variance * 2.0 / (corner * dt)
         # white in continuous time, so that the answer does not depend on the tick
         noise[:, :, 3] = _UNKNOWN_RELATIVE**2 * 0.002 / dt
-        # nothing tells the deflection then: it is as large as usual
-        noise[:, :, 4] = noise[:, :, 2] / _MARGIN
+        noise[:, :, 4] = square / _MARGIN
         return noise
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
             "state": self._state.tolist(), "p": self._p.tolist(), "mean_square": self._mean_square.tolist(),
-            "started": self._started, "lasting": self._lasting.save(),
+            "started": self._started, "sized": self._sized, "lasting": self._lasting.save(),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -264,4 +271,5 @@ class DeflectionEstimator:
         self._p = np.array(saved["p"], dtype=float).reshape(self._count, 3, 3, 3)
         self._mean_square = np.array(saved["mean_square"], dtype=float).reshape(self._count, 3)
         self._started = bool(saved["started"])
+        self._sized = bool(saved.get("sized", self._started))
         self._lasting.load(saved["lasting"])

@@ -47,6 +47,35 @@ def advance_with_lag(
 
 
 @compile_kernel
+def come_to_rest(state: Array, p: Array, left: float, square: float, rate_ratio: float) -> None:
+    """Let value and rate go on where nothing tells them: a damped motion comes to rest, what was known of it is lost.
+
+    Integrated, the rate of the last moment would carry a mount out of its travel within a second.
+
+    Parameters
+    ----------
+    state
+        Value, rate, bias, last acceleration, shape (4,), in place; the bias stays.
+    p
+        Covariance of value, rate and bias, in place.
+    left
+        Share of the motion that is left after the tick.
+    square, rate_ratio
+        Mean squared value of a motion that nothing is known of, and its rate over its value [1/s].
+    """
+    state[0] *= left
+    state[1] *= left
+    state[3] = state[2]
+    lost = 1.0 - left * left
+    p[0, 0] = left * left * p[0, 0] + lost * square
+    p[1, 1] = left * left * p[1, 1] + lost * square * rate_ratio * rate_ratio
+    p[0, 1] *= left * left
+    p[0, 2] *= left
+    p[1, 2] *= left
+    p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
+
+
+@compile_kernel
 def _turn_against_brackets(state: Array, dt: float, tilt_maps: Array, swing: Array, turn: Array) -> None:
     """Write the rotation of the body against every bracket at the next tick (M, 3), from where the deflections go."""
     mounts = tilt_maps.shape[0]
@@ -94,7 +123,7 @@ def deflection_block(
     motion: Array, rate: Array, body_ok: NDArray[np.bool_], base: Array, base_ok: NDArray[np.bool_], arms: Array,
     tilt_maps: Array, swing: Array, gravity: float, dt: float, state: Array, p: Array, noise: Array, displaced: Array,
     displaced_ok: NDArray[np.bool_],
-    displaced_variance: Array, drawn: Array, lag: Array, travel: float, deflection: Array, speed: Array, relative: Array,
+    displaced_variance: Array, drawn: Array, lag: Array, travel: float, rests: float, rate_ratio: float, deflection: Array, speed: Array, relative: Array,
     turn: Array,
 ) -> None:  # fmt: skip
     """Integrate the relative acceleration of body and base at every mount, cab axes.
@@ -107,7 +136,7 @@ def deflection_block(
     motion, rate
         CG specific force and angular acceleration (K, 6), angular rate (K, 3).
     body_ok
-        Whether the motion of the body is known, shape (K,); where it is not all mounts coast and are drawn to rest.
+        Whether the motion of the body is known, shape (K,); where it is not, mounts without a transducer come to rest.
     base, base_ok
         Specific force of the brackets in bracket axes (K, M, 3); a bracket without sample (K, M) coasts with its own variance.
     arms, tilt_maps, gravity
@@ -118,7 +147,9 @@ def deflection_block(
         In place: value, rate, bias, last relative acceleration (4, M, 3); covariance per channel (M, 3, 3, 3).
     noise
         (M, 3, 5): acceleration variance, bias density, variance of the pseudo measurement of the value, acceleration
-        variance while body or base is silent, variance of the pseudo measurement while the body is.
+        variance while body or base is silent, mean squared deflection that nothing tells.
+    rests, rate_ratio
+        What is left after a tick of a motion that nothing tells; rate over deflection of such a motion [1/s].
     displaced, displaced_ok, displaced_variance
         Displacement transducers: values (K, M, 3), whether one spoke (K, M, 3), variance (M, 3).
     drawn, lag
@@ -137,13 +168,18 @@ def deflection_block(
             _relative_acceleration(motion[k], rate[k], arms[i], turn[k, i], base[k, i], state[0, i], state[1, i], u)
             first_order[0], first_order[1] = turn[k, i, 1] * gravity, -turn[k, i, 0] * gravity
             for a in range(3):
+                # what a guess of the motion of the body does to it is rigid: the deformation of the frame goes on
+                relative[k, i, a] = u[a] - first_order[a] if base_ok[k, i] else 0.0
+            for a in range(3):
                 accel_variance, target, target_variance = noise[i, a, 0], drawn[k, i, a], noise[i, a, 2]
                 late = lag[i, a]
                 if not (base_ok[k, i] and body_ok[k]):
                     u[a] = state[2, i, a]
                     accel_variance = noise[i, a, 3]
-                if not body_ok[k]:
-                    target, target_variance, late = 0.0, noise[i, a, 4], 0.0
+                if not (body_ok[k] or displaced_ok[k, i, a]):
+                    come_to_rest(state[:, i, a], p[i, a], rests, noise[i, a, 4], rate_ratio)
+                    deflection[k, i, a], speed[k, i, a] = state[0, i, a], state[1, i, a]
+                    continue
                 if displaced_ok[k, i, a]:
                     target, target_variance, late = displaced[k, i, a], displaced_variance[i, a], 0.0
                 if late == 0.0:
@@ -162,7 +198,6 @@ def deflection_block(
                 state[1, i, a] = min(max(state[1, i, a] + gain[1] * innovation, -fastest), fastest)
                 state[2, i, a] += gain[2] * innovation
                 state[3, i, a] = u[a]
-                relative[k, i, a] = u[a] - first_order[a] if body_ok[k] else 0.0
                 # the linear hold between samples loses (omega dt)^2 / 12 of the value; put it back
                 deflection[k, i, a] = state[0, i, a] - dt * dt / 12.0 * new
                 speed[k, i, a] = state[1, i, a] - dt / 12.0 * (new - old)

@@ -48,16 +48,22 @@ class DeformationSpectrum:
         resolution = 1.0 / (self._length * self._step)
         self.frequencies = np.sqrt((edges[:-1] - 0.5) * (edges[1:] - 0.5)) * resolution
         self.widths = self._lines * resolution
-        self._buffer: Array | None = None
-        self._left: Array | None = None
-        self._means: list[Array] = []
-        self._filled, self._fresh, self.averaged = 0, 0, 0.0
+        #: duration of what was averaged [s], and whether all of it came from windows of full length
+        self.averaged, self._resolved = 0.0, False
+        self.interrupt()
         #: density [(m/s^2)^2/Hz], shape (F, 3), and how much stronger the last seconds were
         self.density = np.zeros((len(self.frequencies), 3))
         self.surge = np.ones(3)
 
+    def interrupt(self) -> None:
+        """Forget the samples, of which the next are no continuation; the spectrum stays."""
+        self._buffer: Array | None = None
+        self._left: Array | None = None
+        self._means: list[Array] = []
+        self._filled, self._fresh = 0, 0
+
     def add(self, samples: Array) -> bool:
-        """Take samples (K, 3 M) of the projected acceleration; return whether the spectrum is new."""
+        """Take samples (K, 3 M) of the projected acceleration; return whether the spectrum is new or has other samples."""
         pending = samples if self._left is None or not len(self._left) else np.concatenate([self._left, samples])
         whole = len(pending) // self._group
         self._left = pending[whole * self._group :].copy()
@@ -67,7 +73,7 @@ class DeformationSpectrum:
         self._means.append(np.add.reduce(groups, axis=1) / self._group)
         self._filled = min(self._filled + whole, self._length)
         self._fresh += whole
-        if self._fresh * self._step < _INTERVAL or self._filled * self._step < _SHORTEST:
+        if self._fresh * self._step < _INTERVAL or (self._filled * self._step < _SHORTEST and not self._resolved):
             return False
         self._gather()
         if self._buffer is not None:
@@ -92,10 +98,11 @@ class DeformationSpectrum:
         lines *= 2.0 * self._step / np.sum(window**2)
         bins = np.add.reduceat(lines, self._first, axis=0)[: len(self._lines)] / self._lines[:, None]
         fresh = bins.reshape(len(bins), -1, 3).sum(axis=1) / np.maximum(self._freedom, 1e-9)
-        duration = self._fresh * self._step
+        duration, whole = self._fresh * self._step, self._filled == self._length
         # a short window smears a steep spectrum: it counts until a longer one is there
-        self.averaged = self.averaged + duration if self._filled == self._length else duration
-        self.density += (1.0 - np.exp(-duration / min(_MEMORY, self.averaged))) * (fresh - self.density)
+        if whole or not self._resolved:
+            self.averaged, self._resolved = self.averaged + duration if whole else duration, whole
+            self.density += (1.0 - np.exp(-duration / min(_MEMORY, self.averaged))) * (fresh - self.density)
         recent = used[-min(self._filled, round(_SHORTEST / self._step)) :]
         power = np.mean(recent**2, axis=0).reshape(-1, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9)
         self.surge = power / np.maximum(self.widths @ self.density, 1e-30)
@@ -147,7 +154,7 @@ class DeformationSpectrum:
         return {
             "buffer": None if self._buffer is None else self._buffer[self._length - self._filled :].tolist(),
             "left": None if self._left is None else self._left.tolist(), "fresh": self._fresh, "averaged": self.averaged,
-            "density": self.density.tolist(), "surge": self.surge.tolist(),
+            "density": self.density.tolist(), "resolved": self._resolved, "surge": self.surge.tolist(),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -161,4 +168,5 @@ class DeformationSpectrum:
         if saved["left"]:
             self._left = np.array(saved["left"], dtype=float)
         self._fresh, self.averaged = int(saved["fresh"]), float(saved["averaged"])
+        self._resolved = bool(saved.get("resolved", self._filled == self._length))
         self.density, self.surge = np.array(saved["density"], dtype=float), np.array(saved["surge"], dtype=float)

@@ -69,13 +69,20 @@ class FrameDeformation:
         self.reset()
 
     def reset(self) -> None:
-        """Start again from an undeformed frame."""
-        self._state = np.zeros((6, len(self.projector)))
-        self._time, self._step = 0.0, 0.0
+        """Start again from an undeformed frame of which nothing is known."""
+        self._step = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Start again from an undeformed frame; what is known of its spectrum stays."""
+        self._state, self._time = np.zeros((6, len(self.projector))), 0.0
         #: transition, share of the old and of the new sample of the filter of every axis
         self._filters = np.zeros((3, 4, 4)), np.zeros((3, 4)), np.zeros((3, 4))
         self._trusted, self._trust = False, 0.0
         self._chosen = np.full(3, -1)
+        if self._step:
+            self._spectrum.interrupt()
+            self._begin()
         #: error variance of value and rate of a channel before projection, per axis
         self.variance, self.rate_variance = np.full(3, _UNKNOWN**2), np.full(3, _UNKNOWN_RATE**2)
 
@@ -153,9 +160,13 @@ class FrameDeformation:
         self._spectrum = DeformationSpectrum(self._freedom, dt)
         frequencies, widths = self._spectrum.frequencies, self._spectrum.widths
         self._bank = FilterBank(frequencies, widths, _RESOLVED / dt)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Put the highest corner in force: what the start leaves fades most quickly."""
         self._chosen[:] = -1
         for axis in range(3):
-            self._use(axis, self._bank.discretised(len(self._bank.corner) - 1, dt))
+            self._use(axis, self._bank.discretised(len(self._bank.corner) - 1, self._step))
 
     def _use(self, axis: int, discretised: tuple[Array, Array, Array]) -> None:
         """Put a filter in force for an axis."""
