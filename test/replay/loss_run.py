@@ -13,8 +13,10 @@ import functools
 from collections.abc import Iterator
 
 import numpy as np
-from worlds.adapters import START_NS, believed_vehicle
+from replay.fault_run import with_one_rear_mount
+from worlds.adapters import START_NS, believed_vehicle, plane_inputs
 from worlds.cab import drive, measure, random_sensors, random_vehicle
+from worlds.plane_scenario import machine_case, quarter_car_case
 from worlds.roads import Road
 
 from ride_estimation.estimation.pipeline import Pipeline
@@ -34,7 +36,10 @@ KINDS = ("loss", "together", "flicker", "singles", "late", "burst", "clock of so
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """What a drive is made with: mounts ``air`` or ``rubber``, rate [Hz], sensors."""
+    """What a drive is made with: mounts ``air`` or ``rubber``, rate [Hz], sensors.
+
+    ``plane``: ``machine`` (a cab that bounces and pitches on two mounts) or ``quarter`` (a body on one) instead of a cab.
+    """
 
     mounts: str
     rate_hz: float
@@ -43,6 +48,8 @@ class Layout:
     travel: bool = False
     turned: bool = False
     imu: bool = False
+    three: bool = False
+    plane: str = ""
 
 
 LAYOUTS = {
@@ -52,17 +59,24 @@ LAYOUTS = {
     "air, 4 accelerometers and travel of the mounts, 100 Hz": Layout("air", 100.0, chassis=False, travel=True),
     "rubber, accelerometers on the cab alone, 100 Hz": Layout("rubber", 100.0, chassis=False),
     "air, 3 and an IMU on the cab + 4, 200 Hz": Layout("air", 200.0, imu=True),
+    "air, three mounts, 4 + 3 accelerometers, 100 Hz": Layout("air", 100.0, three=True),
+    "cab in the plane, 3 + 2 accelerometers, 100 Hz": Layout("rubber", 100.0, plane="machine"),
+    "body on one suspension, 1 + 1 accelerometers, 100 Hz": Layout("rubber", 100.0, plane="quarter"),
 }
 
 
 @dataclasses.dataclass(frozen=True)
 class Course:
-    """A drive: what the vehicle file says, the samples of every sensor and the true forces (N, M, 3) at the same rows."""
+    """A drive: what the vehicle file says, the samples of every sensor and the true forces (N, M, 3) at the same rows.
+
+    ``flat``: vertical forces alone have a truth.
+    """
 
     vehicle: Vehicle
     samples: dict[str, np.ndarray]
     force: np.ndarray
     rate_hz: float
+    flat: bool = False
 
     @property
     def rows(self) -> int:
@@ -71,19 +85,23 @@ class Course:
     @property
     def size(self) -> np.ndarray:
         """Return the standard deviation of the true forces, shape (2,): horizontal, vertical."""
-        return by_direction(self.force - self.force.mean(axis=0))
+        return np.maximum(self.by_direction(self.force - self.force.mean(axis=0)), 1e-9)
 
-
-def by_direction(error: np.ndarray) -> np.ndarray:
-    """Return the root mean square of (N, M, 3) over horizontal and over vertical axes, shape (2,)."""
-    return np.array([np.sqrt(np.mean(error[..., :2] ** 2)), np.sqrt(np.mean(error[..., 2] ** 2))])
+    def by_direction(self, error: np.ndarray) -> np.ndarray:
+        """Return the root mean square of (N, M, 3) over horizontal and over vertical axes, shape (2,)."""
+        horizontal = 0.0 if self.flat else np.sqrt(np.mean(error[..., :2] ** 2))
+        return np.array([horizontal, np.sqrt(np.mean(error[..., 2] ** 2))])
 
 
 @functools.cache
 def course(name: str, seed: int, seconds: float) -> Course:
     """Return a drive of a layout: a random cab on a random road, noise 1 % of the signal."""
     layout, rng = LAYOUTS[name], np.random.default_rng(seed)
+    if layout.plane:
+        return _plane_course(layout, seed, seconds)
     cab = random_vehicle(rng, layout.mounts)
+    if layout.three:
+        cab = with_one_rear_mount(cab)
     run = drive(cab, Road.random(rng), STANDING + seconds, seed, step=1e-3)
     travel = tuple((mount, "z") for mount in cab.mount_names) if layout.travel else ()
     sensors = random_sensors(
@@ -95,6 +113,19 @@ def course(name: str, seed: int, seconds: float) -> Course:
     first = round(STANDING * layout.rate_hz)
     samples = {key: np.ascontiguousarray(values[first:]) for key, values in data.data.items()}
     return Course(believed_vehicle(data, seed=seed), samples, data.truth["mount_force"][first:], layout.rate_hz)
+
+
+def _plane_course(layout: Layout, seed: int, seconds: float) -> Course:
+    duration, rate = STANDING + seconds, layout.rate_hz
+    if layout.plane == "machine":
+        case = machine_case(None, seed, duration=duration, rate_hz=rate)
+    else:
+        case = quarter_car_case("none", seed, duration=duration, rate_hz=rate, validations=0)
+    vehicle, run, _ = plane_inputs(case)
+    first = round(STANDING * rate)
+    force = np.zeros((len(case.forces[0]) - first, case.forces[0].shape[1], 3))
+    force[:, :, 2] = case.forces[0][first:]
+    return Course(vehicle, {key: np.ascontiguousarray(v[first:]) for key, v in run.data.items()}, force, rate, flat=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,8 +257,8 @@ def undisturbed(given: Course) -> np.ndarray:
 @dataclasses.dataclass(frozen=True)
 class Verdict:
     """One sequence: its kind, whether all numbers were finite, the largest valid force over the largest true one, error at the
-    end of the calm and without disturbance over the size of the forces (horizontal, vertical), ticks and those inside two
-    standard deviations (horizontal, vertical).
+    end of the calm and without disturbance over the size of the forces, ticks with a truth, and those inside two standard
+    deviations (horizontal, vertical each).
     """
 
     kind: str
@@ -235,7 +266,7 @@ class Verdict:
     largest: float
     error: np.ndarray
     allowed: np.ndarray
-    ticks: int
+    ticks: np.ndarray
     inside: np.ndarray
 
 
@@ -269,9 +300,10 @@ def sequences(given: Course, seed: int, count: int, reference: np.ndarray | None
         hits = np.abs(error) <= 2.0 * found.std[good]
         finite = bool(np.isfinite(found.force).all() and np.isfinite(found.std).all() and np.isfinite(found.deflection).all())
         with np.errstate(all="ignore"):
-            now = by_direction(error[late]) if late.sum() > rate else np.full(2, np.inf)
+            now = given.by_direction(error[late]) if late.sum() > rate else np.full(2, np.inf)
             largest = float(np.abs(found.force[found.valid]).max(initial=0.0)) / largest_true
         yield Verdict(
-            plan.kind, finite, largest, now / given.size, by_direction(own) / given.size, len(error),
-            np.array([hits[..., :2].mean(axis=(1, 2)).sum(), hits[..., 2].mean(axis=1).sum()]),
+            plan.kind, finite, largest, now / given.size, given.by_direction(own) / given.size,
+            np.array([0 if given.flat else len(error), len(error)]),
+            np.array([0.0 if given.flat else hits[..., :2].mean(axis=(1, 2)).sum(), hits[..., 2].mean(axis=1).sum()]),
         )  # fmt: skip

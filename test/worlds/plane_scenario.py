@@ -32,7 +32,9 @@ CAUSES = ("none", *FORMS, "harmonic_disturbance", "mass_change", "sensor_delay",
 
 @dataclasses.dataclass(frozen=True)
 class PlaneCase:
-    """``runs``: sensor name -> (N, 3) specific force, first fit, then validation; ``vehicle_text`` a vehicle file."""
+    """``runs``: sensor name -> (N, 3) specific force, first fit, then validation; ``vehicle_text`` a vehicle file; ``forces``:
+    true vertical force on the body at every mount (N, M) of every run.
+    """
 
     cause: str
     location: str
@@ -43,6 +45,7 @@ class PlaneCase:
     vehicle_text: str
     runs: tuple[dict[str, np.ndarray], ...]
     rate_hz: float
+    forces: tuple[np.ndarray, ...]
 
 
 def _law(form: str, k: float, c: float, x: float, v: float, size: float, u: float) -> tuple[int, tuple[float, ...]]:
@@ -128,7 +131,7 @@ def quarter_car_case(
     size, value = (0.0, 0.0) if cause == "none" else _solve(left, residual)
     rms = noise * plain.qdd[1500:, 0].std()
     every = slice(None, None, round(1.0 / (rate_hz * STEP)))
-    runs = []
+    runs, forces = [], []
     for i, (height, rate) in enumerate(heights):
         run = drive_quarter_car(changed(size), height, rate, STEP, seed)
         noise_rng = np.random.default_rng([seed, 32, i])
@@ -138,10 +141,12 @@ def quarter_car_case(
             full[:, 2] = GRAVITY + signal
             data[name] = full[every] + noise_rng.normal(0.0, rms, full[every].shape)
         runs.append(data)
+        forces.append(car.sprung * GRAVITY - run.tension[every, :1])
     place = "body" if cause in ("harmonic_disturbance", "mass_change", "sensor_delay", "sensor_gain") else "suspension"
     axis = {"mass_change": "", "sensor_delay": "", "none": ""}.get(cause, "z")
     text = quarter_car_text(car, rms, float(rng.normal(0, 0.15)), float(rng.normal(0, 0.25)))
-    return PlaneCase(cause, place if cause != "none" else "", axis, form, size, value, text, tuple(runs), rate_hz)
+    at = place if cause != "none" else ""
+    return PlaneCase(cause, at, axis, form, size, value, text, tuple(runs), rate_hz, tuple(forces))
 
 
 def _solve(left: Callable[[float], float], target: float) -> tuple[float, float]:
@@ -216,7 +221,9 @@ def machine_case(
     places |= {"chassis_front": ("chassis", base.mount_x[0]), "chassis_rear": ("chassis", base.mount_x[1])}
     every = slice(None, None, round(1.0 / (rate_hz * STEP)))
     std = noise * plain.qdd[1500:, 2].std()
-    runs = []
+    (front, rear), weight = base.mount_x, base.cab_mass * GRAVITY
+    static = weight * np.array([base.cab_x - rear, front - base.cab_x]) / (front - rear)
+    runs, forces = [], []
     for i, (height, rate) in enumerate(heights):
         run = hidden.drive(height, rate, STEP, roads[i].speed)
         noise_rng = np.random.default_rng([seed, 34, i])
@@ -228,10 +235,12 @@ def machine_case(
             full[:, 2] = hidden.accelerometer(run, body, x)
             data[name] = full[every] + noise_rng.normal(0.0, std, full[every].shape)
         runs.append(data)
+        forces.append(static - run.tension[every, 2:4])
     cause = next((c for c, forms in FORMS.items() if form in forms), "none")
     location = ("mount_front", "mount_rear")[mount] if form else ""
     text = machine_text(base, places, std, rng)
-    return PlaneCase(cause, location, "z" if form else "", form or "", size, float("nan"), text, tuple(runs), rate_hz)
+    axis = "z" if form else ""
+    return PlaneCase(cause, location, axis, form or "", size, float("nan"), text, tuple(runs), rate_hz, tuple(forces))
 
 
 def machine_text(machine: Machine, places: dict[str, tuple[str, float]], noise_std: float, rng: np.random.Generator) -> str:

@@ -123,8 +123,8 @@ def deflection_block(
     motion: Array, rate: Array, body_ok: NDArray[np.bool_], base: Array, base_ok: NDArray[np.bool_], arms: Array,
     tilt_maps: Array, swing: Array, gravity: float, dt: float, state: Array, p: Array, noise: Array, displaced: Array,
     displaced_ok: NDArray[np.bool_],
-    displaced_variance: Array, drawn: Array, lag: Array, travel: float, rests: float, rate_ratio: float, deflection: Array, speed: Array, relative: Array,
-    turn: Array,
+    displaced_variance: Array, drawn: Array, lag: Array, travel: float, rests: float, rate_ratio: float,
+    deflection: Array, speed: Array, relative: Array, turn: Array,
 ) -> None:  # fmt: skip
     """Integrate the relative acceleration of body and base at every mount, cab axes.
 
