@@ -27,6 +27,8 @@ T = TypeVar("T")
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, RideEstimationError)
 #: reason of the restart that follows
 NUMERICAL_FAULT = "numerical fault, estimates start again"
+#: time of good estimates after which a fault is over [s]: what began anew is then as good as it was
+_OVER = 10.0
 #: different faults that are kept in words, so that a run of weeks cannot fill the memory with them
 MOST_FAULTS, OTHER_FAULTS = 20, "others"
 #: acceleration of a body whose sensors state no full scale that its mounts may be loaded with [m/s^2]: thirty times gravity
@@ -35,11 +37,6 @@ _LARGEST_ACCELERATION = 300.0
 _ON_ONE_MOUNT = 2.0
 #: variance of what is not estimated [unit^2]
 _UNKNOWN_VARIANCE = 1e6
-
-
-def count_fault(faults: Counter[str], text: str) -> None:
-    """Count a fault by its words, at most :data:`MOST_FAULTS` different ones."""
-    faults[text if text in faults or len(faults) < MOST_FAULTS else OTHER_FAULTS] += 1
 
 
 def fault_messages(faults: Mapping[str, int]) -> list[str]:
@@ -59,10 +56,21 @@ class NumericalGuard:
     def __init__(self, arrangement: Arrangement) -> None:
         #: words -> times
         self.faults: Counter[str] = Counter()
+        self._good = math.inf
         self._mounts = len(arrangement.mounts)
         reach = max((s.reach for s in arrangement.body_sensors if math.isfinite(s.reach)), default=_LARGEST_ACCELERATION)
         #: largest force a mount can carry, and the largest load on the body [N]: all its weight at the largest acceleration
         self.largest = _ON_ONE_MOUNT * arrangement.file_mass * (reach + arrangement.vehicle.gravity)
+
+    def count(self, text: str) -> None:
+        """Count a fault by its words, at most :data:`MOST_FAULTS` different ones."""
+        self.faults[text if text in self.faults or len(self.faults) < MOST_FAULTS else OTHER_FAULTS] += 1
+        self._good = 0.0
+
+    @property
+    def faulty(self) -> bool:
+        """Return whether the estimates are not yet those of before the last fault."""
+        return self._good < _OVER
 
     def attempt(self, step: Callable[[], T]) -> T | None:
         """Return what a step returns, None where its arithmetic fails: overflow and invalid operations of numpy do."""
@@ -70,22 +78,23 @@ class NumericalGuard:
             with np.errstate(over="raise", invalid="raise", divide="raise"):
                 return step()
         except NUMERICAL_ERRORS as error:
-            count_fault(self.faults, f"{type(error).__name__}: {error}")
+            self.count(f"{type(error).__name__}: {error}")
             return None
 
-    def accept(self, block: OutputBlock) -> bool:
-        """Return whether the numbers of a block are finite and, where they are valid, what the vehicle can carry."""
+    def accept(self, block: OutputBlock, step_s: float) -> bool:
+        """Return whether the numbers of a block, a tick of ``step_s`` apart, are finite and, where valid, what it can carry."""
         numbers = (
             block.cg_accel, block.cg_accel_covariance, block.angular_rate, block.tilt, block.inertial_load, block.support_load,
             block.mount_force, block.mount_force_std, block.mount_deflection, block.mount_rate, block.mount_deflection_std,
         )  # fmt: skip
         if not all(np.isfinite(part).all() for part in numbers):
-            count_fault(self.faults, "estimates are not finite")
+            self.count("estimates are not finite")
             return False
         loads = np.abs(np.hstack([block.inertial_load[:, :3], block.mount_force.reshape(len(block.valid), -1)]))
         if loads[block.valid].max(initial=0.0) > self.largest:
-            count_fault(self.faults, f"a load beyond {self.largest:.3g} N, which the vehicle cannot carry")
+            self.count(f"a load beyond {self.largest:.3g} N, which the vehicle cannot carry")
             return False
+        self._good += float(np.count_nonzero(block.valid)) * step_s
         return True
 
     def nothing(self, block: Block, like: Mapping[str, slice]) -> OutputBlock:

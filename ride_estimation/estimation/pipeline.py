@@ -39,7 +39,7 @@ from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.motion_kernel import force_at
-from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT, NumericalGuard, count_fault, fault_messages
+from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT, NumericalGuard, fault_messages
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
@@ -188,6 +188,11 @@ class Pipeline:
         self._restart(reason)
         self._aligner = self._new_aligner()
 
+    def recover(self, error: Exception) -> None:
+        """Count arithmetic that failed before the estimators and begin again from the vehicle file."""
+        self._guard.count(f"{type(error).__name__}: {error}")
+        self.reset(NUMERICAL_FAULT)
+
     def _forget_sizes(self) -> None:
         """Forget how large deflections and forces are and the spectrum of the frame: they may be those of other sensors."""
         for part in (self._deflection, self._forces, self._fill):
@@ -210,7 +215,7 @@ class Pipeline:
     def _guarded(self, block: Block) -> OutputBlock:
         """Return the estimates of a block; arithmetic that fails or a load that cannot be ends in a restart, never in numbers."""
         found = self._guard.attempt(lambda: self._process(block))
-        if found is None or not self._guard.accept(found):
+        if found is None or not self._guard.accept(found, block.step_ns * 1e-9):
             self._begin_from_checkpoint()
             return self._guard.nothing(block, dict(self._layout.own_columns))
         return found
@@ -458,7 +463,7 @@ class Pipeline:
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,
             self._parameters.innovation_ratio, self._parameters.excited, self._parameters.at_bound(), tuple(messages),
-            dict(self._guard.faults),
+            dict(self._guard.faults), self._guard.faulty,
         )  # fmt: skip
 
     # -- persistence ------------------------------------------------------------------------------------------------------
@@ -467,7 +472,7 @@ class Pipeline:
         """Return the state as a mapping that JSON can hold; one that is not finite is that of the last checkpoint instead."""
         self._settle()
         if not all_finite(state := self._state()):
-            count_fault(self._guard.faults, "the state is not finite")
+            self._guard.count("the state is not finite")
             self._begin_from_checkpoint()
             state = self._state()
         return state

@@ -120,7 +120,6 @@ def silence_words(states: Iterable[TopicState], estimates: Silence) -> list[str]
 def pipeline_statuses(
     health: Health,
     body: str,
-    faults: Mapping[str, int],
     unpublished: int,
     silent: Sequence[str],
     topics: Mapping[str, TopicState],
@@ -133,8 +132,6 @@ def pipeline_statuses(
         Of the pipeline.
     body
         Hardware id of the estimates.
-    faults
-        Arithmetic that failed: message -> count.
     unpublished
         Ticks without a publishable estimate.
     silent
@@ -144,11 +141,11 @@ def pipeline_statuses(
     """
     missing = any(sensor.accepted == 0 for sensor in health.sensors.values())
     level = DiagnosticStatus.OK
-    if faults or health.faults or missing or silent:
+    if health.faulty or missing or silent:
         level = DiagnosticStatus.ERROR
     elif not health.ok:
         level = DiagnosticStatus.WARN
-    messages = [*silent, *(f"numerical fault: {text}" for text in faults), *health.messages]
+    messages = [*silent, *health.messages]
     values: dict[str, object] = {
         "ticks": health.ticks,
         "ticks without complete motion": health.invalid_ticks,

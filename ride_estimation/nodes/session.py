@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.settings import PipelineSettings
-from ride_estimation.estimation.numerical_guard import NUMERICAL_ERRORS, NUMERICAL_FAULT, count_fault
+from ride_estimation.estimation.numerical_guard import NUMERICAL_ERRORS
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.warm_up import warm_up
@@ -57,7 +56,6 @@ class Session:
             raise ConfigurationError(layout.sentence(self.body.name), where=f"sensor layout of {vehicle.name}")
         self.topics = input_topics(vehicle.sensors)
         self.states = {t.name: TopicState(t.name, tuple(s.name for s in t.sensors)) for t in self.topics.values()}
-        self.faults: Counter[str] = Counter()
         self._decoders: dict[tuple[str, str], tuple[Reader, Converter] | None] = {}
         self._ticks = 0
         self._unpublished = 0
@@ -123,8 +121,7 @@ class Session:
         try:
             return self.pipeline.observe(sample.sensor, sample.stamp_ns, sample.values, sample.variance)
         except NUMERICAL_ERRORS as error:
-            count_fault(self.faults, f"{type(error).__name__}: {error}")
-            self.pipeline.reset(NUMERICAL_FAULT)
+            self.pipeline.recover(error)
             return ()
 
     def ticks_to_publish(self, good: NDArray[np.bool_], every: int) -> list[int]:
@@ -162,7 +159,7 @@ class Session:
         """Return the statuses of the estimates, of every sensor and of every topic."""
         silent = silence_words(self.states.values(), self._silence)
         topics = {name: state for state in self.states.values() for name in state.sensors}
-        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self.faults, self._unpublished, silent, topics)
+        yield from pipeline_statuses(self.pipeline.health(), self.body.name, self._unpublished, silent, topics)
         yield hint_status(self.pipeline.hints(), self.body.name)
         for state in self.states.values():
             yield state.status()

@@ -91,6 +91,7 @@ def test_different_faults_are_kept_in_bounded_number(node: EstimatorNode, monkey
     monkeypatch.setattr(node.session.pipeline, "observe", fail)
     for message in drive(node.session.vehicle, 1.0):
         node.receive(message.topic, message.type_name, message.payload)
-    assert len(node.session.faults) == MOST_FAULTS + 1
-    assert sum(node.session.faults.values()) == number[0] == 800
-    assert node.session.faults[OTHER_FAULTS] == 800 - MOST_FAULTS
+    faults = node.session.pipeline.health().faults
+    assert len(faults) == MOST_FAULTS + 1
+    assert sum(faults.values()) == number[0] == 800
+    assert faults[OTHER_FAULTS] == 800 - MOST_FAULTS

@@ -81,6 +81,8 @@ class Health:
         Sentences for the person in the field, most important first.
     faults
         Numerical faults: words -> times.
+    faulty
+        Whether the estimates are not yet those of before the last of them.
     """
 
     sensors: Mapping[str, SensorHealth]
@@ -95,6 +97,7 @@ class Health:
     at_bound: tuple[str, ...]
     messages: tuple[str, ...]
     faults: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    faulty: bool = False
 
     @property
     def ok(self) -> bool:
