@@ -4,28 +4,31 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ride_estimation.cli.parts import part_of_options
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.bag_source import open_bag
 from ride_estimation.io.bags import read_recording
+from ride_estimation.io.channel_guess import best_match, guess_channels, sensor_words
+from ride_estimation.io.files.formats import read_measurement_file
 from ride_estimation.io.messages import accepted_types
+from ride_estimation.io.recorded_run import is_measurement_file
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
 from ride_estimation.signals.recording import Channel, part_of
 from ride_estimation.vehicles.vehicle import Vehicle
 
+Array = NDArray[np.float64]
+
 #: kinds that one topic can feed by itself, the usual one of a message type first
 _KINDS = ("imu", "accelerometer", "speed", "force")
 #: an interval this much longer than the usual one is a gap: a sample is missing
 _GAP = 1.5
-#: likeness of two names from which on one is proposed for the other, 0 to 1: more than half of the letters agree in order
-_ALIKE = 0.6
 _COMPONENTS = ("x", "y", "z", "rate x", "rate y", "rate z")
 
 
@@ -33,6 +36,8 @@ def run(options: argparse.Namespace) -> int:
     """Print one block per topic."""
     begin, end = part_of_options(options)
     vehicle = load_vehicle(options.vehicle) if options.vehicle else None
+    if is_measurement_file(Path(options.recording)):
+        return _inspect_file(Path(options.recording), vehicle, begin, end)
     source = open_bag(Path(options.recording))
     sensors = _sensors_of({topic: kind for topic, kind in source.types.items() if source.counts[topic]})
     for topic, kind in sorted(source.types.items()):
@@ -47,17 +52,41 @@ def run(options: argparse.Namespace) -> int:
         print(f"{topic} ({source.types[topic]}): {_timing(channel)}{_proposal(topic, vehicle)}")
         units = SENSOR_KINDS[sensors[topic].kind][1].split(", ")
         for i in range(channel.values.shape[1]):
-            values = channel.values[np.isfinite(channel.values[:, i]), i]
             name = _COMPONENTS[i] if channel.values.shape[1] > 1 else "value"
-            if len(values):
-                numbers = (values.mean(), values.std(), values.min(), values.max())
-                words = "  ".join(f"{word} {v:.5g}" for word, v in zip(("mean", "std", "min", "max"), numbers))
-                print(f"  {name:<7}[{units[min(i // 3, len(units) - 1)]}]  {words}")
-            if len(values) < len(channel.values):
-                print(f"  {name:<7}{len(channel.values) - len(values)} values are not finite")
+            print(_numbers(name, units[min(i // 3, len(units) - 1)], channel.values[:, i]))
     for reason, count in recording.ignored.items():
         print(f"not used: {reason}: {count}")
     return 0
+
+
+def _inspect_file(path: Path, vehicle: Vehicle | None, begin: float | None, end: float | None) -> int:
+    """Print one line per channel of a measurement file."""
+    file = read_measurement_file(path)
+    start = min(float(c.time_s[0]) for c in file.channels)
+    first, last = start + (begin or 0.0), start + (np.inf if end is None else end)
+    print(f"{path}: {max(float(c.time_s[-1]) for c in file.channels) - start:.3f} s, {len(file.channels)} channels")
+    guesses = {} if vehicle is None else guess_channels(file.channels, vehicle.sensors, vehicle.gravity)
+    meant = {guess.channel: name for name, guess in guesses.items()}
+    for c in file.channels:
+        inside = (c.time_s >= first) & (c.time_s <= last)
+        stamps = np.round(c.time_s[inside] * 1e9).astype(np.int64)
+        print(f"{c.name} [{c.unit or 'no unit'}]: {_timing(Channel(c.name, stamps, c.values[inside, None], stamps))}", end="")
+        print(f"; perhaps {meant[c.name]}" if c.name in meant else "")
+        print(_numbers("", "", c.values[inside]))
+    for name, why in file.unreadable.items():
+        print(f"not read: column {name}, {why}")
+    return 0
+
+
+def _numbers(name: str, unit: str, values: Array) -> str:
+    """Return a line of mean, std and range of one component, and how many values are not finite."""
+    finite = values[np.isfinite(values)]
+    head = f"  {name:<7}[{unit}]" if name else " "
+    lost = f"  {len(values) - len(finite)} values are not finite" if len(finite) < len(values) else ""
+    if not len(finite):
+        return f"{head}{lost}"
+    numbers = (finite.mean(), finite.std(), finite.min(), finite.max())
+    return f"{head}  " + "  ".join(f"{word} {v:.5g}" for word, v in zip(("mean", "std", "min", "max"), numbers)) + lost
 
 
 def _sensors_of(types: Mapping[str, str]) -> dict[str, Sensor]:
@@ -88,6 +117,5 @@ def _proposal(topic: str, vehicle: Vehicle | None) -> str:
     own = [s.name for s in vehicle.sensors.values() if s.topic == topic]
     if own:
         return f"; sensor {', '.join(own)}"
-    names = {name.replace("_", "/"): name for name in vehicle.sensors}
-    close = difflib.get_close_matches(topic.strip("/"), list(names), n=1, cutoff=_ALIKE)
-    return f"; no sensor has this topic, perhaps {names[close[0]]}" if close else "; no sensor has this topic"
+    close = best_match(topic, {name: sensor_words(sensor) for name, sensor in vehicle.sensors.items()})
+    return f"; no sensor has this topic, perhaps {close}" if close else "; no sensor has this topic"

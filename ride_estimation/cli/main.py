@@ -28,7 +28,7 @@ from ride_estimation.errors import RideEstimationError
 TOPICS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("start here", ("demo", "inspect", "new-vehicle", "plan", "calibrate", "replay", "diagnose")),
     ("several runs", ("project", "compare", "fleet")),
-    ("other files and programs", ("import-file", "export-file", "export-model")),
+    ("other files and programs", ("map", "import-file", "export-file", "export-model")),
 )
 EPILOG = """\
 A first day, on the recordings that come with the package:

@@ -33,6 +33,7 @@ WITH_VEHICLE = {
     "project": ["init", "campaign", str(BAGS / "standing")],
     "plan": [],
     "inspect": [str(BAGS / "standing")],
+    "map": ["table.csv"],
     "import-file": ["table.csv", "--out", "out"],
     "export-file": [str(BAGS / "standing"), "--out", "out.csv"],
     "compare-models": [str(BAGS / "standing")],

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-from ride_estimation.cli.arguments.parts import add_part_arguments
+from ride_estimation.cli.arguments.parts import RUN_HELP, add_part_arguments
 
 HELP = "show what is in a recorded run: topics, types, rates, gaps, ranges, mean, std, and the sensor each may belong to"
 EXAMPLES = """\
@@ -16,6 +16,6 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("recording", metavar="RUN", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag file")
+    parser.add_argument("recording", metavar="RUN", help=RUN_HELP)
     parser.add_argument("--vehicle", metavar="V.yaml", help="vehicle file: says which topic belongs to which of its sensors")
     add_part_arguments(parser)
