@@ -57,7 +57,7 @@ class Message:
 
 #: a world by number, and what is different in it: nothing, ``standing`` for half of the run, an ``imu`` on the cab, or another
 #: layout: ``turned`` (five sensors on the cab, one there and one at the bases turned by 90 degrees), ``transducers`` (vertical
-#: ones at all mounts), ``three`` mounts
+#: ones at all mounts), ``three`` mounts, ``random`` (all of it drawn)
 Key = tuple[int, str]
 Plant = Callable[["World", list[Message], np.random.Generator], list[Message]]
 
@@ -95,15 +95,18 @@ def world(key: Key) -> World:
     """Return a world: random cab on air springs, random road, four accelerometers on the cab and one at each mount base."""
     seed, kind = key
     rng = np.random.default_rng(seed)
-    cab = random_vehicle(rng, "air")
-    if kind == "three":
+    drawn = kind == "random"
+    cab = random_vehicle(rng, "any" if drawn else "air")
+    if kind == "three" or (drawn and rng.random() < 0.25):
         cab = with_one_rear_mount(cab)
     road = Road.random(rng)
     if kind == "standing":
         road = dataclasses.replace(road, standing_s=STANDING)
     run = drive(cab, road, LENGTH, seed, step=1e-3)
-    travel = tuple((name, "z") for name in cab.mount_names) if kind == "transducers" else ()
-    sensors = random_sensors(cab, rng, cab_sensors=5 if kind == "turned" else 4, displacement=travel)
+    mounted = kind == "transducers" or (drawn and rng.random() < 0.3)
+    travel = tuple((name, "z") for name in cab.mount_names) if mounted else ()
+    count = int(rng.integers(4, 7)) if drawn else 5 if kind == "turned" else 4
+    sensors = random_sensors(cab, rng, cab_sensors=count, displacement=travel, turned=drawn and rng.random() < 0.5)
     if kind == "turned":
         turn = rotation_of_degrees(np.array([0.0, 0.0, 90.0]))
         sensors = tuple(dataclasses.replace(s, rotation=turn) if s.name in TURNED else s for s in sensors)

@@ -7,11 +7,10 @@ three mounts. Rows are judged as in :mod:`replay.fault_table`; harm is judged fr
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
-from replay.fault_run import BEGIN, END, LENGTH, RATE, Message, Plant, World
+from replay.fault_run import BEGIN, END, LENGTH, Message, Plant, World
 from replay.fault_table import BASE, CAB, Fault
+from replay.signal_faults import SignalFault, with_values
 
 LAYOUTS = ("turned", "transducers", "three")
 #: the sensor a victim is exchanged with
@@ -20,60 +19,31 @@ _PARTNER = {CAB: "cab_rear_left", BASE: "chassis_front_right"}
 WITHIN = 10.0
 #: share of the force errors within two stated standard deviations, and error of a valid parameter in its standard deviations
 LEAST_INSIDE, LARGEST_ERROR = 0.85, 3.0
-#: frequency of the hum [Hz]: mains would be on the limit of what a hundred samples a second tell
-_HUM_HZ = 47.0
-
-
-def _changed(w: World, messages: list[Message], values: dict[str, np.ndarray], begin: float, end: float) -> list[Message]:
-    """Return the messages with other values of some sensors within a time."""
-    first = messages[0].stamp_ns
-    counts, out = dict.fromkeys(values, 0), []
-    for m in messages:
-        if m.sensor not in values:
-            out.append(m)
-            continue
-        there = begin <= (m.stamp_ns - first) * 1e-9 < end
-        row, counts[m.sensor] = counts[m.sensor], counts[m.sensor] + 1
-        out.append(dataclasses.replace(m, values=tuple(values[m.sensor][row].tolist())) if there else m)
-    return out
 
 
 def _signal(change: str, victim: str, begin: float = BEGIN, end: float = LENGTH) -> Plant:
     """Return a plant that changes the signal of one sensor, or exchanges it with its partner."""
 
     def plant(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
-        values, time = w.measurement.data[victim], w.measurement.time
         up = int(np.argmax(np.abs(w.sensor(victim).rotation[2])))
         along = (up + 1) % 3
-        mean, noise = values.mean(axis=0), w.sensor(victim).noise_std
-        new = values.copy()
-        partner: dict[str, np.ndarray] = {}
-        if change in ("stuck z", "stuck x"):
-            axis = up if change == "stuck z" else along
-            new[:, axis] = values[round(begin * RATE), axis]
-        elif change == "gain 1.3 of the motion":
-            new = mean + 1.3 * (values - mean)
-        elif change == "gain 1.3 of the vertical motion":
-            new[:, up] += 0.3 * (values - mean)[:, up]
-        elif change == "exchanged":
-            new = w.measurement.data[_PARTNER[victim]]
-            partner = {_PARTNER[victim]: values}
-        elif change == "hum":
-            new += np.sin(2.0 * np.pi * _HUM_HZ * time)[:, None]
-        elif change == "inverted x":
-            new[:, along] *= -1.0
-        elif change == "vertical motion inverted":
-            new[:, up] = (2.0 * mean - values)[:, up]
-        elif change == "saturated":
-            new = np.clip(values, mean - values.std(axis=0), mean + values.std(axis=0))
-        elif change == "spikes":
-            new += 50.0 * (rng.random(values.shape) < 0.01) * rng.choice([-1.0, 1.0], values.shape)
-        elif change == "noise":
-            new += 30.0 * noise * rng.standard_normal(values.shape)
-        elif change in ("20 ms late", "clock drifts"):
-            late = 0.02 if change == "20 ms late" else 5e-4 * time
-            new = np.column_stack([np.interp(time - late, time, column) for column in values.T])
-        return _changed(w, messages, {victim: new, **partner}, begin, end)
+        kind, size, axes = {
+            "stuck z": ("stuck", 0.0, (up,)),
+            "stuck x": ("stuck", 0.0, (along,)),
+            "gain 1.3 of the motion": ("gain", 1.3, (0, 1, 2)),
+            "gain 1.3 of the vertical motion": ("gain", 1.3, (up,)),
+            "exchanged": ("exchanged", 0.0, (0, 1, 2)),
+            "hum": ("hum", 1.0, (0, 1, 2)),
+            "inverted x": ("inverted", 0.0, (along,)),
+            "vertical motion inverted": ("gain", -1.0, (up,)),
+            "saturated": ("saturated", 1.0, (0, 1, 2)),
+            "spikes": ("spikes", 50.0, (0, 1, 2)),
+            "noise": ("noise", 30.0, (0, 1, 2)),
+            "20 ms late": ("late", 0.02, (0, 1, 2)),
+            "clock drifts": ("drifts", 5e-4, (0, 1, 2)),
+        }[change]
+        partner = _PARTNER[victim] if kind == "exchanged" else ""
+        return SignalFault(kind, victim, axes, size, partner).plant(begin, end)(w, messages, rng)
 
     return plant
 
@@ -83,7 +53,7 @@ def _zero(begin: float) -> Plant:
 
     def plant(w: World, messages: list[Message], rng: np.random.Generator) -> list[Message]:
         nothing = {s.name: np.zeros_like(w.measurement.data[s.name]) for s in w.measurement.sensors if s.kind != "displacement"}
-        return _changed(w, messages, nothing, begin, LENGTH)
+        return with_values(messages, nothing, begin, LENGTH)
 
     return plant
 
