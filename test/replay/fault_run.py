@@ -7,6 +7,7 @@ the expected ones, its numbers are compared with the truth of ``test/worlds``.
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import functools
@@ -183,13 +184,18 @@ class Beginning:
 def beginning(key: Key) -> Beginning:
     """Return the clean run of a world until a second before passing faults begin."""
     w = world(key)
-    pipeline, blocks, arrived = Pipeline(w.vehicle), [], []
+    pipeline, blocks, arrived, count = Pipeline(w.vehicle), [], [], 0
     converters = _converters(w.vehicle)
-    count = sum(m.arrival_s < BEGIN - 1.0 for m in w.messages)
-    for m in w.messages[:count]:
-        blocks += _observed(pipeline, converters, m, Counter())
-        arrived += [m.arrival_s] * (len(blocks) - len(arrived))
-    pipeline.parameters()  # what was put off is learned; what is left can be copied
+    # the last moment before the fault at which nothing is halfway learned: that cannot be copied
+    for end in (BEGIN - 1.0, *np.arange(BEGIN - 0.9, BEGIN, 0.1)):
+        while w.messages[count].arrival_s < end:
+            blocks += _observed(pipeline, converters, w.messages[count], Counter())
+            arrived += [w.messages[count].arrival_s] * (len(blocks) - len(arrived))
+            count += 1
+        pipeline.parameters()
+        with contextlib.suppress(TypeError):
+            copy.deepcopy(pipeline)
+            break
     return Beginning(pipeline, w.messages, count, tuple(blocks), tuple(arrived))
 
 

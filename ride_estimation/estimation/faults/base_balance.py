@@ -43,9 +43,9 @@ _SETTLE = 2.0
 _GAINS = (-1.0, 0.4, 0.6, 0.77, 1.3, 1.7, 2.5)
 _DELAYS = (-0.03, -0.02, -0.01, 0.01, 0.02, 0.03)
 #: factor by which an error must lessen the squared residual, and do so better than any error of other sensors
-_BETTER, _RIVAL = 2.0, 1.5
+_BETTER, _RIVAL = 1.5, 1.35
 #: factor from which on nothing is learned until the next looks tell more
-_HINT = 1.4
+_HINT = 1.25
 #: factor by which an error would raise the residual where there is none: only then its absence is seen
 _SHOWS = 1.3
 #: time without a sign of an error before one that comes is known to have come while driving [s]
@@ -56,8 +56,9 @@ _RISE, _RUN = 4.0, 30.0
 _AGREE, _RECOVER = 2, 4
 #: least singular value of the places of bases, in units of their spread, that make a plane
 _PLANE = 0.1
-#: least squared residual, as a share of the squared load: below it nobody is harmed
-_MATTERS = 0.002
+#: least squared residual, as a share of the squared load, that is a doubt, and that an error is looked for in: a gain of 1.2 of
+#: one base, fitted by softer mounts, leaves no more than that
+_MATTERS, _TELLS = 0.002, 0.0005
 #: least motion of the body, root mean square of the filtered vertical load over the weight
 _MOVING = 0.005
 #: relative standard deviation of stiffness and damping about the file, share of the load that no linear law explains, and
@@ -230,7 +231,10 @@ class BaseBalance:
             return
         count = self._count
         table = np.hstack([direct, motion[:, :count], rate[:, :count], motion[:, count:], rate[:, count:], accel[:, count:]])
-        new = table.T @ table / len(table)
+        self._remember(table.T @ table / len(table), duration)
+
+    def _remember(self, new: Array, duration: float) -> None:
+        """Take the second moments of a chunk."""
         gain = 1.0 - math.exp(-duration / _MEMORY)
         self._time = min(self._time + duration, _LEAST)
         self._moments = new if not self._moments.size else self._moments + gain * (new - self._moments)
@@ -265,7 +269,7 @@ class BaseBalance:
         others = [x for x, h in zip(left, self._hypotheses) if not set(h.sensors) & set(chosen.sensors)]
         if len(chosen.sensors) == 2:  # an error of one of them is no exchange
             others = [x for n, x in enumerate(left) if n != best]
-        better = left[0] / max(left[best], 1e-30) if left[0] > _MATTERS * total else 1.0
+        better = left[0] / max(left[best], 1e-30) if left[0] > _TELLS * total else 1.0
         tells = better > _BETTER and min(others) > _RIVAL * left[best]
         self._agreed = self._agreed + 1 if tells and best == self._found else int(tells)
         self._found = best
