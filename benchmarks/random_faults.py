@@ -97,7 +97,8 @@ def main() -> int:
         bases = sum(s.place != "cab" and s.kind != "displacement" for s in w.measurement.sensors)
         layout = f"{seed}: {len(names)} sensors, {bases} mounts"
         base = judged(key, usual, 5.0, LENGTH)
-        print(f"| {layout} | clean | | {base.wrong_stds:.1f} | {100 * base.inside:.0f} | {'; '.join(false)[:120]} | |", flush=True)
+        words = "; ".join(false)[:120]
+        print(f"| {layout} | clean | | {base.wrong_stds:.1f} | {100 * base.inside:.0f} | {words} | |", flush=True)
         for _ in range(given.faults):
             fault, start, name = draw(w, rng)
             if fault.kind not in only or (given.place and not name.startswith(given.place)):
@@ -114,11 +115,11 @@ def main() -> int:
             good = outcome.not_finite == 0 and outcome.wrong_stds <= LARGEST_ERROR and not outcome.inside < LEAST_INSIDE
             harmless = good and outcome.inside >= base.inside - 0.03 and outcome.wrong_stds <= max(1.0, base.wrong_stds)
             found[f"{name.split(':')[0]}: {fault.kind}"].append((named, good, harmless))
-            words = [] if named else ["not named" if outcome.to_flag_s == np.inf else "late"]
-            words += [] if good else ["harm"]
+            misses = [] if named else ["not named" if outcome.to_flag_s == np.inf else "late"]
+            misses += [] if good else ["harm"]
             print(
                 f"| {layout} | {name} | {outcome.to_flag_s:.2f} | {outcome.wrong_stds:.1f} | {100 * outcome.inside:.0f} "
-                f"| {', '.join(words)} | {outcome.said[:110]} |",
+                f"| {', '.join(misses)} | {outcome.said[:110]} |",
                 flush=True,
             )
     print("\n| fault | drawn | named in time | harm within bounds | neither named nor harmless |\n|---|---|---|---|---|")

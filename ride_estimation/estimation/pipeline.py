@@ -401,6 +401,7 @@ class Pipeline:
         if self._constant.any():
             motion = dataclasses.replace(motion, covariance=motion.covariance - self._constant)
         moved = p.observe(data, motion, complete, stamp_ns, dt)
+        self._checks.follow_changes(p.changes)
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0
             self._anchor.update(
@@ -436,7 +437,7 @@ class Pipeline:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
-        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.base_faults.doubt
+        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.doubt
         return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
 
     def identifiability(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ class SignalFault:
         ``stuck``, ``gain`` (of the motion, the mean stays), ``inverted`` (mean and motion), ``saturated`` (at ``size`` standard
         deviations about the mean), ``spikes`` (of ``size``, 1 % of the samples), ``noise`` (``size`` times that of the file),
         ``hum`` (of ``size``), ``late`` (by ``size`` seconds), ``drifts`` (its clock, by ``size``), ``offset``, ``turned`` (by
-        ``size`` degrees about its first axis among ``axes``), ``swapped`` (the next two of its axes) or ``exchanged`` with another.
+        ``size`` degrees about its first axis among ``axes``), ``swapped`` (the next two of its axes) or ``exchanged``.
     victim, partner
         Sensor, and the one it is exchanged with.
     axes

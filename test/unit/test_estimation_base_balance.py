@@ -134,3 +134,17 @@ def test_a_sensor_is_used_again_when_it_is_well_and_a_state_keeps_it_out() -> No
     again.load(json.loads(json.dumps(found.save())))
     assert found.refused and again.refused == found.refused
     assert not balance_of(noisy(base, 8), load, body, given=again).refused
+
+
+def test_parameters_that_change_leave_open_for_a_while_whether_a_sensor_is_wrong() -> None:
+    load, body, base, _, _ = ride(3, LAW.stiffness[:, 2], LAW.damping[:, 2])
+    base, most = noisy(base, 3), slice(0, 300)
+    found = balance_of(base[most], load[most], body[most])
+    assert not found.in_doubt
+    found.follow_changes(1)
+    assert found.undecided and found.in_doubt
+    found.follow_changes(1)
+    balance_of(base[most], load[most], body[most], given=found)
+    assert found.undecided
+    balance_of(base[most], load[most], body[most], given=found)
+    assert not found.undecided and not found.in_doubt

@@ -135,6 +135,8 @@ class BaseBalance:
         #: a single error would explain the readings better: nothing is learned; the residual is larger than that of the run, as
         #: after a fault that none explains yet or a load that came on: forces are less certain
         self.unusual = self.rises = False
+        #: time for which a change of the parameters may still be an error of a sensor [s]
+        self._open, self._changes = 0.0, 0
 
     def _all_hypotheses(self) -> list[BaseError]:
         """Return the map of readings that are right, then those of all errors."""
@@ -185,6 +187,22 @@ class BaseBalance:
             verdict = dataclasses.replace(verdict, unusual=True)
         return verdict.with_refused([int(streams[m]) for m in self.refused], new, self.suspicious + 2.0 * _MEMORY)
 
+    @property
+    def in_doubt(self) -> bool:
+        """Return whether one of the sensors may be wrong though nothing tells which: forces are less certain."""
+        return self.unusual or self.rises or self.undecided
+
+    @property
+    def undecided(self) -> bool:
+        """Return whether parameters changed just now and it is open whether the mounts did or a sensor is wrong."""
+        return self._open > 0.0 and not self.refused
+
+    def follow_changes(self, count: int) -> None:
+        """Take how often parameters changed faster than driving explains: until it is told, a sensor may be why."""
+        if count > self._changes:
+            self._open = 2.0 * _MEMORY
+        self._changes = count
+
     # -- samples ----------------------------------------------------------------------------------------------------------
 
     def interrupt(self) -> None:
@@ -220,6 +238,7 @@ class BaseBalance:
             return
         forces, displaced, body, readings = (np.concatenate(parts) for parts in zip(*self._waiting))
         duration = self._ticks * dt
+        self._open -= duration
         self._waiting, self._ticks = [], 0
         if self._step != dt:
             self._begin(dt, forces, displaced, body, readings)

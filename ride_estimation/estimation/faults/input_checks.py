@@ -70,7 +70,7 @@ class InputChecks:
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)
         self._new_base_faults = functools.partial(BaseFaults, base, base_streams, base_starts, a.vehicle.gravity)
-        self.base_faults = self._new_base_faults()
+        self._base_faults = self._new_base_faults()
         self._left_out: frozenset[int] = frozenset()
         self._balance = BaseBalance(a)
         self._noise = BaseNoise(base)
@@ -92,7 +92,7 @@ class InputChecks:
         if not same_time:
             self.gyros.reset()
         self._bases.reset()
-        self.base_faults.reset()
+        self._base_faults.reset()
         self._noise.reset()
         if self._balance.possible:
             self._balance.reset()
@@ -113,7 +113,7 @@ class InputChecks:
             found = found or self._swaps.toggle(*(self._swaps.bodies + n for n in self._balance.exchanged))
             self._balance.exchanged = None
             # what was said of them was said of each other's readings
-            self.base_faults = self._new_base_faults()
+            self._base_faults = self._new_base_faults()
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
             self.watch.look_again()
@@ -142,8 +142,8 @@ class InputChecks:
         """
         gate = self._gate.judge(block, rate, dt)
         verdict = self._bases.judged(block, gate, dt)
-        before, self._left_out = self._left_out, frozenset(self.base_faults.refused)
-        verdict = self.base_faults.judged(block, verdict, force, dt)
+        before, self._left_out = self._left_out, frozenset(self._base_faults.refused)
+        verdict = self._base_faults.judged(block, verdict, force, dt)
         if self._left_out - before:
             verdict = dataclasses.replace(verdict, began=True, spoiled=math.inf)
         if self._noise.possible:
@@ -192,8 +192,20 @@ class InputChecks:
     @property
     def bases_in_doubt(self) -> bool:
         """Return whether one of the base sensors is wrong though nothing tells which."""
-        weighed = self._balance.possible and (self._balance.unusual or self._balance.rises)
+        weighed = self._balance.possible and self._balance.in_doubt
         return self._bases.in_doubt or self._noise.in_doubt or weighed
+
+    @property
+    def doubt(self) -> str:
+        """Return why nothing learned is called valid, empty where nothing speaks against it."""
+        if self._balance.possible and self._balance.undecided:
+            return "they changed just now: whether the mounts changed or a base sensor is wrong is not told yet"
+        return self._base_faults.doubt
+
+    def follow_changes(self, count: int) -> None:
+        """Take how often parameters changed faster than driving explains: a sensor that went wrong has them change too."""
+        if self._balance.possible:
+            self._balance.follow_changes(count)
 
     @property
     def weighs(self) -> bool:
@@ -202,7 +214,7 @@ class InputChecks:
 
     def learn(self, dt: float) -> None:
         """Do what may wait until the forces of a block are handed out."""
-        self.base_faults.learn(dt)
+        self._base_faults.learn(dt)
         if self._noise.possible:
             self._noise.learn(dt)
         if self._balance.possible:
@@ -225,12 +237,12 @@ class InputChecks:
     def messages(self) -> list[str]:
         """Return sentences about the sensors."""
         found = self._swaps.messages() + self.gyros.messages() + self._gate.messages() + self._bases.messages()
-        return found + self.base_faults.messages() + self._balance.messages() + self._noise.messages()
+        return found + self._base_faults.messages() + self._balance.messages() + self._noise.messages()
 
     def save(self) -> dict[str, Any]:
         """Return what was found out about the sensors as entries of a saved state."""
         return {
-            "gate": self._gate.save(), "swapped": self._swaps.save(), "base_faults": self.base_faults.save(),
+            "gate": self._gate.save(), "swapped": self._swaps.save(), "base_faults": self._base_faults.save(),
             "gyros": self.gyros.save(), "base_balance": self._balance.save(),
             "lost": {str(stream): dict(counts) for stream, counts in self._lost.items()},
         }  # fmt: skip
@@ -238,8 +250,8 @@ class InputChecks:
     def load(self, state: Mapping[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self.gyros.load(state["gyros"])
-        self.base_faults.load(state["base_faults"])
-        self._left_out = frozenset(self.base_faults.refused)
+        self._base_faults.load(state["base_faults"])
+        self._left_out = frozenset(self._base_faults.refused)
         self._balance.load(state["base_balance"])
         self._lost = {int(stream): Counter(counts) for stream, counts in state["lost"].items()}
         self._gate.load(state["gate"])
