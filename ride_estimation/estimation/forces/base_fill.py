@@ -131,10 +131,12 @@ class BaseFill:
     def widen_forces(self, block: ForceBlock, duration: float) -> ForceBlock:
         """Return the forces with what a guessed base motion leaves open added to the part of the mount model."""
         doubt = float(self._doubt.max(initial=0.0))
-        if doubt < 0.05:
+        # a missing sensor leaves the size of the forces to be seen, also where it is missing from the start; a wrong one does not
+        if self._wrong < 0.05:
             self._age += duration
             gain = duration / min(max(self._age, duration), _MEMORY)
             follow_scatter(block.force, gain, self._force, self._force_square)
+        if doubt < 0.05:
             return block
         now = np.mean((block.force - self._force) ** 2, axis=0)
         self._now_square += min(duration / _NOW, 1.0) * (now - self._now_square)
