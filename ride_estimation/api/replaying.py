@@ -17,6 +17,7 @@ from ride_estimation.api.tables import dataframe, dataset, html_table
 from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, RunAssessment, assess_run
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.estimation.carried_points import CarriedPoint, carried_document, carried_points
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import OfflineRun, run_offline
@@ -174,7 +175,7 @@ class Replay:
 
     def summary(self) -> str:
         """Return the short text that the command prints."""
-        return summary(self.run.recording, self.result, self.warnings, self.layout)
+        return summary(self.run.recording, self.result, self.warnings, self.layout, self.side.carried)
 
     def __repr__(self) -> str:
         known = sum(p.status.value == "valid" for p in self.parameters)
@@ -245,15 +246,19 @@ def replay(
         raise InputDataError(f"{recording.name}: the run holds {held} ticks of the time base; {LEAST_TICKS} are needed")
     left_out = {name: s.refused for name, s in result.health.sensors.items()}
     quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity, weight=vehicle.weight, left_out=left_out)
-    warnings = all_warnings(recording, vehicle, quality, result)
+    carried = carried_points(recording, pipeline, result)
+    # sensors of a carried body serve the comparison with its simulation
+    served = tuple(f" samples of {point.sensor}, which the estimator does not use" for point in carried if point.sensor)
+    warnings = tuple(w for w in all_warnings(recording, vehicle, quality, result) if not w.endswith(served))
     layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
-    side = side_signals(recording, vehicle, result)
+    side = side_signals(recording, vehicle, result, carried)
     assessment = assess_run(
         result.mount_names, result.force, result.force_std, result.valid, tick_rate(result),
         side.accelerations, side.cells, slope, daily_exposure_s,
         mass_relative_std(result, pipeline.arrangement.body.name),
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, settings)
+    document["carried_bodies"] = carried_document(carried, result.valid)
     document["inertia_kg_m2"] = pipeline.loads.moments(pipeline.arrangement.body)
     return Replay(run, result, quality, assessment, side, warnings, layout, document)
 
@@ -290,7 +295,9 @@ def exchange_findings(recording: Recording, vehicle: Vehicle) -> list[str]:
     return found
 
 
-def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], layout: str) -> str:
+def summary(
+    recording: Recording, result: OfflineRun, warnings: Sequence[str], layout: str, carried: Sequence[CarriedPoint] = ()
+) -> str:
     """Return the short text the command prints."""
     time = result.time_s
     lines = [
@@ -311,6 +318,13 @@ def summary(recording: Recording, result: OfflineRun, warnings: Sequence[str], l
             swing = abs(force[:, i] - mean).max(axis=0)
             lines.append(f"{name:<34}{_three(mean):>32}{_three(swing):>32}")
         lines.append(result.forces_in_words())
+    for point in carried:
+        for axis, found in point.scores(result.valid).items():
+            lines.append(
+                f"{point.body} at {point.sensor}, {axis}: measured {found['measured_rms_m_per_s2']:.3g} m/s^2 rms, simulated "
+                f"from the motion below it {found['simulated_rms_m_per_s2']:.3g}, error {100.0 * found['nrmse']:.3g} %, "
+                f"{100.0 * found['within_two_std']:.3g} % within two standard deviations"
+            )
     lines += [f"warning: {text}" for text in warnings[:12]]
     if len(warnings) > 12:
         lines.append(f"... {len(warnings) - 12} more warnings in result.json")

@@ -87,7 +87,24 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
     window_s
         Length of the stretch shown [s].
     """
-    measured, predicted = run.measured[sensor].astype(float), run.predicted[sensor].astype(float)
+    both = run.measured[sensor].astype(float), run.predicted[sensor].astype(float)
+    return measured_and_model(run, *both, "rigid body", window_s)
+
+
+def measured_and_model(run: OfflineRun, measured: Array, predicted: Array, model: str, window_s: float = 5.0) -> Figure:
+    """Return a measured and a modelled acceleration where it moves most, and both spectra.
+
+    Parameters
+    ----------
+    run
+        The replay.
+    measured, predicted
+        Shape (N, 3) [m/s^2].
+    model
+        Name of the model.
+    window_s
+        Length of the stretch shown [s].
+    """
     time = run.time_s
     first, last = busiest_stretch(time, measured[:, 2], window_s)
     residual = measured - predicted
@@ -101,7 +118,7 @@ def measured_against_model(run: OfflineRun, sensor: str, window_s: float = 5.0) 
         lower = figure.add_subplot(halves[1], sharex=upper)
         right = figure.add_subplot(grid[i, 1], sharex=right)
         upper.plot(time[first:last], measured[first:last, i], color=MEASURED, linewidth=1.2, label="measured")
-        upper.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label="rigid body")
+        upper.plot(time[first:last], predicted[first:last, i], color=MODEL, linewidth=0.8, label=model)
         upper.set_ylabel(f"{axis} [m/s²]")
         upper.tick_params(labelbottom=False)
         differences(lower, time[first:last], residual[first:last, i], None, "m/s²")

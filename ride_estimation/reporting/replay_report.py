@@ -67,6 +67,7 @@ def replay_page(
     sections.mounts(page, run, side)
     sections.durability(page, run, assessment)
     sections.comfort(page, assessment)
+    sections.carried(page, run, side)
     _parameters(page, run, result)
     _motion(page, run)
     sections.spectra(page, run, side)

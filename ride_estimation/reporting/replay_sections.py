@@ -14,7 +14,7 @@ from ride_estimation.assessment.ride_comfort import ACTION_VALUE_A8, ACTION_VALU
 from ride_estimation.assessment.run_assessment import RunAssessment
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
-from ride_estimation.reporting import damage_plots, replay_mounts, replay_spectra
+from ride_estimation.reporting import damage_plots, replay_mounts, replay_plots, replay_spectra
 from ride_estimation.reporting.numbers import interval, plain
 from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.replay_mounts import LawStiffness, StiffnessClass
@@ -194,6 +194,38 @@ def comfort(page: Page, assessment: RunAssessment) -> None:
         head = "" if len(where) == len(assessment.exposures) else f"{', '.join(where)}: "
         text = f"{head}{note}."
         page.text(f"{text[0].upper()}{text[1:]}")
+
+
+def carried(page: Page, run: OfflineRun, side: SideSignals) -> None:
+    """Add how carried bodies moved: simulated from the motion below them, against their own sensors."""
+    if not side.carried:
+        return
+    page.heading("Carried bodies: measured against simulated")
+    page.text(
+        "A seat or any other body on the estimated one: its motion follows from the estimated motion of what carries it with "
+        "mass, stiffness and damping of the vehicle file. About the means; std is what the vehicle file and the noise of the "
+        "sensor leave open, and 95 % of the errors should lie within two of it."
+    )
+    rows = [
+        [
+            point.body, point.sensor, axis,
+            *(Digits(plain(found[key], 3)) for key in ("measured_rms_m_per_s2", "simulated_rms_m_per_s2")),
+            Digits(plain(100.0 * found["nrmse"], 2)), Digits(plain(found["correlation"], 3)),
+            Digits(plain(found["std_m_per_s2"], 2)), Digits(plain(100.0 * found["within_two_std"], 3)),
+        ]
+        for point in side.carried for axis, found in point.scores(run.valid).items()
+    ]  # fmt: skip
+    if rows:
+        page.table([
+            "body", "sensor", "axis", "measured rms [m/s²]", "simulated rms [m/s²]", "error [% of measured]", "correlation [-]",
+            "std [m/s²]", "within two std [%]",
+        ], rows)  # fmt: skip
+    for point in side.carried:
+        if point.measured is None:
+            page.text(f"{point.body}: no accelerometer on it; the exposure above is that of its centre of gravity as simulated.")
+        else:
+            figure = replay_plots.measured_and_model(run, point.measured, point.simulated, "simulated")
+            page.figure(figure, f"{point.body} at {point.sensor}, body axes: busiest 5 s; spectra of the whole run", tight=False)
 
 
 def _minutes(value: float) -> object:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
+from ride_estimation.estimation.carried_points import CarriedPoint
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.signals.recording import Recording
@@ -35,6 +36,8 @@ class SideSignals:
         Mount -> attachment point minus CG of the body [m].
     elements
         (mount number, axis number) -> force element with the values found in this run.
+    carried
+        Points of carried bodies, simulated and measured.
     """
 
     base: Mapping[str, Array]
@@ -42,15 +45,20 @@ class SideSignals:
     accelerations: Mapping[str, Array]
     offsets: Mapping[str, Array]
     elements: Mapping[tuple[int, int], ForceElement]
+    carried: tuple[CarriedPoint, ...] = ()
 
 
-def side_signals(recording: Recording, vehicle: Vehicle, run: OfflineRun) -> SideSignals:
+def side_signals(
+    recording: Recording, vehicle: Vehicle, run: OfflineRun, carried: tuple[CarriedPoint, ...] = ()
+) -> SideSignals:
     """Return the side signals of a replay.
 
     Parameters
     ----------
     recording, vehicle, run
         What was read, what was known, what was found.
+    carried
+        Points of carried bodies; exposure is stated there too, as measured and as simulated.
     """
     base: dict[str, Array] = {}
     cells: dict[str, Array] = {}
@@ -70,6 +78,10 @@ def side_signals(recording: Recording, vehicle: Vehicle, run: OfflineRun) -> Sid
         values = measured.astype(float)
         if np.all(np.isfinite(values)):
             accelerations[place_of(name, sensor.body)] = values @ sensor.rotation.T
+    for point in carried:
+        accelerations[f"{point.body}, simulated from the motion below it"] = point.simulated
+        if point.measured is not None:
+            accelerations[place_of(point.sensor, point.body)] = point.measured
     offsets, elements = {}, {}
     found = {p.name: p for p in run.parameters}
     for m, name in enumerate(run.mount_names):
@@ -84,7 +96,7 @@ def side_signals(recording: Recording, vehicle: Vehicle, run: OfflineRun) -> Sid
                     if estimate is not None and estimate.prior:
                         element = element.scaled(role, estimate.value / estimate.prior)
                 elements[m, a] = element
-    return SideSignals(base, cells, accelerations, offsets, elements)
+    return SideSignals(base, cells, accelerations, offsets, elements, carried)
 
 
 def place_of(sensor: str, body: str) -> str:

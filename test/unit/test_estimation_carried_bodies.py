@@ -61,6 +61,28 @@ def reaction(bodies, motion, rate, block=10):
     return np.concatenate(parts)
 
 
+def test_the_seat_itself_moves_like_one_degree_of_freedom_and_its_doubt_is_that_of_the_file():
+    """Acceleration of the seat by ``scipy.signal.lsim``; a spring twice as uncertain doubles the standard deviation."""
+    motion, rate = random_motion()
+    arm = PLACE - TRUCK.bodies["cab"].cg
+    at_seat = motion[:, 2] + motion[:, 3] * arm[1] - motion[:, 4] * arm[0] + np.cross(rate, np.cross(rate, arm))[:, 2]
+    m, k, c = 110.0, 4375.0, 400.0
+    passed = signal.lsim(([c, k], [m, c, k]), at_seat - GRAVITY, np.arange(len(motion)) / RATE)[1] + GRAVITY
+    spread = {}
+    for std in (1e-4, 2e-4):
+        spring = dataclasses.replace(SPRING, priors={("z", "stiffness"): Prior(k, std * k), ("z", "damping"): Prior(c, 1e-9)})
+        moved, spread[std] = carried(truck_with(SEAT, mounts=[spring])).motions(motion, rate, 1.0 / RATE)["seat"]
+        np.testing.assert_allclose(moved[:, 2], passed, atol=1e-6 * GRAVITY)
+    np.testing.assert_allclose(spread[2e-4][:, 2], 2.0 * spread[1e-4][:, 2], atol=2e-3 * spread[2e-4][:, 2].max())
+    step = 1e-3
+    moved = [
+        signal.lsim(([c, f * k], [m, c, f * k]), at_seat - GRAVITY, np.arange(len(motion)) / RATE)[1] for f in (1.0 + step, 1.0)
+    ]
+    change = np.abs(moved[0] - moved[1])
+    np.testing.assert_allclose(spread[1e-4][:, 2] * 10.0, change, atol=0.01 * change.max())
+    assert carried(TRUCK).motions(motion, rate, 1.0 / RATE) == {}
+
+
 def test_a_seat_on_its_spring_answers_like_one_degree_of_freedom():
     """Force on the cab by ``scipy.signal.lsim`` of ``(c s + k) / (m s^2 + c s + k)`` on the acceleration below the seat."""
     motion, rate = random_motion()

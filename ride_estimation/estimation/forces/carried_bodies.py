@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,29 @@ class CarriedBodies:
         self._mean += share * (change.mean(axis=1) - self._mean)
         self.covariance += share * (moving.T @ moving / change.shape[1] - self.covariance)
 
+    def motions(self, motion: Array, rate: Array, dt: float) -> dict[str, tuple[Array, Array]]:
+        """Return how every carried body moves over a whole run, from static equilibrium at its first tick.
+
+        Parameters
+        ----------
+        motion, rate, dt
+            As for :meth:`added_to`.
+
+        Returns
+        -------
+        dict
+            Body -> specific force at its CG and angular acceleration, axes of the estimated body, and their standard
+            deviation by the numbers of the file, shapes (K, 6).
+        """
+        self.reset()
+        found = [copy.motions(motion, rate, dt) for copy in self._copies]
+        self.reset()
+        if not found:
+            return {}
+        return {
+            name: (own, np.sqrt(np.sum([(other[name] - own) ** 2 for other in found], axis=0))) for name, own in found[0].items()
+        }
+
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
@@ -178,6 +202,17 @@ class _Copy:
 
     def reaction(self, motion: Array, rate: Array, dt: float) -> Array:
         """Return force and moment about the CG of the estimated body that its mounts carry for these bodies, (K, 6)."""
+        frames, value, accel = self._answer(motion, rate, dt)
+        return self._gathered(frames, rate, value, accel)
+
+    def motions(self, motion: Array, rate: Array, dt: float) -> dict[str, Array]:
+        """Return body -> specific force at its CG and angular acceleration, shape (K, 6)."""
+        frames, _, accel = self._answer(motion, rate, dt)
+        parts = zip(self._bodies, self._columns, frames, strict=True)
+        return {body.name: _second(frame, columns, accel) for body, columns, frame in parts}
+
+    def _answer(self, motion: Array, rate: Array, dt: float) -> tuple[list[Array], Array, Array]:
+        """Return motion of the estimated body at every carried CG, (K, 6) each, and q and q'' of the coordinates, (K, Q)."""
         if dt != self._step:
             self._discretise(dt)
         frames = [self._frame(motion, rate, arm) for arm in self._arms]
@@ -192,17 +227,15 @@ class _Copy:
             force @ self._inverse.T, self._transition, self._hold_old, self._hold_new, self._feedback, self.state, self.last,
             value, accel,
         )  # fmt: skip
-        return self._gathered(frames, rate, value, accel)
+        return frames, value, accel
 
     def _gathered(self, frames: list[Array], rate: Array, value: Array, accel: Array) -> Array:
         total = np.zeros((len(rate), 6))
         parts = zip(self._bodies, self._inertia, self._columns, self._arms, frames, strict=True)
         for body, inertia, columns, arm, frame in parts:
-            q, second = np.zeros((len(rate), 6)), frame.copy()
+            q, second = np.zeros((len(rate), 6)), _second(frame, columns, accel)
             for coordinate, column in columns.items():
-                number = COORDINATES.index(coordinate)
-                q[:, number] = value[:, column]
-                second[:, number] += accel[:, column]
+                q[:, COORDINATES.index(coordinate)] = value[:, column]
             force = body.mass.value * second[:, :3]
             total[:, :3] += force
             total[:, 3:] += cross(arm + q[:, :3], force) + second[:, 3:] @ inertia + cross(rate, rate @ inertia)
@@ -214,6 +247,14 @@ class _Copy:
         place = np.empty((len(rate), 1, 3))
         motion_at(motion, rate, np.ascontiguousarray(arm)[None], place)
         return np.hstack([place[:, 0], motion[:, 3:]])
+
+
+def _second(frame: Array, columns: Mapping[str, int], accel: Array) -> Array:
+    """Return the motion of a carried CG: that of the estimated body there and its own relative to it, (K, 6)."""
+    second = frame.copy()
+    for coordinate, column in columns.items():
+        second[:, COORDINATES.index(coordinate)] += accel[:, column]
+    return second
 
 
 @compile_kernel
