@@ -34,7 +34,7 @@ from worlds.vehicle_text import Belief  # noqa: E402
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
-from ride_estimation.estimation.smoothing.hindsight import SIGNALS, Hindsight, HindsightRecorder, second_pass  # noqa: E402
+from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
 
 RATE = 500.0
 START = 1.0  # seconds at rest before the ramp
@@ -55,9 +55,9 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
     return np.concatenate([getattr(b, name) for b in blocks])
 
 
-def looked_back(pipeline: Pipeline, blocks: list[OutputBlock]) -> Hindsight:
-    """Return the forces of a finished run with hindsight, as ``replay`` computes them."""
-    recorder = HindsightRecorder(pipeline.arrangement)
+def looked_back(pipeline: Pipeline, blocks: list[OutputBlock]) -> SmoothedForces:
+    """Return the smoothed forces of a finished run, as ``replay`` computes them."""
+    recorder = SmootherRecorder(pipeline.arrangement)
     for block in blocks:
         recorder.take(block)
     signals = {name: joined(blocks, name) for name in SIGNALS}
@@ -103,7 +103,7 @@ def world(
 
 
 def least_error(cab: CabVehicle, data: Measurement) -> tuple[np.ndarray, np.ndarray]:
-    """Return the NRMSE of the horizontal forces, (M, 2), that deformation of the frame leaves at least: at once, with hindsight.
+    """Return the NRMSE of the horizontal forces, (M, 2), that deformation of the frame leaves at least: causal, smoothed.
 
     The brackets of the worlds move on their own, as a process of known form and of density S, and sensors add white noise N.
     Acceleration integrated twice leaves ``int S N / (S + N) / omega^4 df`` of it if the future is known (Wiener 1949), and
@@ -184,7 +184,7 @@ def nominal(seeds: range, noise: float, anti_alias: float, real: bool = False) -
         for axis, part in (("horizontal", slice(0, 2)), ("vertical", slice(2, 3))):
             rows.setdefault(f"later {axis}", []).extend(later_score[:, part].ravel())
             rows.setdefault(f"later inside {axis}", []).extend(held[:, part].ravel())
-        for when, least in zip(("at once", "with hindsight"), least_error(cab, data)):
+        for when, least in zip(("causal", "smoothed"), least_error(cab, data)):
             rows.setdefault(f"least {when}", []).extend(least.ravel())
         rows.setdefault("inside horizontal", []).extend(inside[:, :2].ravel())
         rows.setdefault("inside vertical", []).extend(inside[:, 2])
@@ -278,7 +278,7 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float]) -> 
             f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
         )
         if axis == "horizontal":
-            for when in ("at once", "with hindsight"):
+            for when in ("causal", "smoothed"):
                 least = 100 * np.array(rows[f"least {when}"])
                 value = f"{np.median(least):.1f} % ({np.percentile(least, 95):.1f} %)"
                 line(f"least that any estimate of these leaves {when}, median (95th percentile)", "-", value)
@@ -286,11 +286,11 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float]) -> 
         line("the same without the doubt about the mass", "92 to 98 %", f"{100 * np.mean(rows[f'apart {axis}']):.1f} %")
         scores = 100 * np.array(rows[f"later {axis}"])
         line(
-            f"force NRMSE {axis} of a replay with hindsight, median (95th percentile)",
+            f"force NRMSE {axis} of a replay, smoothed, median (95th percentile)",
             f"{target} %",
             f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
         )
-        line(f"force {axis} with hindsight, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'later inside {axis}']):.1f} %")
+        line(f"force {axis} smoothed, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'later inside {axis}']):.1f} %")
     worst = f"{100 * max(mass['anchored']):.2f} %"
     line("mass with known stiffness (file mass 15 % high, with and without the inertia), worst", "3 %", worst)
     line(

@@ -41,7 +41,7 @@ SETTLED = 5.0
 
 def estimator_rows(name: str, vehicle: Vehicle, run: Recording) -> Iterator[str]:
     """Yield one line per relation: movement in standard deviations."""
-    before = estimates(run_offline(run, Pipeline(vehicle), hindsight=False), vehicle)
+    before = estimates(run_offline(run, Pipeline(vehicle), smoothing=False), vehicle)
     for relation in relations():
         after = changed_run(vehicle, run, relation)
         yield _row(name, relation.name, relation.exact, movement(before, after, 0.0 if relation.exact else SETTLED))

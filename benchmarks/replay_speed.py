@@ -61,11 +61,11 @@ def main() -> None:
             aligner.push(index, stamp, values, variance)
         stages["of estimation: alignment alone"] = time.process_time() - start
         start = time.process_time()
-        run_offline(recording, Pipeline(vehicle), hindsight=False)
+        run_offline(recording, Pipeline(vehicle), smoothing=False)
         stages["estimation as live"] = time.process_time() - start
         start = time.process_time()
         run_offline(recording, Pipeline(vehicle))
-        stages["estimation with hindsight"] = time.process_time() - start
+        stages["estimation with smoothing"] = time.process_time() - start
         start = time.process_time()
         command(arguments)
         stages["whole command without report"] = time.process_time() - start

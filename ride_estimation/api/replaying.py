@@ -196,7 +196,7 @@ def replay(
     settings: PipelineSettings | None = None,
     slope: float = DEFAULT_SLOPE,
     daily_exposure_s: float = EIGHT_HOURS_S,
-    hindsight: bool = True,
+    smoothing: bool = True,
     advance: Callable[[int, int], None] = lambda done, total: None,
     begin: Callable[[str], None] = lambda stage: None,
 ) -> Replay:
@@ -212,8 +212,8 @@ def replay(
         Of the damage line [-].
     daily_exposure_s
         Time a day of this vibration, for A(8) and VDV [s].
-    hindsight
-        Whether forces are made again with the whole run known.
+    smoothing
+        Whether smoothed forces, from the whole run, are computed too.
     advance
         Called with samples done since the last call and samples in all.
     begin
@@ -227,7 +227,7 @@ def replay(
     Examples
     --------
     >>> import ride_estimation as re
-    >>> found = re.replay(re.read_run("bags/standing", "truck_cab", end_s=4.0), hindsight=False)
+    >>> found = re.replay(re.read_run("bags/standing", "truck_cab", end_s=4.0), smoothing=False)
     >>> found.result.force.shape[1:]
     (4, 3)
     """
@@ -240,7 +240,7 @@ def replay(
     pipeline = Pipeline(vehicle, settings)
     samples = sum(len(c.stamp_ns) for c in recording.channels.values())
     begin("estimating")
-    result = run_offline(recording, pipeline, lambda done: advance(done, samples), hindsight, begin)
+    result = run_offline(recording, pipeline, lambda done: advance(done, samples), smoothing, begin)
     if len(result.stamp_ns) < LEAST_TICKS:
         held = len(result.stamp_ns)
         raise InputDataError(f"{recording.name}: the run holds {held} ticks of the time base; {LEAST_TICKS} are needed")

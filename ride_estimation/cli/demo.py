@@ -80,7 +80,7 @@ FORCE_HEAD = ("mount", "axis", "NRMSE [%]", "error rms [N]", "within 2 std [%]",
 NOTES = (
     "NRMSE is the rms of the error over the standard deviation of the true force. The column 'within 2 std' says whether the "
     "stated uncertainty was honest: about 95 % is right.",
-    "The forces of a recording are estimated with hindsight, with what came before and after every instant; the last column is "
+    "The forces of a recording are smoothed: they use the whole run, before and after every instant. The last column is "
     "what the node publishes live.",
     "Run and truth are simulated: what is said about absolute forces rests on simulated runs, not on a truck with load cells.",
 )
@@ -127,7 +127,7 @@ class Comparison:
     mounts
         Names, M of them.
     force, std, true
-        Shape (N, M, 3) [N]: the best estimate of the replay, with hindsight where it was computed.
+        Shape (N, M, 3) [N]: the best estimate of the replay, smoothed where available.
     live
         The estimate as the node publishes it, shape (N, M, 3) [N].
     """
@@ -152,7 +152,7 @@ class Comparison:
             stamps = truth["start_stamp_ns"] + np.round(true["time_s"] * 1e9).astype(np.int64)
             inside = (signals["stamp_ns"] >= stamps[0]) & (signals["stamp_ns"] <= stamps[-1])
             force = at_times(signals["stamp_ns"][inside], stamps, true["mount_force"][:, order])
-            best = "mount_force_hindsight" if "mount_force_hindsight" in signals else "mount_force"
+            best = "mount_force_smoothed" if "mount_force_smoothed" in signals else "mount_force"
             return cls(
                 result, truth, signals["time_s"][inside], mounts, signals[best][inside], signals[f"{best}_std"][inside], force,
                 signals["mount_force"][inside],
@@ -195,7 +195,7 @@ class Comparison:
         sideways, live_sideways = (max(s.nrmse for (_, axis), s in scores.items() if axis != "z") for scores in both)
         errors = [abs(float(str(row[5]))) for row in self.parameter_rows() if str(row[0]).endswith(".z.stiffness")]
         return (
-            f"Mount forces with hindsight are right within {100 * vertical:.1f} % (vertical) and {100 * sideways:.1f} % "
+            f"Smoothed mount forces are right within {100 * vertical:.1f} % (vertical) and {100 * sideways:.1f} % "
             f"(horizontal) NRMSE on the worst mount, live within {100 * live_vertical:.1f} % and {100 * live_sideways:.1f} %; "
             f"vertical stiffness within {max(errors):.1f} %."
         )

@@ -42,7 +42,7 @@ class ReplayJob:
         For A(8) and VDV [s].
     formats
         Of the report: html, pdf, png.
-    hindsight
+    smoothing
         Whether forces are made again with the whole run known.
     part
         Begin and end of what is used of the run [s since its first stamp], None for the whole.
@@ -56,7 +56,7 @@ class ReplayJob:
     slope: float = DEFAULT_SLOPE
     daily_exposure_s: float = 8.0 * 3600.0
     formats: tuple[str, ...] = ("html",)
-    hindsight: bool = True
+    smoothing: bool = True
     part: tuple[float | None, float | None] = (None, None)
     channels: str = ""
 
@@ -79,7 +79,7 @@ class ReplayJob:
         slope = DEFAULT_SLOPE if options.slope is None else checked_slope(options.slope)
         return cls(
             vehicle, settings, options.salvage, slope, 3600.0 * options.daily_hours, chosen,
-            not options.no_hindsight, part_of_options(options), options.channels,
+            not options.no_smoothing, part_of_options(options), options.channels,
         )  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def replay_run(
 
     compile_ahead(begin)
     found = replay(
-        run, settings=job.settings, slope=job.slope, daily_exposure_s=job.daily_exposure_s, hindsight=job.hindsight,
+        run, settings=job.settings, slope=job.slope, daily_exposure_s=job.daily_exposure_s, smoothing=job.smoothing,
         advance=advance, begin=begin,
     )  # fmt: skip
     begin("report" if job.formats else "writing results")

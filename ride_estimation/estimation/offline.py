@@ -16,7 +16,7 @@ from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.smoothing.hindsight import Hindsight, HindsightRecorder, second_pass
+from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder, second_pass
 from ride_estimation.signals.recording import Recording
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 HISTORY_STEP = 500_000_000
 #: samples between two calls of the progress function
 _REPORT_EVERY = 2000
-#: why there is no hindsight where it was not wanted
+#: why forces are not smoothed where that was not wanted
 SWITCHED_OFF = "it was not asked for"
 
 
@@ -84,7 +84,7 @@ class OfflineRun:
         Name of an ``OutputBlock`` array -> shape (N, ...); standard deviations per tick.
     measured, predicted
         Per accelerometer of the body, shape (N, 3), single precision.
-    hindsight
+    smoothed
         Forces made again with the whole run known, or why they were not.
     """
 
@@ -99,30 +99,30 @@ class OfflineRun:
     health: Health
     identifiability: Mapping[str, Any]
     digest: str
-    hindsight: Hindsight | str = SWITCHED_OFF
+    smoothed: SmoothedForces | str = SWITCHED_OFF
 
     @property
     def force(self) -> Array:
-        """Return the best forces there are, shape (N, M, 3): with hindsight, else as live."""
-        return self.signals["mount_force"] if isinstance(self.hindsight, str) else self.hindsight.force
+        """Return the best forces there are, shape (N, M, 3): smoothed, else as live."""
+        return self.signals["mount_force"] if isinstance(self.smoothed, str) else self.smoothed.force
 
     @property
     def force_std(self) -> Array:
         """Return the standard deviation of :attr:`force`."""
-        return self.signals["mount_force_std"] if isinstance(self.hindsight, str) else self.hindsight.std
+        return self.signals["mount_force_std"] if isinstance(self.smoothed, str) else self.smoothed.std
 
     @property
     def deflection(self) -> Array:
         """Return the best deflections there are, shape (N, M, 3)."""
-        return self.signals["mount_deflection"] if isinstance(self.hindsight, str) else self.hindsight.deflection
+        return self.signals["mount_deflection"] if isinstance(self.smoothed, str) else self.smoothed.deflection
 
     def forces_in_words(self) -> str:
         """Return what the forces of the run are."""
-        if isinstance(self.hindsight, str):
-            return f"forces as the node publishes them, without hindsight: {self.hindsight}"
-        rest = 100.0 * (1.0 - self.hindsight.share)
+        if isinstance(self.smoothed, str):
+            return f"causal forces, as published live; not smoothed: {self.smoothed}"
+        rest = 100.0 * (1.0 - self.smoothed.share)
         return (
-            "forces with hindsight: deflections and parameters from the whole run, before and after every instant; "
+            "smoothed forces: deflections and parameters from the whole run, before and after every instant; "
             f"the online estimate stands for {rest:.0f} % of it (ends of the run, beside gaps, where it states the smaller error)"
         )
 
@@ -152,10 +152,10 @@ def run_offline(
     recording: Recording,
     pipeline: Pipeline,
     on_progress: Callable[[int], None] = lambda _: None,
-    hindsight: bool = True,
+    smoothing: bool = True,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> OfflineRun:
-    """Feed a recording to a pipeline in order of arrival, then look at the forces again with hindsight.
+    """Feed a recording to a pipeline in order of arrival, then smooth the forces.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def run_offline(
         A fresh pipeline, or one that continues from a saved state.
     on_progress
         Called now and then with the number of samples since the last call.
-    hindsight
+    smoothing
         Whether the forces are made again with the whole run known; the estimates of the pipeline stay what they are.
     on_stage
         Called with the name of a stage that follows the estimation.
@@ -178,7 +178,7 @@ def run_offline(
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
     history = _History(pipeline)
-    recorder = HindsightRecorder(pipeline.arrangement, "" if hindsight else SWITCHED_OFF)
+    recorder = SmootherRecorder(pipeline.arrangement, "" if smoothing else SWITCHED_OFF)
     count = 0
     for found, taken in pipeline.replay(recording):
         for block in found:
@@ -198,7 +198,7 @@ def run_offline(
     parameters = pipeline.parameters()
     digest.parameters(parameters)
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
-    if hindsight:
+    if smoothing:
         on_stage("smoothing")
     return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder)
 
@@ -234,7 +234,7 @@ class _History:
 
 def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
-    recorder: HindsightRecorder,
+    recorder: SmootherRecorder,
 ) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]
@@ -254,5 +254,5 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
-        hindsight=second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory),
+        smoothed=second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory),
     )

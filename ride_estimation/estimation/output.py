@@ -66,7 +66,7 @@ class OutputBlock:
     measured, predicted
         Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
     basis
-        What the forces were made of, for a second look with hindsight.
+        What the forces were made of, for the smoother.
     """
 
     stamp_ns: IntArray

@@ -23,7 +23,7 @@ DIAGNOSIS_SCHEMA = "ride_estimation/diagnosis/1"
 
 @dataclasses.dataclass(frozen=True)
 class FinishedReplay:
-    """``result.json`` and the arrays of ``signals.npz`` of one folder; ``mount_force`` with hindsight where that was computed."""
+    """``result.json`` and the arrays of ``signals.npz`` of one folder; ``mount_force`` smoothed where that was computed."""
 
     name: str
     result: Mapping[str, Any]
@@ -51,7 +51,7 @@ def read_replay(folder: str | Path) -> FinishedReplay:
     result, signals = read_result(folder), read_arrays(folder / "signals.npz")
     try:
         arrays = {name: signals[name] for name in ("time_s", "valid", "cg_accel", "mount_force", "mount_names")}
-        arrays["mount_force"] = signals.get("mount_force_hindsight", arrays["mount_force"])
+        arrays["mount_force"] = signals.get("mount_force_smoothed", signals.get("mount_force_hindsight", arrays["mount_force"]))
     except KeyError as error:
         raise InputDataError(f"{folder}/signals.npz: the array {error} is missing: no results of a replay") from error
     if result.get("schema") != RESULT_SCHEMA:

@@ -139,10 +139,11 @@ def result_document(
         "fit": channel_fit(run),
         **assessment.document(),
         "forces": {
-            "hindsight": not isinstance(run.hindsight, str),
+            "smoothed": not isinstance(run.smoothed, str),
+            "hindsight": not isinstance(run.smoothed, str),  # name of before, kept for one version
             "meaning": {
                 "mount_force": "as the node publishes it live, from what came before every instant",
-                "mount_force_hindsight": run.forces_in_words(),
+                "mount_force_smoothed": run.forces_in_words(),
             },
         },
         "digest": run.digest,
@@ -151,12 +152,14 @@ def result_document(
 
 
 def write_signals(path: Path, run: OfflineRun) -> str:
-    """Write ``signals.npz``, with hindsight where that was computed; return the SHA-256 of the file for ``result.json``."""
+    """Write ``signals.npz``, smoothed forces where computed; return the SHA-256 of the file for ``result.json``."""
     s = run.signals
     later: dict[str, Any] = {}
-    if not isinstance(run.hindsight, str):
-        h = run.hindsight
-        later = {"mount_force_hindsight": h.force, "mount_force_hindsight_std": h.std, "mount_deflection_hindsight": h.deflection}
+    if not isinstance(run.smoothed, str):
+        h = run.smoothed
+        later = {"mount_force_smoothed": h.force, "mount_force_smoothed_std": h.std, "mount_deflection_smoothed": h.deflection}
+        # the names of before, kept for one version
+        later |= {name.replace("smoothed", "hindsight"): values for name, values in later.items()}
     arrays = dict(
         time_s=run.time_s,
         stamp_ns=run.stamp_ns,

@@ -210,7 +210,7 @@ def mount_forces(run: OfflineRun, mount: int, measured: Array | None = None, win
     grid = figure.add_gridspec(3, 2, width_ratios=(3, 2))
     time, force, std = run.time_s, 1e-3 * run.force[:, mount], 1e-3 * run.force_std[:, mount]
     other, name = (run.signals["mount_force"][:, mount], "live") if measured is None else (measured, "load cell")
-    compared = measured is not None or not isinstance(run.hindsight, str)
+    compared = measured is not None or not isinstance(run.smoothed, str)
     first, last = busiest_stretch(time, force[:, 2], window_s)
     part = slice(first, last)
     whole = upper = None

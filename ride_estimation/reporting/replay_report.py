@@ -173,7 +173,7 @@ def _forces(page: Page, run: OfflineRun, side: SideSignals) -> None:
         "the mounts). "
         f"The table and the curves show {run.forces_in_words()}."
     )
-    later = not isinstance(run.hindsight, str)
+    later = not isinstance(run.smoothed, str)
     if later:
         page.text(
             "Dashed beside them: the load cell where there is one, else the estimate as the node publishes it live "

@@ -106,7 +106,7 @@ def test_force_errors_are_those_of_the_files(finished: Path) -> None:
     late = (signals["time_s"] >= 10.0) & (time <= true["time_s"][-1])
     row = next(r for r in demo.Comparison.of(finished / "replay", truth_folder).force_rows() if r[:2] == ("rear_right", "z"))
     known = np.interp(time[late], true["time_s"], true["mount_force"][:, list(true["mount_names"]).index("rear_right"), 2])
-    error, live = (signals[name][late, 3, 2] - known for name in ("mount_force_hindsight", "mount_force"))
+    error, live = (signals[name][late, 3, 2] - known for name in ("mount_force_smoothed", "mount_force"))
     # both ways interpolate the 100 Hz truth linearly; they differ by the end samples only
     assert row[3] == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.01)
     assert row[2] == pytest.approx(100 * np.sqrt(np.mean(error**2)) / np.std(known), rel=0.01)
@@ -123,12 +123,12 @@ def test_true_parameters_are_those_the_run_was_made_with(finished: Path) -> None
 def test_an_installed_package_makes_its_recordings_from_their_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     installed = tmp_path / "share" / "bags" / "nominal"
     installed.mkdir(parents=True)
-    recipe = (shared_path("bags", "nominal") / "recipe.yaml").read_text(encoding="utf-8").replace("duration_s: 30.0", "duration_s: 2.0")
-    (installed / "recipe.yaml").write_text(recipe, encoding="utf-8")
+    recipe = (shared_path("bags", "nominal") / "recipe.yaml").read_text(encoding="utf-8")
+    (installed / "recipe.yaml").write_text(recipe.replace("duration_s: 30.0", "duration_s: 2.0"), encoding="utf-8")
     vehicle = tmp_path / "share" / "config" / "vehicles" / "truck_cab.yaml"
     vehicle.parent.mkdir(parents=True)
     vehicle.write_bytes(shared_path("config", "vehicles", "truck_cab.yaml").read_bytes())
-    monkeypatch.setattr(demo, "shared_path", lambda *parts: (tmp_path / "share").joinpath(*parts))
+    monkeypatch.setattr(demo, "shared_path", (tmp_path / "share").joinpath)
     made = demo.recorded("nominal", tmp_path / "out")
     assert json.loads((made / "truth.json").read_text(encoding="utf-8"))["start_stamp_ns"] > 0
     assert list((made / "bag").glob("*.mcap"))

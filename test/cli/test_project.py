@@ -20,7 +20,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
 from ride_estimation.vehicles.payload import with_payload
 
-FAST = ["--no-hindsight", "--no-run-reports"]
+FAST = ["--no-smoothing", "--no-run-reports"]
 
 
 def in_this_process(items: Sequence[Any], workers: int, work: Any) -> Iterator[Outcome[Any, Any]]:

@@ -67,8 +67,8 @@ def test_files_have_the_shapes_outsiders_rely_on(case: Case) -> None:
         assert m == 4 and n >= 200 * SECONDS - 5
         shapes = {
             "cg_accel": (n, 6), "cg_accel_std": (n, 6), "inertial_load": (n, 6), "mount_force": (n, m, 3),
-            "mount_force_std": (n, m, 3), "mount_deflection": (n, m, 3), "mount_force_hindsight": (n, m, 3),
-            "mount_force_hindsight_std": (n, m, 3), "mount_deflection_hindsight": (n, m, 3),
+            "mount_force_std": (n, m, 3), "mount_deflection": (n, m, 3), "mount_force_smoothed": (n, m, 3),
+            "mount_force_smoothed_std": (n, m, 3), "mount_deflection_smoothed": (n, m, 3),
         }  # fmt: skip
         for name, shape in shapes.items():
             assert s[name].shape == shape and np.isfinite(s[name]).all(), name
@@ -89,14 +89,17 @@ def test_files_have_the_shapes_outsiders_rely_on(case: Case) -> None:
         assert set(p) == {"name", "value", "std", "unit", "prior", "status", "reason"}
 
 
-def test_hindsight_can_be_left_out_and_the_forces_are_then_those_of_the_node(case: Case, tmp_path: Path) -> None:
-    assert replayed(case, tmp_path / "bare", None, "--no-hindsight") == 0
+def test_smoothing_can_be_left_out_and_the_forces_are_then_those_of_the_node(case: Case, tmp_path: Path) -> None:
+    assert replayed(case, tmp_path / "bare", None, "--no-smoothing") == 0
     bare, whole = (json.loads((place / "result.json").read_text()) for place in (tmp_path / "bare", case.out))
-    assert whole["forces"]["hindsight"] and not bare["forces"]["hindsight"]
-    assert "not asked for" in bare["forces"]["meaning"]["mount_force_hindsight"]
+    assert whole["forces"]["smoothed"] and not bare["forces"]["smoothed"]
+    assert "not asked for" in bare["forces"]["meaning"]["mount_force_smoothed"]
     assert bare["digest"] == whole["digest"]
     with np.load(tmp_path / "bare" / "signals.npz") as live, np.load(case.out / "signals.npz") as both:
-        assert set(both) - set(live) == {"mount_force_hindsight", "mount_force_hindsight_std", "mount_deflection_hindsight"}
+        smoothed = {"mount_force_smoothed", "mount_force_smoothed_std", "mount_deflection_smoothed"}
+        before = {name.replace("smoothed", "hindsight") for name in smoothed}
+        assert set(both) - set(live) == smoothed | before
+        assert all(np.array_equal(both[name], both[name.replace("smoothed", "hindsight")]) for name in smoothed)
         assert all(np.array_equal(live[name], both[name]) for name in live)
 
 
@@ -118,7 +121,7 @@ def test_the_report_is_one_offline_file_with_pictures(case: Case) -> None:
     order = ("most damaging load", "What is not known", "<nav>", ">Attachment forces</h2>", ">Data quality</h2>", "SHA-256")
     places = [text.index(words) for words in order]
     assert places == sorted(places)
-    assert "forces with hindsight" in text and "Dashed beside them" in text
+    assert "smoothed forces" in text and "Dashed beside them" in text
     assert len(text) < 4_000_000
 
 

@@ -40,7 +40,7 @@ def a_run(number: int, ticks: int = 2000) -> Any:
     signals |= {name: np.full((ticks, 3), float(number)) for name in ("angular_rate", "tilt")}
     signals |= {name: np.full((ticks, 4, 3), float(number)) for name in forces}
     return types.SimpleNamespace(
-        signals=signals, hindsight="none", time_s=np.arange(ticks) / 200.0, stamp_ns=np.arange(ticks) * 5_000_000,
+        signals=signals, smoothed="none", time_s=np.arange(ticks) / 200.0, stamp_ns=np.arange(ticks) * 5_000_000,
         valid=np.ones(ticks, bool), mount_names=("a", "b", "c", "d"),
     )  # fmt: skip
 

@@ -47,7 +47,7 @@ LOGGER = (
 #: lines are arguments; none of the commands here takes long on the files beside them
 COMMANDS = (
     "--help", "--version", "plan --help", "plan --vehicle v.yaml --road D --speed 20 --duration 100 --rate 200",
-    "replay none.mcap --vehicle v.yaml --out out --rate 100 --slope 4 --daily-hours 6 --format html pdf --no-hindsight",
+    "replay none.mcap --vehicle v.yaml --out out --rate 100 --slope 4 --daily-hours 6 --format html pdf --no-smoothing",
     "export-file results --out out.csv",
     "export-file results --vehicle v.yaml --out out.csv", "compare results results --out out",
     "import-file logger.csv --vehicle v.yaml --out bag", "calibrate none --vehicle v.yaml",

@@ -58,7 +58,7 @@ def _names(run: OfflineRun, original: Vehicle) -> list[str]:
 
 def changed_run(vehicle: Vehicle, run: Recording, relation: Relation) -> Estimates:
     """Return the estimates of the changed run in terms of the original."""
-    found = run_offline(relation.recording(vehicle, run), Pipeline(relation.vehicle(vehicle)), hindsight=False)
+    found = run_offline(relation.recording(vehicle, run), Pipeline(relation.vehicle(vehicle)), smoothing=False)
     return estimates(found, vehicle, relation)
 
 
@@ -68,9 +68,9 @@ def continued_run(vehicle: Vehicle, run: Recording, share: float = 0.5) -> Estim
     last = max(int(c.stamp_ns.max()) for c in run.channels.values())
     cut = first + int(share * (last - first))
     before, after = Pipeline(vehicle), Pipeline(vehicle)
-    run_offline(between(run, first, cut), before, hindsight=False)
+    run_offline(between(run, first, cut), before, smoothing=False)
     after.load_state(json.loads(json.dumps(before.save_state())))
-    return estimates(run_offline(between(run, cut, last + 1), after, hindsight=False), vehicle)
+    return estimates(run_offline(between(run, cut, last + 1), after, smoothing=False), vehicle)
 
 
 @dataclasses.dataclass(frozen=True)

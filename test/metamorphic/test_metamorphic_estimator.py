@@ -38,7 +38,7 @@ def run() -> tuple[Vehicle, Recording]:
 @functools.cache
 def unchanged() -> Estimates:
     vehicle, recorded = run()
-    return estimates(run_offline(recorded, Pipeline(vehicle), hindsight=False), vehicle)
+    return estimates(run_offline(recorded, Pipeline(vehicle), smoothing=False), vehicle)
 
 
 def relation(name: str) -> Relation:

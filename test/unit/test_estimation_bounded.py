@@ -127,7 +127,7 @@ def test_a_planar_body_keeps_its_attitude_and_its_forces_live_and_smoothed():
     np.testing.assert_allclose(found.signals["tilt"][late, 1], pitch[late], atol=0.01)
     assert not any("disagree" in text for text in found.health.messages)
     assert found.valid[late].all()
-    assert not isinstance(found.hindsight, str)
+    assert not isinstance(found.smoothed, str)
     live, smoothed = (force[late, :, 2] for force in (found.signals["mount_force"], found.force))
     # what the mounts together carry is the mass times the specific force, either way
     carried = vehicle.bodies["cab"].mass.value * found.signals["cg_specific_force"][late, 2]

@@ -44,7 +44,9 @@ def add_estimation_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a run is estimated and judged, whichever run it is."""
     parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the time base [Hz] (default: the fastest sensor)")
     parser.add_argument("--settings", metavar="P.yaml", help="parameter file of the node, to replay with what ran live")
-    parser.add_argument("--no-hindsight", action="store_true", help="leave out the second pass over the forces of a finished run")
+    parser.add_argument(
+        "--no-smoothing", "--no-hindsight", action="store_true", help="causal forces only, without the smoothed ones (faster)"
+    )
     parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
     parser.add_argument("--slope", type=float, metavar="K", help="of the damage line [-] (default 5)")
     parser.add_argument(

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""What the attachment forces of a block were made of: kept of a recorded run, so that they can be made again with hindsight."""
+"""What the attachment forces of a block were made of: kept of a recorded run, so that they can be smoothed."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def smoothed_course(models: Sequence[ForceModel], durations: Array, memory: float) -> list[ForceModel]:
-    """Return the parameters of every piece of a run with hindsight.
+    """Return the parameters of every piece of a run, smoothed over the run.
 
     Parameters
     ----------

@@ -34,8 +34,8 @@ _TIMED = {
     "angular_rate": ("rad/s",) * 3, "tilt": ("rad",) * 3,
 }  # fmt: skip
 _PER_MOUNT = {
-    "mount_force": "N", "mount_force_std": "N", "mount_deflection": "m", "mount_force_hindsight": "N",
-    "mount_force_hindsight_std": "N", "mount_deflection_hindsight": "m",
+    "mount_force": "N", "mount_force_std": "N", "mount_deflection": "m", "mount_force_smoothed": "N",
+    "mount_force_smoothed_std": "N", "mount_deflection_smoothed": "m",
 }  # fmt: skip
 
 

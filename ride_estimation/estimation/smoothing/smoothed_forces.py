@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Attachment forces of a recorded run with hindsight: a second pass over what the online estimator was given.
+"""Smoothed attachment forces of a recorded run: a second, non-causal pass over what the online estimator was given.
 
 Live, a deflection is a double integral that must not wait: its slow part drifts, and the deformation of the frame, which
 equilibrium does not tell, is known to a tenth of the force. Of a recording the future is known too. Deflections come from
@@ -54,8 +54,8 @@ SIGNALS = (
 
 
 @dataclasses.dataclass(frozen=True)
-class Hindsight:
-    """Forces with hindsight.
+class SmoothedForces:
+    """Smoothed forces.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class _Recorded:
     measured: Array
 
 
-class HindsightRecorder:
+class SmootherRecorder:
     """What the second pass needs of the first.
 
     Parameters
@@ -205,7 +205,7 @@ def _reason(arrangement: Arrangement) -> str:
     if not arrangement.has_base_motion:
         return (
             "not every mount has an accelerometer at its base: the deflections either come from transducers, which need no "
-            "hindsight, or from equilibrium and ratios of stiffness, which hindsight does not improve"
+            "smoothing, or from equilibrium and ratios of stiffness, which smoothing does not improve"
         )
     return ""
 
@@ -244,8 +244,8 @@ class _SmoothedForces(MountForceEstimator):
 
 
 def second_pass(
-    recorder: HindsightRecorder, signals: Mapping[str, Array], tilting: BracketTilt, memory: float
-) -> Hindsight | str:
+    recorder: SmootherRecorder, signals: Mapping[str, Array], tilting: BracketTilt, memory: float
+) -> SmoothedForces | str:
     """Estimate the forces of a finished run again.
 
     Parameters
@@ -261,7 +261,7 @@ def second_pass(
 
     Returns
     -------
-    Hindsight or str
+    SmoothedForces or str
         The forces, or why there are none.
     """
     if recorder.reason:
@@ -279,14 +279,14 @@ def second_pass(
         return f"no stretch of the run without a break is {_SHORTEST:g} s long"
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
-    return Hindsight(force, std, deflection, float(weight.mean()))
+    return SmoothedForces(force, std, deflection, float(weight.mean()))
 
 
 class _Stretch:
     """A stretch of ticks without a break."""
 
     def __init__(
-        self, recorder: HindsightRecorder, recorded: _Recorded, signals: Mapping[str, Array], tilting: BracketTilt, memory: float
+        self, recorder: SmootherRecorder, recorded: _Recorded, signals: Mapping[str, Array], tilting: BracketTilt, memory: float
     ) -> None:
         pieces, dt = recorded.pieces, recorded.step
         self._pieces, self._dt = pieces, dt
@@ -311,7 +311,7 @@ class _Stretch:
             values[:, recorder.axes] = recorded.measured[:, measured]
 
     def write(self, force: Array, std: Array, deflection: Array, weight: Array) -> None:
-        """Fade the forces with hindsight into those of the first pass, in place."""
+        """Fade the smoothed forces into those of the first pass, in place."""
         own, first = self._own, self._pieces[0].first
         doubt = self._doubt()
         scatter = np.var(own["mount_force"], axis=0)

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Forces of finished runs with hindsight: filters against numbers of their own, forces against the truth of the worlds."""
+"""Smoothed forces of finished runs: filters against numbers of their own, forces against the truth of the worlds."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.forces.force_basis import ForceModel
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.smoothing.hindsight import Hindsight, HindsightRecorder
 from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
+from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder
 from ride_estimation.estimation.smoothing.zero_phase import EDGES, ZeroPhaseBank
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
@@ -111,10 +111,10 @@ def error(run: OfflineRun, data, force: np.ndarray, since: float = 2.0) -> np.nd
     return np.sqrt(np.mean((force[good] - true) ** 2, axis=0)) / true.std(axis=0)
 
 
-def test_forces_with_hindsight_are_nearer_to_the_truth_and_no_surer_than_they_are() -> None:
+def test_smoothed_forces_are_nearer_to_the_truth_and_no_surer_than_they_are() -> None:
     data, _, _ = drawn()
     run = looked_at()
-    assert isinstance(run.hindsight, Hindsight)
+    assert isinstance(run.smoothed, SmoothedForces)
     live, later = (error(run, data, force) for force in (run.signals["mount_force"], run.force))
     # a run of ten seconds: most of it is before the online estimator knows the mounts
     assert np.median(later[:, :2]) < 0.6 * np.median(live[:, :2])
@@ -128,13 +128,13 @@ def test_forces_with_hindsight_are_nearer_to_the_truth_and_no_surer_than_they_ar
 
 def test_the_online_estimate_and_its_digest_stay_what_they_are() -> None:
     _, vehicle, record = drawn()
-    bare = run_offline(record, Pipeline(vehicle), hindsight=False)
+    bare = run_offline(record, Pipeline(vehicle), smoothing=False)
     assert bare.digest == looked_at().digest
     for name, values in bare.signals.items():
         assert np.array_equal(values, looked_at().signals[name]), name
-    assert isinstance(bare.hindsight, str)
+    assert isinstance(bare.smoothed, str)
     assert bare.force is bare.signals["mount_force"]
-    assert "without hindsight" in bare.forces_in_words()
+    assert "not smoothed" in bare.forces_in_words()
 
 
 def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:
@@ -144,14 +144,14 @@ def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:
     inside = (channel.stamp_ns - START_NS > 5.0e9) & (channel.stamp_ns - START_NS < 5.4e9)
     kept = Channel(name, channel.stamp_ns[~inside], channel.values[~inside], channel.arrival_ns[~inside])
     run = run_offline(Recording("gap", {**record.channels, name: kept}), Pipeline(vehicle))
-    assert isinstance(run.hindsight, Hindsight)
+    assert isinstance(run.smoothed, SmoothedForces)
     assert np.isfinite(run.force).all() and np.isfinite(run.force_std).all() and (run.force_std > 0.0).all()
     time = (run.stamp_ns - START_NS) * 1e-9
     whole = looked_at()
     beside = (time > 4.9) & (time < 5.3)
     # what is stated there is as wide as the online estimate says, several times what it is without the gap
     assert np.mean(run.force_std[beside]) > 2.0 * np.mean(whole.force_std[beside[: len(whole.stamp_ns)]])
-    assert run.hindsight.share < whole.hindsight.share  # type: ignore[union-attr]
+    assert run.smoothed.share < whole.smoothed.share  # type: ignore[union-attr]
 
 
 def test_a_break_in_time_makes_two_stretches() -> None:
@@ -161,8 +161,8 @@ def test_a_break_in_time_makes_two_stretches() -> None:
         jump = np.where(c.stamp_ns - START_NS > 5_000_000_000, 60_000_000_000, 0)
         late[name] = Channel(name, c.stamp_ns + jump, c.values, c.arrival_ns + jump)
     run = run_offline(Recording("break", late), Pipeline(vehicle))
-    assert isinstance(run.hindsight, Hindsight)
-    assert run.hindsight.share > 0.5
+    assert isinstance(run.smoothed, SmoothedForces)
+    assert run.smoothed.share > 0.5
     assert np.isfinite(run.force).all() and np.isfinite(run.force_std).all()
     whole = looked_at()
     first = (run.stamp_ns - START_NS) * 1e-9 < 3.0
@@ -171,13 +171,13 @@ def test_a_break_in_time_makes_two_stretches() -> None:
     assert np.all(np.std(run.force[:count] - whole.force[:count], axis=0) < 0.35 * scale)
 
 
-def test_layouts_without_base_sensors_say_why_there_is_no_hindsight() -> None:
+def test_layouts_without_base_sensors_say_why_there_is_no_smoothing() -> None:
     _, vehicle, _ = drawn()
     arrangement = arrange(vehicle)
     bases = {s.name for s in arrangement.base_sensors if s is not None}
     bare = dataclasses.replace(vehicle, sensors={n: s for n, s in vehicle.sensors.items() if n not in bases})
-    assert "accelerometer at its base" in HindsightRecorder(arrange(bare)).reason
-    assert HindsightRecorder(arrangement).reason == ""
+    assert "accelerometer at its base" in SmootherRecorder(arrange(bare)).reason
+    assert SmootherRecorder(arrangement).reason == ""
 
 
 def test_axes_with_a_transducer_keep_what_it_measures() -> None:
@@ -192,7 +192,7 @@ def test_axes_with_a_transducer_keep_what_it_measures() -> None:
     channel = Channel("travel", stamps, travel[:, None], stamps + 2_000_000)
     told = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "travel": sensor})
     run = run_offline(Recording("travel", {**record.channels, "travel": channel}), Pipeline(told))
-    assert isinstance(run.hindsight, Hindsight)
+    assert isinstance(run.smoothed, SmoothedForces)
     row = np.round((run.stamp_ns - START_NS) * 1e-9 * RATE).astype(int)
     good = (row >= 2.0 * RATE) & (row < len(stamps))
     # mount axes against cab axes: a rotation of 0.02 rad of 10 mm at most
