@@ -95,7 +95,7 @@ def test_the_seat_is_simulated_from_the_cab_measured_and_assessed(tmp_path):
     machine = load_vehicle(VEHICLES / "planar_machine_set_b.yaml")
     run = run_scenario(scenario, machine)
     vehicle = load_vehicle(VEHICLES / "backhoe_loader_cab.yaml")
-    found = replay(Run(run.recording, vehicle), hindsight=False)
+    found = replay(Run(run.recording, vehicle), smoothing=False)
     (entry,) = found.document["carried_bodies"]
     assert (entry["body"], entry["sensor"]) == ("seat", "seat_pad")
     scores = entry["measured_against_simulated"]
@@ -115,7 +115,7 @@ def test_the_seat_is_simulated_from_the_cab_measured_and_assessed(tmp_path):
     # without its sensor the seat is stated as simulated
     alone = dataclasses.replace(vehicle, sensors={n: s for n, s in vehicle.sensors.items() if n != "seat_pad"})
     channels = {name: channel for name, channel in run.recording.channels.items() if name != "seat_pad"}
-    found = replay(Run(dataclasses.replace(run.recording, channels=channels), alone), hindsight=False)
+    found = replay(Run(dataclasses.replace(run.recording, channels=channels), alone), smoothing=False)
     assert found.document["carried_bodies"][0]["sensor"] is None
     assert "seat, simulated from the motion below it" in {p["location"] for p in found.document["comfort"]["places"]}
 
