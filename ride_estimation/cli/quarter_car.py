@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +13,11 @@ from ride_estimation.cli.finite import require_finite
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.quarter_car.checks import check_road, line_test, pitch_evidence
 from ride_estimation.identification.quarter_car.fit import QuarterCarFit, fit_models
+from ride_estimation.identification.quarter_car.half_car import HalfCarFit, HalfCarMasses, fit_half_car
 from ride_estimation.identification.quarter_car.models import PARAMETERS, QuarterCarSimulation
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, require_folder
-from ride_estimation.io.tables import read_table
+from ride_estimation.io.tables import Table, read_table
 
 
 def run(options: argparse.Namespace) -> int:
@@ -26,6 +28,11 @@ def run(options: argparse.Namespace) -> int:
         raise InputDataError(f"{given}; allowed: 0 or more")
     if options.roll_envelope and options.speed_m_per_s == 0.0:
         raise InputDataError("--roll-envelope needs --speed-m-per-s: how far the wheel rolls between two samples")
+    extra = (options.wheelbase_m, options.rear_sprung_mass_kg, options.rear_unsprung_mass_kg)
+    if any(v is not None for v in extra) and (any(v is None for v in extra) or options.speed_m_per_s == 0.0):
+        raise InputDataError(
+            "a half car needs --wheelbase-m, --rear-sprung-mass-kg, --rear-unsprung-mass-kg and --speed-m-per-s together"
+        )
     if options.out is not None:
         require_folder(options.out)
     table = read_table(options.table)
@@ -67,10 +74,39 @@ def run(options: argparse.Namespace) -> int:
         offer = pitch_evidence(residual, axle, rate, options.speed_m_per_s).offer
         if offer:
             print(offer)
+    document: dict[str, Any] = {"models": [dataclasses.asdict(r) for r in results]}
+    if extra[0] is not None:
+        rear = [table.column(name, "m/s^2") for name in _rear_columns(table)]
+        half = fit_half_car(
+            road, np.column_stack([body, axle, *rear]), rate, HalfCarMasses(*masses, extra[1], extra[2], extra[0]),
+            options.speed_m_per_s, options.noise_m_per_s2, starts=options.starts,
+        )  # fmt: skip
+        _print_half(half)
+        if not rear:
+            share = half.sum_of_squares / best.sum_of_squares
+            print(f"the half car leaves {100.0 * share:.3g} % of the squared error of model {best.model.number}")
+        document["half_car"] = dataclasses.asdict(half)
     if options.out is not None:
         output_folder(options.out)
-        write_json(options.out / "quarter_car.json", {"models": [dataclasses.asdict(r) for r in results]})
+        write_json(options.out / "quarter_car.json", document)
     return 0
+
+
+def _rear_columns(table: Table) -> list[str]:
+    """Return the rear channels a table holds: above the axle, or above and on it."""
+    found = [name for name in ("rear_body_acceleration", "rear_axle_acceleration") if name in table.columns]
+    if found == ["rear_axle_acceleration"]:
+        raise InputDataError("rear_axle_acceleration without rear_body_acceleration: a half car takes the body, or both")
+    return found
+
+
+def _print_half(fit: HalfCarFit) -> None:
+    errors = ", ".join(f"{name.replace('_', ' ')} {100.0 * value:.1f} %" for name, value in fit.nrmse.items())
+    print(f"\nhalf car, linear: weighted sum of squares {fit.sum_of_squares:.5g}, error {errors}")
+    for name, value in fit.values.items():
+        flag = " ON BOUND" if name in fit.on_bounds else " not identified" if name in fit.not_identified else ""
+        unit = "kg m^2" if name == "pitch_inertia" else "N/m" if name.endswith("rate") else "N s/m"
+        print(f"  {name:<18}{value:>12.5g} +- {fit.std[name]:<9.2g} {unit}{flag}")
 
 
 def _print(result: QuarterCarFit) -> None:

@@ -66,6 +66,30 @@ def test_a_missing_rear_axle_is_offered(tmp_path, capsys):
     assert "use a half car" in capsys.readouterr().out
 
 
+def test_a_half_car_brings_pitch_inertia_and_both_axles_back(tmp_path, capsys):
+    time, hub, y = dataclasses.replace(TRUCK, duration=4.0, rear=True).record()
+    path = tmp_path / "rear.csv"
+    header = "time_s,road_m,body_acceleration_m_per_s2,axle_acceleration_m_per_s2"
+    np.savetxt(path, np.column_stack([time, hub, y]), delimiter=",", header=header, comments="")
+    # the truth: 5000 kg with 16200 kg m^2 on axles 2 m before and 1.8 m behind, 300 and 360 kN/m
+    front = ["--sprung-mass-kg", str(5000 * 1.8 / 3.8), "--unsprung-mass-kg", "310"]
+    rear = ["--wheelbase-m", "3.8", "--rear-sprung-mass-kg", str(5000 * 2.0 / 3.8), "--rear-unsprung-mass-kg", "310"]
+    arguments = ["quarter-car", str(path), *front, *DRIVE, "--models", "1", "--starts", "0"]
+    assert main([*arguments, *rear, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    half = json.loads((tmp_path / "quarter_car.json").read_text())["half_car"]
+    truth = {
+        "pitch_inertia": 16200, "front_spring_rate": 3e5, "front_damping": 2e4, "front_tyre_rate": 1e6, "rear_spring_rate": 3.6e5,
+    }  # fmt: skip
+    for name, value in truth.items():
+        assert half["values"][name] == pytest.approx(value, rel=0.02), name
+        assert abs(half["values"][name] - value) < 4.0 * half["std"][name], name
+    assert half["nrmse"]["body"] < 0.03
+    assert float(re.search(r"leaves ([\d.]+) % of the squared error of model 1", said)[1]) < 20.0
+    assert main([*arguments, *rear[:2]]) == 2
+    assert "a half car needs --wheelbase-m" in capsys.readouterr().err
+
+
 def test_masses_must_be_positive(table, capsys):
     assert main(["quarter-car", table, "--sprung-mass-kg", "-2500", "--unsprung-mass-kg", "310"]) == 2
     assert "masses -2500 kg" in capsys.readouterr().err

@@ -11,7 +11,11 @@ EXAMPLES = """\
   ride-estimation quarter-car run.csv --sprung-mass-kg 4500 --unsprung-mass-kg 550 --speed-m-per-s 4.2 --out out/quarter
   ride-estimation quarter-car run.csv --sprung-mass-kg 4500 --unsprung-mass-kg 550 --models 1 3 --spring-rate-n-per-m 230000
 
+  ride-estimation quarter-car run.csv --sprung-mass-kg 2368 --unsprung-mass-kg 310 --speed-m-per-s 4.2 \\
+    --wheelbase-m 3.8 --rear-sprung-mass-kg 2632 --rear-unsprung-mass-kg 310
+
 run.csv has the columns time_s, road_m (or _mm), body_acceleration_m_per_s2 (or _g), axle_acceleration_m_per_s2 (or _g).
+A half car also takes rear_body_acceleration and rear_axle_acceleration, above and on the rear axle, where they are there.
 """
 
 
@@ -32,4 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="which of the six (default all)",
     )
     parser.add_argument("--starts", type=int, default=4, metavar="N", help="random starts per model (default 4)")
+    half = parser.add_argument_group("half car (all three and --speed-m-per-s: body with pitch and the rear axle as well)")
+    half.add_argument("--wheelbase-m", type=float, metavar="L", help="the rear axle meets the road so much later")
+    half.add_argument("--rear-sprung-mass-kg", type=float, metavar="KG", help="above the rear suspension, at one wheel")
+    half.add_argument("--rear-unsprung-mass-kg", type=float, metavar="KG", help="rear wheel and its share of the axle")
     parser.add_argument("--out", type=Path, default=None, metavar="DIR", help="write quarter_car.json")

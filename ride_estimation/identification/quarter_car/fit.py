@@ -239,7 +239,7 @@ def _result(
     modelled = problem.simulation.run(values, model.sine)
     degrees = max(residual.size - len(names), 1)
     variance = max(float(residual @ residual) / degrees, 1.0)
-    relative = _relative_std(jacobian, variance)
+    relative = relative_std(jacobian, variance)
     std = {}
     for name, s in zip(names, relative):
         std[name] = float(s * values[name]) if name in _POSITIVE else float(s)
@@ -260,7 +260,16 @@ def _result(
     )
 
 
-def _relative_std(jacobian: Array, variance: float) -> Array:
+def relative_std(jacobian: Array, variance: float) -> Array:
+    """Return the standard deviations in the coordinates of a Jacobian, ``inf`` where the residual does not depend on one.
+
+    Parameters
+    ----------
+    jacobian
+        Of the weighted residual, shape (M, P).
+    variance
+        Of the weighted residual.
+    """
     scale = np.linalg.norm(jacobian, axis=0)
     blind = scale <= 1e-12 * max(float(scale.max()), 1e-300)
     scaled = jacobian / np.where(blind, 1.0, scale)
