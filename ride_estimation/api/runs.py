@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.io.recorded_run import read_recorded_run
+from ride_estimation.io.run_events import moment, run_events
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 from ride_estimation.signals.recording import Recording, part_of
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -77,10 +79,11 @@ def read_run(
     path: str | Path,
     vehicle: Vehicle | str | Path,
     *,
-    start_s: float | None = None,
-    end_s: float | None = None,
+    start_s: float | str | None = None,
+    end_s: float | str | None = None,
     salvage: bool = False,
     channels: str | Path = "",
+    events: str | Path = "",
 ) -> Run:
     """Read the sensors of a vehicle from a recorded run.
 
@@ -91,11 +94,13 @@ def read_run(
     vehicle
         A loaded vehicle, a vehicle file, or the name of a bundled one.
     start_s, end_s
-        Part of the run that is used [s since its first stamp]; the whole run by default.
+        Part of the run that is used: seconds since its first stamp, or the name of a marker; the whole run by default.
     salvage
         Use what is readable of a damaged file.
     channels
         Channel map of a measurement file; without it its channels must have the names an export writes.
+    events
+        Table of markers; without it those of the file or bag itself, and of ``RUN.events.csv`` beside it.
 
     Raises
     ------
@@ -110,7 +115,12 @@ def read_run(
     3.0
     """
     known = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    return Run(part_of(read_recorded_run(path, known, channels=channels, salvage=salvage), start_s, end_s), known)
+    recording = read_recorded_run(path, known, channels=channels, salvage=salvage)
+    named = isinstance(start_s, str) or isinstance(end_s, str)
+    markers = run_events(path, recording.start_ns, recording.events, events) if named else ()
+    begin = moment(start_s, markers)
+    end = moment(end_s, markers, -math.inf if begin is None else begin)
+    return Run(part_of(recording, begin, end), known)
 
 
 def require_layout(vehicle: Vehicle) -> None:

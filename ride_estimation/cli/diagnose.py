@@ -57,7 +57,9 @@ def run(options: argparse.Namespace) -> int:
     begin, end = part_of_options(options)
     with Progress("diagnose", shares=STAGES) as progress:
         progress.begin("reading")
-        run = read_run(options.recording, vehicle, start_s=begin, end_s=end, channels=options.channels)
+        run = read_run(
+            options.recording, vehicle, start_s=begin, end_s=end, channels=options.channels, events=options.events
+        )
         others = [read_run(path, vehicle, channels=options.channels) for path in options.validate]
         for path, other in zip(options.validate, others):
             if other.recording.checksum == run.recording.checksum:

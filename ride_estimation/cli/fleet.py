@@ -103,7 +103,7 @@ def find_recordings(folder: Path, suffixes: Sequence[str] = SUFFIXES) -> dict[st
         here = Path(place)
         # symbolic links may lead back to where one came from, or twice to the same place
         folders[:] = sorted(name for name in folders if _is_new(here / name, seen))
-        names = sorted(name for name in files if Path(name).suffix.lower() in suffixes)
+        names = sorted(name for name in files if Path(name).suffix.lower() in suffixes and not name.endswith(".events.csv"))
         if "metadata.yaml" in files and any(Path(name).suffix in SUFFIXES for name in names):
             found[here.relative_to(folder).as_posix()] = here
             folders.clear()

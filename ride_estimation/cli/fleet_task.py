@@ -18,6 +18,7 @@ from ride_estimation.io.json_file import jsonable, read_json, write_json
 from ride_estimation.io.recorded_run import checksum_of_run
 from ride_estimation.io.result_files import read_result
 from ride_estimation.io.results import sha256_of, software
+from ride_estimation.io.run_events import table_beside
 from ride_estimation.io.vehicle_file import vehicle_to_mapping
 
 #: what a finished run was made with; another one is not taken for it
@@ -87,9 +88,10 @@ def fingerprint(task: FleetTask) -> dict[str, Any]:
         The recording is missing or no bag.
     """
     job = dataclasses.asdict(dataclasses.replace(task.job, vehicle=None))  # type: ignore[arg-type]
+    beside = [task.job.channels, task.job.events or table_beside(Path(task.recording))]
     found = {
         "recording": checksum_of_run(Path(task.recording)), "vehicle": vehicle_to_mapping(task.job.vehicle), "job": job,
-        "channels": sha256_of(Path(task.job.channels)) if task.job.channels else "", "software": software(),
+        "beside": [sha256_of(Path(path)) if path and Path(path).is_file() else "" for path in beside], "software": software(),
     }  # fmt: skip
     # as it comes back from the file
     return dict(json.loads(json.dumps(jsonable(found))))

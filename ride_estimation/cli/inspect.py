@@ -18,6 +18,7 @@ from ride_estimation.io.channel_guess import best_match, guess_channels, sensor_
 from ride_estimation.io.files.formats import read_measurement_file
 from ride_estimation.io.messages import accepted_types
 from ride_estimation.io.recorded_run import is_measurement_file
+from ride_estimation.io.run_events import moment, run_events
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
 from ride_estimation.signals.recording import Channel, part_of
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     begin, end = part_of_options(options)
     vehicle = load_vehicle(options.vehicle) if options.vehicle else None
     if is_measurement_file(Path(options.recording)):
-        return _inspect_file(Path(options.recording), vehicle, begin, end)
+        return _inspect_file(Path(options.recording), vehicle, options)
     source = open_bag(Path(options.recording))
     sensors = _sensors_of({topic: kind for topic, kind in source.types.items() if source.counts[topic]})
     for topic, kind in sorted(source.types.items()):
@@ -46,7 +47,10 @@ def run(options: argparse.Namespace) -> int:
     if not sensors:
         raise InputDataError(f"{options.recording}: no topic of a type that a sensor comes in")
     # a reader of sensors needs nothing else of a vehicle
-    recording = part_of(read_recording(options.recording, Vehicle("", {}, {}, sensors)), begin, end)
+    whole = read_recording(options.recording, Vehicle("", {}, {}, sensors))
+    events = run_events(options.recording, whole.start_ns, table=options.events)
+    first = moment(begin, events)
+    recording = part_of(whole, first, moment(end, events, -np.inf if first is None else first))
     print(f"{recording.name}: {recording.duration_s:.3f} s")
     for topic, channel in recording.channels.items():
         print(f"{topic} ({source.types[topic]}): {_timing(channel)}{_proposal(topic, vehicle)}")
@@ -54,16 +58,23 @@ def run(options: argparse.Namespace) -> int:
         for i in range(channel.values.shape[1]):
             name = _COMPONENTS[i] if channel.values.shape[1] > 1 else "value"
             print(_numbers(name, units[min(i // 3, len(units) - 1)], channel.values[:, i]))
+    for event in events:
+        print(f"marker {event.name} at {event.time_s:.3f} s")
     for reason, count in recording.ignored.items():
         print(f"not used: {reason}: {count}")
     return 0
 
 
-def _inspect_file(path: Path, vehicle: Vehicle | None, begin: float | None, end: float | None) -> int:
+def _inspect_file(path: Path, vehicle: Vehicle | None, options: argparse.Namespace) -> int:
     """Print one line per channel of a measurement file."""
     file = read_measurement_file(path)
     start = min(float(c.time_s[0]) for c in file.channels)
-    first, last = start + (begin or 0.0), start + (np.inf if end is None else end)
+    texts = [(round(seconds * 1e9), text) for seconds, text in file.events]
+    events = run_events(path, round(start * 1e9), texts, options.events)
+    begin, end = part_of_options(options)
+    after = moment(begin, events)
+    before = moment(end, events, -np.inf if after is None else after)
+    first, last = start + (after or 0.0), start + (np.inf if before is None else before)
     print(f"{path}: {max(float(c.time_s[-1]) for c in file.channels) - start:.3f} s, {len(file.channels)} channels")
     guesses = {} if vehicle is None else guess_channels(file.channels, vehicle.sensors, vehicle.gravity)
     meant = {guess.channel: name for name, guess in guesses.items()}
@@ -73,6 +84,8 @@ def _inspect_file(path: Path, vehicle: Vehicle | None, begin: float | None, end:
         print(f"{c.name} [{c.unit or 'no unit'}]: {_timing(Channel(c.name, stamps, c.values[inside, None], stamps))}", end="")
         print(f"; perhaps {meant[c.name]}" if c.name in meant else "")
         print(_numbers("", "", c.values[inside]))
+    for event in events:
+        print(f"marker {event.name} at {event.time_s:.3f} s")
     for name, why in file.unreadable.items():
         print(f"not read: column {name}, {why}")
     return 0

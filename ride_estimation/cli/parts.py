@@ -12,13 +12,24 @@ from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
-def part_of_options(options: argparse.Namespace) -> tuple[float | None, float | None]:
-    """Return begin and end of the part that was asked for, None where the run itself begins or ends."""
-    require_finite(argparse.Namespace(**{"from": options.from_s, "to": options.to_s}))
-    return options.from_s, options.to_s
+def part_of_options(options: argparse.Namespace) -> tuple[float | str | None, float | str | None]:
+    """Return begin and end of the part that was asked for: seconds, a marker, or None where the run itself begins or ends."""
+    return limit_of("--from", options.from_s), limit_of("--to", options.to_s)
+
+
+def limit_of(name: str, text: str | None) -> float | str | None:
+    """Return a limit as number of seconds, or as the name of a marker."""
+    if not text:
+        return None
+    try:
+        seconds = float(text)
+    except ValueError:
+        return text.strip()
+    require_finite(argparse.Namespace(**{name.lstrip("-"): seconds}))
+    return seconds
 
 
 def read_part(path: str | Path, vehicle: Vehicle, options: argparse.Namespace) -> Recording:
     """Return the part of a recorded run that a command line asks for."""
     begin, end = part_of_options(options)
-    return read_run(path, vehicle, start_s=begin, end_s=end, channels=options.channels).recording
+    return read_run(path, vehicle, start_s=begin, end_s=end, channels=options.channels, events=options.events).recording

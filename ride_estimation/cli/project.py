@@ -161,7 +161,8 @@ def _job(project: Project, planned: PlannedRun, options: argparse.Namespace) -> 
     chosen.vehicle = project.place(planned.vehicle or project.vehicle)
     measured = Path(planned.file).suffix.lower() in READ_SUFFIXES
     chosen.channels = project.place(planned.channels or project.channels) if measured else ""
-    chosen.without, chosen.from_s, chosen.to_s = [], _limit(planned, planned.begin), _limit(planned, planned.end)
+    chosen.events = ""
+    chosen.without, chosen.from_s, chosen.to_s = [], planned.begin, planned.end
     job = ReplayJob.of(chosen, () if options.no_run_reports else ("html",))
     if chosen.channels:
         load_channel_map(Path(chosen.channels), job.vehicle.sensors)
@@ -171,13 +172,3 @@ def _job(project: Project, planned: PlannedRun, options: argparse.Namespace) -> 
         job = dataclasses.replace(job, vehicle=loaded)
     require_layout(job.vehicle)
     return job
-
-
-def _limit(planned: PlannedRun, text: str) -> float | None:
-    """Return a limit of the part that is used."""
-    if not text:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        raise ConfigurationError(f"{planned.name}: from or to: {text!r} is not a number of seconds") from None

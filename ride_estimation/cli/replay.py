@@ -45,9 +45,11 @@ class ReplayJob:
     smoothing
         Whether forces are made again with the whole run known.
     part
-        Begin and end of what is used of the run [s since its first stamp], None for the whole.
+        Begin and end of what is used of the run: seconds since its first stamp or markers, None for the whole.
     channels
         Channel map of a measurement file.
+    events
+        Table of markers.
     """
 
     vehicle: Vehicle
@@ -57,8 +59,9 @@ class ReplayJob:
     daily_exposure_s: float = 8.0 * 3600.0
     formats: tuple[str, ...] = ("html",)
     smoothing: bool = True
-    part: tuple[float | None, float | None] = (None, None)
+    part: tuple[float | str | None, float | str | None] = (None, None)
     channels: str = ""
+    events: str = ""
 
     @classmethod
     def of(cls, options: argparse.Namespace, formats: Sequence[str]) -> ReplayJob:
@@ -79,7 +82,7 @@ class ReplayJob:
         slope = DEFAULT_SLOPE if options.slope is None else checked_slope(options.slope)
         return cls(
             vehicle, settings, options.salvage, slope, 3600.0 * options.daily_hours, chosen,
-            not options.no_smoothing, part_of_options(options), options.channels,
+            not options.no_smoothing, part_of_options(options), options.channels, options.events,
         )  # fmt: skip
 
 
@@ -129,7 +132,9 @@ def replay_run(
         Content of ``result.json``, the summary in words, names of the files written.
     """
     begin("reading")
-    run = read_run(path, job.vehicle, start_s=job.part[0], end_s=job.part[1], salvage=job.salvage, channels=job.channels)
+    run = read_run(
+        path, job.vehicle, start_s=job.part[0], end_s=job.part[1], salvage=job.salvage, channels=job.channels, events=job.events
+    )
     # importing and compiling take time: whoever named a wrong file need not wait for them
     from ride_estimation.api.replaying import replay
 

@@ -51,7 +51,7 @@ class PlannedRun:
     tags
         Words to group runs by.
     begin, end
-        Part that is used: seconds since the first stamp, or empty.
+        Part that is used: seconds since the first stamp, a marker, or empty.
     """
 
     file: str

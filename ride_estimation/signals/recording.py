@@ -64,6 +64,8 @@ class Recording:
         By sensor name.
     ignored
         Samples or topics that were not used: reason -> count.
+    events
+        Markers of a logger file: stamp [ns], name.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Recording:
     checksum: str = ""
     ignored: Mapping[str, int] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    events: tuple[tuple[int, str], ...] = ()
 
     @property
     def start_ns(self) -> int:

@@ -18,10 +18,13 @@ def add_channels_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def add_part_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--from`` and ``--to``."""
+    """Add ``--from``, ``--to`` and ``--events``."""
     parser.add_argument(
-        "--from", type=float, dest="from_s", metavar="S", help="use the run from this time on [s since its first stamp]"
-    )
+        "--from", dest="from_s", metavar="S|MARKER",
+        help="use the run from here on: seconds since its first stamp, or a marker (NAME, or NAME#2 for the second)",
+    )  # fmt: skip
+    parser.add_argument("--to", dest="to_s", metavar="S|MARKER", help="use the run up to here; a marker counts after the begin")
     parser.add_argument(
-        "--to", type=float, dest="to_s", metavar="S", help="use the run up to this time [s since its first stamp]"
-    )
+        "--events", default="", metavar="CSV",
+        help="table of markers (time, event); default: text topics or columns of the run, and RUN.events.csv beside it",
+    )  # fmt: skip

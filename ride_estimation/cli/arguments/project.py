@@ -57,5 +57,5 @@ def _add_runs(parser: argparse.ArgumentParser, vehicle_required: bool) -> None:
     parser.add_argument("--payload-kg", type=float, default=0.0, metavar="M", help="load that the vehicle file does not know")
     parser.add_argument("--payload-position-m", type=float, nargs=3, metavar=("X", "Y", "Z"), help="its place (default: the CG)")
     parser.add_argument("--tags", nargs="+", default=[], metavar="WORD", help="words to group these runs by")
-    parser.add_argument("--from", dest="from_s", default="", metavar="S", help="use the runs from here on [s]")
-    parser.add_argument("--to", dest="to_s", default="", metavar="S", help="use the runs up to here [s]")
+    parser.add_argument("--from", dest="from_s", default="", metavar="S|MARKER", help="use the runs from here on")
+    parser.add_argument("--to", dest="to_s", default="", metavar="S|MARKER", help="use the runs up to here")

@@ -82,12 +82,15 @@ class MeasurementFile:
         In the order of the file.
     unreadable
         Columns that hold no numbers: name -> what stands there.
+    events
+        Texts that such columns hold: seconds as of the channels, text.
     """
 
     name: str
     start_ns: int
     channels: tuple[FileChannel, ...]
     unreadable: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    events: tuple[tuple[float, str], ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,6 +201,12 @@ def _time_unit(name: str, unit: str) -> str | None:
         return unit.strip().lower()
     base, _, suffix = plain.replace(" ", "_").rpartition("_")
     return suffix if base in _TIME_NAMES and suffix in _TIME_FACTORS and unit.strip().lower() in ("", suffix) else None
+
+
+def time_factor(name: str, unit: str) -> float | None:
+    """Return the factor to seconds of a column that by its name is a time, None for another column."""
+    said = _time_unit(name, unit)
+    return None if said is None else _TIME_FACTORS.get(said)
 
 
 def _seconds(path: Path, heading: tuple[str, str], values: Array, said: str) -> Array:

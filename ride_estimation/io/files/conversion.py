@@ -90,7 +90,8 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
         )
     ignored.update({f"channel {name}: belongs to no sensor": len(c[0].values) for name, c in by_name.items() if name not in used})
     ignored.update({f"column {name}: holds text ({why})": 1 for name, why in file.unreadable.items()})
-    return Recording(file.name, found, ignored=dict(ignored))
+    events = tuple((start_ns + round(seconds * 1e9), text) for seconds, text in file.events if np.isfinite(seconds))
+    return Recording(file.name, found, ignored=dict(ignored), events=events)
 
 
 def _component(

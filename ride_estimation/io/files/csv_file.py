@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,7 @@ def read_csv(path: Path, time: TimeSource) -> MeasurementFile:
     kept: list[tuple[str, str]] = []
     columns: list[Array] = []
     unreadable: dict[str, str] = {}
+    texts: list[tuple[int, str]] = []
     for heading, cells in zip(headings, zip(*rows[first:], strict=True), strict=True):
         try:
             columns.append(np.array([found.number(cell) if cell.strip() else np.nan for cell in cells]))
@@ -61,13 +63,27 @@ def read_csv(path: Path, time: TimeSource) -> MeasurementFile:
         except ValueError:
             row = next(i for i, cell in enumerate(cells) if cell.strip() and not _is_number(cell, found))
             unreadable[heading[0]] = f"row {found.lines[row + first]}: {shown(cells[row])} is not a number"
+            texts += _begins(cells, found)
     if not columns:
         raise InputDataError(f"{path}: no column of numbers{not_read(unreadable)}")
     try:
         channels = table_channels(path, kept, columns, time)
     except InputDataError as error:
         raise InputDataError(f"{error}{not_read(unreadable)}") from error
-    return MeasurementFile(str(path), UNKNOWN_START_NS, channels, unreadable)
+    seconds = channels[0].time_s if channels else np.zeros(0)
+    events = tuple((float(seconds[row]), text) for row, text in texts if len(seconds))
+    return MeasurementFile(str(path), UNKNOWN_START_NS, channels, unreadable, events)
+
+
+def _begins(cells: Sequence[str], table: TextTable) -> list[tuple[int, str]]:
+    """Return where a text begins in a column, and the text: a marker may stand in one row or in all rows until the next."""
+    found, before = [], ""
+    for row, cell in enumerate(cells):
+        text = cell.strip()
+        if text and text != before and not _is_number(text, table):
+            found.append((row, text))
+        before = text
+    return found
 
 
 def write_csv(path: Path, channels: tuple[FileChannel, ...]) -> None:
