@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from ride_estimation.cli.main import arguments_of, build_parser, main, verb_helps
+from ride_estimation.diagnosis.causes import library
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "bags").glob("*.md")])
@@ -183,6 +184,13 @@ def test_features_are_all_listed_and_what_shows_them_exists() -> None:
         found = list((ROOT / "test").rglob(file))
         assert len(found) == 1, file
         assert f"def {test}(" in found[0].read_text(encoding="utf-8"), f"{file} has no {test}"
+
+
+def test_the_gallery_has_a_page_and_a_picture_of_every_cause() -> None:
+    folder = ROOT / "docs" / "gallery"
+    assert {path.stem for path in folder.glob("*.md")} == {*library(), "index"}
+    for cause in library():
+        assert "![" in (folder / f"{cause}.md").read_text(encoding="utf-8"), cause
 
 
 def test_make_is_here_to_check_its_targets() -> None:
