@@ -31,7 +31,8 @@ from scipy.stats import beta, norm
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
-from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE
+from worlds.effects import CAUSES, OUTSIDE
+from worlds.hiding import FORMS
 from worlds.scenario import make_scenario
 from worlds.store import StoredCase, load_case, save_case
 
@@ -420,7 +421,7 @@ def cases(arguments: argparse.Namespace) -> list[Case]:
         seed = arguments.first_seed + n
         if n < arguments.per_cause:
             for cause in causes:
-                forms = LAW_FORMS.get(cause, (None,))
+                forms = FORMS.get(cause, (None,))
                 # a soft mount is told from the other mounts and not by a hypothesis of the library
                 if not (arguments.leave_one_out and cause == "one_soft_mount"):
                     out.append(Case((cause,), seed, *common, form=forms[n % len(forms)], without=arguments.leave_one_out))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 from worlds import laws
-from worlds.quarter_car import QuarterCar, drive_quarter_car, law_of, measure_quarter_car, one_mass_yaml, road_height
+from worlds.quarter_car import QuarterCar, drive_quarter_car, measure_quarter_car, one_mass_yaml, road_height
 from worlds.roads import Road
 
 from ride_estimation.cli.compare_models import compare
@@ -59,10 +59,7 @@ def test_plain_voigt_truth_the_papers_filter_alone_is_far_worse_and_its_score_do
 
 def test_viscoelastic_truth_filter_beside_voigt_equals_a_maxwell_branch_and_both_beat_voigt(vehicle_file):
     plain = QuarterCar()
-    _, data = record(plain, 1)
-    spread = data["deflection"][:, 0].std()
-    code, parameters = law_of("six_cells", plain, spread, 10 * spread, 0.5)
-    car = dataclasses.replace(plain, laws=((code, parameters),))
+    car = dataclasses.replace(plain, laws=((laws.MANY_CELLS, (0.5 * plain.stiffness, 0.01, 0.5, 6, 0.0)),))
     found, _ = scores(car, vehicle_file, ("Voigt", "Voigt + filter", "Voigt + Maxwell", *LAWS))
     held_out = {name: s[1]["rmse_percent"] for name, s in found.items()}
     assert held_out["Voigt + Maxwell"] < 0.6 * held_out["Voigt"]
@@ -91,11 +88,11 @@ def test_hysteresis_of_another_sharpness_is_found_by_bouc_wen_at_every_amplitude
     """Row 1-23: truth with exponent 1.5 and beta 0.6 (candidate: 2 and 0.5); friction level within 10 %; half the amplitude."""
     plain = QuarterCar()
     spread = record(plain, 1)[1]["deflection"][:, 0].std()
-    code, parameters = law_of("bouc_wen", plain, spread, 10 * spread, size)
-    car = dataclasses.replace(plain, laws=((code, parameters),))
+    level = size * plain.stiffness * spread
+    car = dataclasses.replace(plain, laws=((laws.BOUC_WEN, (level, 0.1 * spread, 0.6, 1.5)),))
     found, fitted = scores(car, vehicle_file, ("Voigt", "Voigt + Bouc-Wen"))
     ours = fitted["Voigt + Bouc-Wen"]
-    assert ours.shape["friction_stroke"] * ours.stiffness["suspension"] == pytest.approx(parameters[0], rel=0.1)
+    assert ours.shape["friction_stroke"] * ours.stiffness["suspension"] == pytest.approx(level, rel=0.1)
     for run in (1, 2):
         assert found["Voigt + Bouc-Wen"][run]["rmse_percent"] < 0.35 * found["Voigt"][run]["rmse_percent"]
 

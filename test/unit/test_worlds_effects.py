@@ -14,7 +14,8 @@ from worlds import adapters
 from worlds.bag import write_bag
 from worlds.cab import GRAVITY, CabSensor, measure, random_sensors, random_vehicle, simulate, true_signal
 from worlds.calibration import BestLinear
-from worlds.effects import CAUSES, LAW_FORMS, OUTSIDE, SENSOR_CAUSES, Effect, Reference, combine, plant
+from worlds.effects import CAUSES, OUTSIDE, SENSOR_CAUSES, Effect, Reference, combine, plant
+from worlds.hiding import FORMS
 from worlds.plane_scenario import machine_case, quarter_car_case
 from worlds.quarter_car import FireTruck, QuarterCar
 from worlds.roads import Road, base_motion
@@ -59,13 +60,13 @@ def test_every_cause_changes_the_measurement_or_the_file(reference: Reference, c
         changed = [s.name for s, old in zip(sensors, reference.sensors) if repr(s) != repr(old)]
         assert changed == [effect.location]
         assert vehicle is reference.vehicle
-    elif effect.location in reference.vehicle.mount_names and cause in LAW_FORMS:
+    elif effect.location in reference.vehicle.mount_names and cause in FORMS:
         assert {reference.vehicle.mount_names[i] for i, *_ in vehicle.hidden.laws} == {effect.location}
 
 
 @pytest.mark.parametrize("cause", ["coulomb_friction", "damping_nonlinearity", "sensor_delay", "harmonic_disturbance"])
 def test_size_leaves_the_wanted_residual(reference: Reference, best: BestLinear, cause: str) -> None:
-    effect = plant(cause, reference, np.random.default_rng(6), mount="all" if cause in LAW_FORMS else None)
+    effect = plant(cause, reference, np.random.default_rng(6), mount="all" if cause in FORMS else None)
     size, residual = best.size_for(effect, 0.04)
     assert residual == pytest.approx(0.04, rel=0.06)
     assert best.residual(effect, 2.0 * size) > 1.3 * residual
@@ -186,7 +187,7 @@ def test_bag_comes_back_sample_by_sample(reference: Reference, tmp_path: pathlib
 
 def test_two_effects_add_up(reference: Reference) -> None:
     rng = np.random.default_rng(21)
-    first = plant("damping_nonlinearity", reference, rng, form="tanh_damper", mount="front_left", axis="z")
+    first = plant("damping_nonlinearity", reference, rng, form="relief_valve", mount="front_left", axis="z")
     second = plant("one_soft_mount", reference, rng, mount="rear_left")
     third = plant("sensor_delay", reference, rng)
     vehicle, _, _ = combine(first, second)(2.0, 0.5)

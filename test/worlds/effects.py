@@ -13,8 +13,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from worlds import laws
+from worlds import hiding
 from worlds.cab import AXES, CabRun, CabSensor, CabVehicle, rotation_of_degrees, true_signal
+from worlds.hiding import FORMS
 
 Sensors = tuple[CabSensor, ...]
 Changed = tuple[CabVehicle, Sensors, tuple[float, float, float]]
@@ -66,20 +67,8 @@ class Reference:
         """Return rms of the spring and damper force (M, 3) [N]."""
         return self.moving(self.vehicle.stiffness * self.run.deflection + self.vehicle.damping * self.run.rate)
 
-    def peak(self, mount: int, axis: int, quantile: float) -> float:
-        """Return a quantile of the absolute deflection [m]."""
-        return float(np.quantile(np.abs(self.run.deflection[round(2.0 / self.run.step) :, mount, axis]), quantile))
 
-
-LAW_FORMS: dict[str, tuple[str, ...]] = {
-    "coulomb_friction": ("lugre", "bouc_wen", "stribeck", "jenkins_chain"),
-    "viscoelasticity": ("two_cells", "six_cells", "fractional"),
-    "stiffness_nonlinearity": ("sinh", "tangent", "arctangent", "polytropic"),
-    "damping_nonlinearity": ("tanh_damper", "asymmetric_damper", "gauss_damper", "power_damper"),
-    "bump_stop": ("bumper_one_side", "bumper_both_sides"),
-    "backlash": ("free_play",),
-}
-OUTSIDE = ("levelling", "inerter", "cross_coupling")
+OUTSIDE = (*hiding.OUTSIDE, "cross_coupling")
 OTHER = (
     "harmonic_disturbance", "mass_change", "cg_offset", "parameter_drift", "one_soft_mount", "flexible_mode",
     "missing_degree_of_freedom",
@@ -87,7 +76,7 @@ OTHER = (
 SENSOR_CAUSES = (
     "sensor_delay", "sensor_gain", "sensor_bias", "sensor_misalignment", "sensor_clipping", "wrong_sensor_position",
 )  # fmt: skip
-CAUSES = (*LAW_FORMS, *OTHER, *SENSOR_CAUSES)
+CAUSES = (*FORMS, *OTHER, *SENSOR_CAUSES)
 
 
 def plant(
@@ -114,7 +103,7 @@ def plant(
     """
     if cause == "none":
         return Effect("none", "", "", "", lambda size: (reference.vehicle, reference.sensors, (0.0, 0.0, 0.0)))
-    if cause in LAW_FORMS or cause in ("outside:levelling", "outside:inerter"):
+    if cause in FORMS or cause in ("outside:levelling", "outside:inerter"):
         return _law_effect(cause, reference, rng, form, mount, axis)
     if cause in SENSOR_CAUSES:
         return _sensor_effect(cause, reference, rng, form, sensor, axis, chassis_share)
@@ -167,87 +156,30 @@ def _choose_place(reference: Reference, rng: np.random.Generator, mount: str | N
     return mount, axis, list(chosen), AXES.index(axis)
 
 
-def _law_parameters(
-    form: str, ref: Reference, i: int, a: int, size: float, draw: dict[str, float]
-) -> tuple[int, tuple[float, ...]]:
-    """Return law code and parameters of one mount axis; ``draw`` holds the random shape of this effect."""
-    x, v, f = ref.deflection[i, a], ref.rate[i, a], ref.force[i, a]
-    k, c = ref.vehicle.stiffness[i, a], ref.vehicle.damping[i, a]
-    u = draw["u"]
-    level = 0.4 * size * f
-    if form == "lugre":
-        reach = (0.02 + 0.06 * u) * x
-        return laws.LUGRE, (level / reach, 0.0, level, level * (1.0 + 0.4 * draw["w"]), 0.1 * v)
-    if form == "bouc_wen":
-        return laws.BOUC_WEN, (level, (0.05 + 0.15 * u) * x, 0.5 + 0.3 * draw["w"], 1.0 + draw["w"])
-    if form == "stribeck":
-        return laws.STRIBECK, (level, level * (1.0 + 0.4 * draw["w"]), 0.15 * v, (0.02 + 0.05 * u) * v)
-    if form == "jenkins_chain":
-        return laws.JENKINS, (level / ((0.05 + 0.15 * u) * x), level, 8, 10.0)
-    if form in ("two_cells", "six_cells", "fractional"):
-        fast = 1.0 / (2 * np.pi * (6.0 + 14.0 * u))
-        n = {"two_cells": 2, "six_cells": 6, "fractional": 10}[form]
-        span = {"two_cells": 6.0, "six_cells": 60.0, "fractional": 1000.0}[form]
-        return laws.MANY_CELLS, (size * k, fast, fast * span, n, 0.3 + 0.3 * draw["w"] if form == "fractional" else 0.0)
-    if form == "sinh":
-        return laws.SINH, (size * k, (1.2 + u) * x)
-    if form == "tangent":
-        return laws.TANGENT, (size * k, (3.0 + 2.0 * u) * x)
-    if form == "arctangent":
-        return laws.ARCTANGENT, (min(size, 0.95) * k, (0.6 + u) * x)
-    if form == "polytropic":
-        return laws.POLYTROPIC, (size * k, (6.0 + 4.0 * u) * x, 1.2 + 2.0 * draw["w"])
-    if form == "tanh_damper":
-        return laws.TANH_DAMPER, (size * c, (0.3 + 0.7 * u) * v)
-    if form == "asymmetric_damper":
-        return laws.ASYMMETRIC_DAMPER, (2.0 * size * c, (0.1 + 0.2 * u) * v)
-    if form == "gauss_damper":
-        return laws.GAUSS_DAMPER, (2.0 * size * c, (0.5 + 0.5 * u) * v)
-    if form == "power_damper":
-        return laws.POWER_DAMPER, (size * c, (0.7 + 0.6 * u) * v, 0.35 + 0.3 * draw["w"])
-    if form in ("bumper_one_side", "bumper_both_sides"):
-        gap = ref.peak(i, a, 0.92 + 0.06 * u)
-        side = 0.0 if form == "bumper_both_sides" else (-1.0 if draw["w"] < 0.7 else 1.0)
-        return laws.BUMPER, (2.0 * size * k * 0.4 * x, gap, 0.4 * x, 0.3 + 0.4 * draw["w"], 0.3 * v, side)
-    if form == "free_play":
-        half = 0.3 * size * x
-        centre = 0.0 if a < 2 else (0.3 + 0.7 * u) * x * (1.0 if draw["w"] > 0.5 else -1.0)
-        return laws.FREE_PLAY, (k, c, half, 0.05 * half, centre)
-    if form == "levelling":
-        return laws.LEVELLING, (0.6 * size * f, 4.0 * k * size, 0.3 + u)
-    if form == "inerter":
-        inertance = size * ref.vehicle.mass / 8.0
-        spring = 4.0 * k + inertance * (2 * np.pi * (12.0 + 10.0 * u)) ** 2
-        return laws.INERTER, (inertance, spring, 0.3 * 2.0 * np.sqrt(spring * inertance))
-    raise ValueError(f"unknown form {form!r}")
-
-
 def _law_effect(
     cause: str, ref: Reference, rng: np.random.Generator, form: str | None, mount: str | None, axis: str | None
 ) -> Effect:
     if cause.startswith("outside:"):
         form = cause.split(":")[1]
-    form = form or str(rng.choice(LAW_FORMS[cause]))
+    form = form or str(rng.choice(FORMS[cause]))
     location, axis, chosen, a = _choose_place(ref, rng, mount, axis, 0.25)
-    draw = {"u": float(rng.random()), "w": float(rng.random())}
+    u, w = float(rng.random()), float(rng.random())
+
+    def law(size: float, i: int) -> tuple[int, tuple[float, ...]]:
+        site = hiding.Site(
+            float(ref.vehicle.stiffness[i, a]), float(ref.vehicle.damping[i, a]), ref.vehicle.mass, float(ref.deflection[i, a]),
+            float(ref.rate[i, a]), float(ref.force[i, a]), upright=a == 2,
+        )
+        return hiding.law_of(form, site, size, u, w)
 
     def apply(size: float) -> Changed:
-        added = tuple((i, a, *_law_parameters(form, ref, i, a, size, draw)) for i in chosen)
+        added = tuple((i, a, *law(size, i)) for i in chosen)
         hidden = dataclasses.replace(ref.vehicle.hidden, laws=ref.vehicle.hidden.laws + added)
-        damping = ref.vehicle.damping
-        if form in ("tanh_damper", "power_damper") and size > 0.97:
-            # the law takes linear damping away: a damper that is mostly saturating must be a larger one
-            damping = damping.copy()
-            damping[chosen, a] *= size / 0.97
+        damping = ref.vehicle.damping.copy()
+        damping[chosen, a] *= hiding.damping_factor(form, size)
         return dataclasses.replace(ref.vehicle, hidden=hidden, damping=damping), ref.sensors, (0.0, 0.0, 0.0)
 
-    # a real mount: friction up to its own dynamic force, relaxing stiffness up to three times the static one, ...
-    largest = {
-        "arctangent": 0.95, "tanh_damper": 4.0, "power_damper": 4.0, "asymmetric_damper": 6.0, "gauss_damper": 4.0,
-        "two_cells": 3.0, "six_cells": 3.0, "fractional": 3.0, "sinh": 3.0, "tangent": 6.0, "polytropic": 3.0, "levelling": 3.0,
-        "inerter": 3.0, "free_play": 6.0,
-    }  # fmt: skip
-    return Effect(cause, location, axis, form, apply, largest=largest.get(form, 5.0))
+    return Effect(cause, location, axis, form, apply, largest=hiding.LARGEST.get(form, 5.0))
 
 
 def _changed(ref: Reference, **hidden: object) -> Changed:

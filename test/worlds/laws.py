@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Foreign force laws of the worlds: one compiled kernel, functional forms the product's library does not use.
+"""Force laws of the worlds in one compiled kernel; :mod:`worlds.hiding` sizes those that hide a cause.
 
 A law gives the *extra* force [N] (tension positive) of one mount axis on top of the linear spring and damper, from the
 deflection x [m] and the rate v [m/s]. Memory: ``z[0]`` holds the committed deflection, the rest belongs to the law.
@@ -19,39 +19,53 @@ LUGRE = 1  # sigma0 N/m, sigma1 N s/m, coulomb N, static N, stribeck speed m/s
 BOUC_WEN = 2  # yield force N, yield deflection m, beta (gamma = 1 - beta), exponent
 STRIBECK = 3  # coulomb N, static N, stribeck speed m/s, regularisation speed m/s
 JENKINS = 4  # total stiffness N/m, total slip force N, number of elements, spread (ratio of slip deflections)
-SINH = 5  # stiffness N/m, scale m
-TANGENT = 6  # stiffness N/m, asymptote m
-ARCTANGENT = 7  # stiffness N/m, scale m (softening)
-POLYTROPIC = 8  # stiffness N/m, height m, exponent (air spring; negative deflection hardens)
-TANH_DAMPER = 9  # damping N s/m, speed m/s (degressive)
-ASYMMETRIC_DAMPER = 10  # extra damping of extension N s/m, corner speed m/s
-GAUSS_DAMPER = 11  # extra damping around zero speed N s/m, speed m/s
-BUMPER = 12  # force scale N, gap m, length scale m, loss ratio, speed scale m/s, side (-1 compression, 1 extension, 0 both)
-FREE_PLAY = 13  # stiffness N/m, damping N s/m, half clearance m, smoothing m, centre m
+HYPERBOLIC = 5  # stiffness N/m, scale m (softening, Hardin and Drnevich)
+CONTOURED = 6  # stiffness N/m, scale m, phase (rolling lobe on a waisted piston: the rate varies with stroke)
+OFFSET_SQUARE = 7  # stiffness N/m, scale m, place m (a square to both sides of a place off the middle)
+HOLLOW = 8  # stiffness N/m, scale m, gap m (cube in compression)
+BLOW_OFF = 9  # damping N s/m taken away in extension, opening speed m/s, width m/s
+RELIEF = 10  # damping N s/m taken away in both directions, opening speed m/s, width m/s
+ASYMMETRIC_DAMPER = 11  # extra damping of extension N s/m, corner speed m/s
+FOAM = 12  # force N, gap m, collapse m, densification m, loss ratio, speed scale m/s, side (-1 compression, 1 extension, 0 both)
+SOFT_PLAY = 13  # stiffness N/m, damping N s/m, half clearance m, softness of the contact m, centre m
 MANY_CELLS = 14  # total stiffness N/m, shortest time s, longest time s, number of cells, exponent (fractional order)
 LEVELLING = 15  # largest force N, gain N/(m s), leak 1/s   (out of library: saturating integral actuator)
 INERTER = 16  # inertance kg, series stiffness N/m, series damping N s/m   (out of library)
-POWER_DAMPER = 17  # damping N s/m at the reference speed, reference speed m/s, exponent: extra over linear
 
 NAMES = {
     "lugre": LUGRE,
     "bouc_wen": BOUC_WEN,
     "stribeck": STRIBECK,
     "jenkins_chain": JENKINS,
-    "sinh": SINH,
-    "tangent": TANGENT,
-    "arctangent": ARCTANGENT,
-    "polytropic": POLYTROPIC,
-    "tanh_damper": TANH_DAMPER,
+    "hyperbolic": HYPERBOLIC,
+    "contoured": CONTOURED,
+    "offset_square": OFFSET_SQUARE,
+    "hollow": HOLLOW,
+    "blow_off": BLOW_OFF,
+    "relief": RELIEF,
     "asymmetric_damper": ASYMMETRIC_DAMPER,
-    "gauss_damper": GAUSS_DAMPER,
-    "bumper": BUMPER,
-    "free_play": FREE_PLAY,
+    "foam": FOAM,
+    "soft_play": SOFT_PLAY,
     "many_cells": MANY_CELLS,
     "levelling": LEVELLING,
     "inerter": INERTER,
-    "power_damper": POWER_DAMPER,
 }
+
+
+@compiled
+def _opened(y, width):
+    """Return a smooth positive part."""
+    return 0.5 * (y + np.sqrt(y * y + width * width))
+
+
+@compiled
+def _contact(y, half, softness):
+    """Return the stroke behind a clearance whose contact stiffens as it closes, and its slope."""
+    depth = abs(y) - half
+    if depth <= 0.0:
+        return 0.0, 0.0
+    closed = 1.0 - np.exp(-depth / softness)
+    return (1.0 if y > 0.0 else -1.0) * (depth - softness * closed), closed
 
 
 @compiled
@@ -92,48 +106,34 @@ def law_force(code, p, z, x, v, h, zn):
             zn[1 + j] = f
             total += f
         return total
-    if code == SINH:
-        r = min(max(x / p[1], -12.0), 12.0)
-        return p[0] * (p[1] * np.sinh(r) - x)
-    if code == TANGENT:
-        r = min(max(x / p[1], -0.9), 0.9)
-        f = p[1] * 2.0 / np.pi * np.tan(np.pi * r / 2.0)
-        slope = 1.0 / np.cos(np.pi * r / 2.0) ** 2
-        return p[0] * (f + slope * (x - r * p[1]) - x)
-    if code == ARCTANGENT:
-        return p[0] * (p[1] * np.arctan(x / p[1]) - x)
-    if code == POLYTROPIC:
-        r = max(1.0 + x / p[1], 0.15)
-        return p[0] * (p[1] / p[2] * (1.0 - r ** (-p[2])) - x)
-    if code == TANH_DAMPER:
-        return p[0] * (p[1] * np.tanh(v / p[1]) - v)
-    if code == POWER_DAMPER:
-        return p[0] * (p[1] * np.sign(v) * (abs(v) / p[1]) ** p[2] - v)
+    if code == HYPERBOLIC:
+        return p[0] * (x / (1.0 + abs(x) / p[1]) - x)
+    if code == CONTOURED:
+        return p[0] * (p[1] * (np.sin(x / p[1] + p[2]) - np.sin(p[2])) - x)
+    if code == OFFSET_SQUARE:
+        return p[0] * ((x - p[2]) * abs(x - p[2]) + p[2] * abs(p[2])) / p[1]
+    if code == HOLLOW:
+        return -p[0] * max(-x - p[2], 0.0) ** 3 / p[1] ** 2
+    if code == BLOW_OFF:
+        return -p[0] * (_opened(v - p[1], p[2]) - _opened(-p[1], p[2]))
+    if code == RELIEF:
+        return -p[0] * (_opened(v - p[1], p[2]) - _opened(-v - p[1], p[2]))
     if code == ASYMMETRIC_DAMPER:
         return p[0] * 0.5 * (v + np.sqrt(v * v + p[1] * p[1]) - p[1])
-    if code == GAUSS_DAMPER:
-        return p[0] * v * np.exp(-((v / p[1]) ** 2))
-    if code == BUMPER:
+    if code == FOAM:
         total = 0.0
         for side in (-1.0, 1.0):
-            if p[5] * side < 0.0:
+            if p[6] * side < 0.0:
                 continue
             depth = side * x - p[1]
             if depth > 0.0:
-                r = min(depth / p[2], 30.0)
-                loss = 1.0 + p[3] * np.tanh(side * v / p[4])
-                total += side * p[0] * (np.exp(r) - 1.0) * max(loss, 0.0)
+                loss = 1.0 + p[4] * np.tanh(side * v / p[5])
+                total += side * p[0] * (1.0 - np.exp(-depth / p[2]) + (depth / p[3]) ** 3) * max(loss, 0.0)
         return total
-    if code == FREE_PLAY:
-        y = x - p[4]
-        up = np.sqrt((y - p[2]) ** 2 + p[3] ** 2)
-        down = np.sqrt((y + p[2]) ** 2 + p[3] ** 2)
-        dead = y + 0.5 * (up - down)
-        slope = 1.0 + 0.5 * ((y - p[2]) / up - (y + p[2]) / down)
-        up0 = np.sqrt((-p[4] - p[2]) ** 2 + p[3] ** 2)
-        down0 = np.sqrt((-p[4] + p[2]) ** 2 + p[3] ** 2)
-        dead0 = -p[4] + 0.5 * (up0 - down0)
-        return p[0] * (dead - dead0 - x) + p[1] * (slope - 1.0) * v
+    if code == SOFT_PLAY:
+        contact, rate = _contact(x - p[4], p[2], p[3])
+        at_rest, _ = _contact(-p[4], p[2], p[3])
+        return p[0] * (contact - at_rest - x) + p[1] * (rate - 1.0) * v
     if code == MANY_CELLS:
         n = int(p[3])
         total = 0.0

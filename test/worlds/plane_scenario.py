@@ -12,21 +12,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from worlds import laws
+from worlds import hiding
 from worlds.cab import GRAVITY
 from worlds.chain import Chain, ChainRun, simulate_chain
+from worlds.hiding import FORMS
 from worlds.machine import Machine
 from worlds.quarter_car import QuarterCar, drive_quarter_car, road_height
 from worlds.roads import Road
 
 STEP = 1e-3
-FORMS = {
-    "coulomb_friction": ("lugre", "bouc_wen", "stribeck"),
-    "viscoelasticity": ("six_cells",),
-    "stiffness_nonlinearity": ("sinh", "arctangent"),
-    "damping_nonlinearity": ("tanh_damper", "asymmetric_damper"),
-    "bump_stop": ("bumper",),
-}
 CAUSES = ("none", *FORMS, "harmonic_disturbance", "mass_change", "sensor_delay", "sensor_gain")
 
 
@@ -46,21 +40,6 @@ class PlaneCase:
     runs: tuple[dict[str, np.ndarray], ...]
     rate_hz: float
     forces: tuple[np.ndarray, ...]
-
-
-def _law(form: str, k: float, c: float, x: float, v: float, size: float, u: float) -> tuple[int, tuple[float, ...]]:
-    level = 0.5 * size * k * x
-    return {
-        "lugre": (laws.LUGRE, (level / (0.05 * x), 0.0, level, (1.0 + 0.4 * u) * level, 0.1 * v)),
-        "bouc_wen": (laws.BOUC_WEN, (level, (0.05 + 0.1 * u) * x, 0.6, 1.5)),
-        "stribeck": (laws.STRIBECK, (level, 1.2 * level, 0.15 * v, 0.04 * v)),
-        "six_cells": (laws.MANY_CELLS, (size * k, 0.005 + 0.01 * u, 0.6, 6, 0.0)),
-        "sinh": (laws.SINH, (size * k, (1.3 + u) * x)),
-        "arctangent": (laws.ARCTANGENT, (min(size, 0.95) * k, (0.7 + u) * x)),
-        "tanh_damper": (laws.TANH_DAMPER, (min(size, 0.97) * c, (0.4 + 0.6 * u) * v)),
-        "asymmetric_damper": (laws.ASYMMETRIC_DAMPER, (2.0 * size * c, 0.15 * v)),
-        "bumper": (laws.BUMPER, (size * k * x, (1.7 + 0.4 * u) * x, 0.4 * x, 0.4, 0.3 * v, -1.0)),
-    }[form]
 
 
 def _linear_response(car: QuarterCar, k: float, c: float, axle: ChainRun) -> np.ndarray:
@@ -111,7 +90,8 @@ def quarter_car_case(
 
     def changed(size: float) -> QuarterCar:
         if cause in FORMS:
-            return dataclasses.replace(car, laws=(_law(form, car.stiffness, car.damping, x, v, size, u),))
+            law = hiding.law_of(form, hiding.Site(car.stiffness, car.damping, car.sprung, x, v, car.stiffness * x), size, u, u)
+            return dataclasses.replace(car, laws=(law,), damping=car.damping * hiding.damping_factor(form, size))
         if cause == "harmonic_disturbance":
             amplitude = size * car.sprung * plain.qdd[1500:, 0].std()
             return dataclasses.replace(car, disturbance=(amplitude, frequency, 0.001))
@@ -215,7 +195,9 @@ def machine_case(
     hidden = base
     if form is not None:
         x, v = plain.deflection[1500:, link].std(), plain.rate[1500:, link].std()
-        law = _law(form, base.stiffness[link], base.damping[link], x, v, size, float(rng.random()))
+        shape = float(rng.random())
+        k, c = base.stiffness[link], base.damping[link]
+        law = hiding.law_of(form, hiding.Site(k, c, base.cab_mass, float(x), float(v), float(k * x)), size, shape, shape)
         hidden = dataclasses.replace(base, laws=((link, *law),))
     places = {"cab_front": ("cab", 0.2), "cab_middle": ("cab", -0.5), "cab_rear": ("cab", -1.4)}
     places |= {"chassis_front": ("chassis", base.mount_x[0]), "chassis_rear": ("chassis", base.mount_x[1])}

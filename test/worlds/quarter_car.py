@@ -12,7 +12,6 @@ import dataclasses
 
 import numpy as np
 
-from worlds import laws
 from worlds.cab import GRAVITY
 from worlds.chain import Chain, ChainRun, simulate_chain
 from worlds.roads import Road, _band, _noise
@@ -187,18 +186,3 @@ class FireTruck:
         inputs = np.column_stack([front, behind])
         rates = np.column_stack([rate, np.gradient(behind, 0.5 * self.step)])
         return simulate_chain(chain, self.step, inputs, rates, push), front[::2]
-
-
-def law_of(form: str, car: QuarterCar, deflection_rms: float, rate_rms: float, size: float) -> tuple[int, tuple[float, ...]]:
-    """Return a suspension law of a form sized by the undisturbed motion (size 1 is strong)."""
-    force = car.stiffness * deflection_rms
-    table = {
-        "lugre": (laws.LUGRE, (size * force / (0.05 * deflection_rms), 0.0, size * force, 1.2 * size * force, 0.1 * rate_rms)),
-        "bouc_wen": (laws.BOUC_WEN, (size * force, 0.1 * deflection_rms, 0.6, 1.5)),
-        "stribeck": (laws.STRIBECK, (size * force, 1.2 * size * force, 0.15 * rate_rms, 0.03 * rate_rms)),
-        "sinh": (laws.SINH, (size * car.stiffness, 1.7 * deflection_rms)),
-        "six_cells": (laws.MANY_CELLS, (size * car.stiffness, 0.01, 0.5, 6, 0.0)),
-        "tanh_damper": (laws.TANH_DAMPER, (min(size, 0.97) * car.damping, 0.6 * rate_rms)),
-        "bumper": (laws.BUMPER, (size * force, 2.0 * deflection_rms, 0.4 * deflection_rms, 0.5, 0.3 * rate_rms, -1.0)),
-    }
-    return table[form]
