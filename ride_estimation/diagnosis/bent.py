@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Bent characteristics: an odd form of a few families and a lopsided part, over deflection or over rate."""
+"""Bent characteristics: an odd form of a few families and its lopsided parts, over deflection or over rate."""
 
 from __future__ import annotations
 
@@ -53,18 +53,20 @@ def odd_form(u: Array, shape: Shapes) -> Array:
             return np.asarray(np.sign(u) * np.abs(u) ** scale)
 
 
-def even_form(u: Array, shape: Shapes, over_rate: bool) -> Array:
-    """Return the lopsided part, shape as ``u``: ``|u|`` of a damper with two slopes, ``u^2`` of a spring.
+def bent_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array]:
+    """Return the forms that make up a characteristic at normalised deflections or rates, shape as ``u`` each.
 
-    With ``s sinh(u / s)`` it is ``s (cosh(u / s) - 1)``: both together hold a spring that stiffens in one direction only, as
-    rubber and gas do in compression.
+    Over rate the odd form ``f``, ``|u|`` and ``|f|``: a damper has a slope and a bend of its own in either direction. Over
+    deflection ``f`` and ``u^2``, or ``s (cosh(u / s) - 1)`` beside ``s sinh(u / s)``: both together hold a spring that stiffens
+    in one direction only, as rubber and gas do in compression.
     """
+    odd = odd_form(u, shape)
     if over_rate:
-        return np.abs(u)
+        return [odd, np.abs(u), np.abs(odd)]
     if int(shape["family"]) == Family.GROWING:
         scale = float(shape["scale"])
-        return np.asarray(scale * (np.cosh(np.clip(u / scale, -_LIMIT, _LIMIT)) - 1.0))
-    return u**2
+        return [odd, np.asarray(scale * (np.cosh(np.clip(u / scale, -_LIMIT, _LIMIT)) - 1.0))]
+    return [odd, u**2]
 
 
 def bent_hypotheses(
@@ -85,8 +87,8 @@ def bent_hypotheses(
         def columns(scene: Scene, shape: Shapes) -> list[Column]:
             def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
                 u = v / v_rms if over_rate else x / x_rms
-                even = even_form(u, shape, over_rate)
-                return [odd_form(u, shape), even - np.mean(even)]
+                odd, *even = bent_forms(u, shape, over_rate)
+                return [odd, *(form - np.mean(form) for form in even)]
 
             return force_columns(scene, site, law)
 

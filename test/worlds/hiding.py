@@ -15,7 +15,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "coulomb_friction": ("lugre", "bouc_wen", "stribeck", "jenkins_chain"),
     "viscoelasticity": ("two_cells", "six_cells", "fractional"),
     "stiffness_nonlinearity": ("hyperbolic", "contoured_piston", "offset_square", "hollow_rubber"),
-    "damping_nonlinearity": ("blow_off", "relief_valve", "asymmetric_damper"),
+    "damping_nonlinearity": ("blow_off", "relief_valve", "orifice"),
     "bump_stop": ("foam_one_side", "foam_both_sides"),
     "backlash": ("soft_play",),
 }
@@ -25,7 +25,7 @@ OUTSIDE = ("levelling", "inerter")
 #: largest size of a form: friction up to its own dynamic force, relaxing stiffness up to three times the static one, ...
 LARGEST = {
     "hyperbolic": 0.95, "contoured_piston": 0.45, "offset_square": 3.0, "hollow_rubber": 4.0, "blow_off": 4.0,
-    "relief_valve": 4.0, "asymmetric_damper": 6.0, "two_cells": 3.0, "six_cells": 3.0, "fractional": 3.0, "levelling": 3.0,
+    "relief_valve": 4.0, "orifice": 6.0, "two_cells": 3.0, "six_cells": 3.0, "fractional": 3.0, "levelling": 3.0,
     "inerter": 3.0, "soft_play": 6.0,
 }  # fmt: skip
 #: forms that take linear damping away: beyond this size the damper itself must be a larger one
@@ -65,17 +65,17 @@ def law_of(form: str, site: Site, size: float, u: float = 0.5, w: float = 0.5) -
     if form == "hyperbolic":
         return laws.HYPERBOLIC, (min(size, 0.95) * k, (0.5 + 0.5 * u) * x)
     if form == "contoured_piston":
-        return laws.CONTOURED, (min(size, 0.45) * k, (0.55 + 0.15 * u) * x, 0.1 + 0.15 * w)
+        return laws.CONTOURED, (min(size, 0.45) * k, (0.75 + 0.25 * u) * x, 0.15 + 0.15 * w)
     if form == "offset_square":
         return laws.OFFSET_SQUARE, (0.5 * size * k, x, (0.3 + 0.3 * u) * x * (1.0 if w > 0.5 else -1.0))
     if form == "hollow_rubber":
         return laws.HOLLOW, (0.3 * size * k, x, 0.3 * u * x)
     if form == "blow_off":
-        return laws.BLOW_OFF, (size * c, (0.4 + 0.4 * u) * v, 0.15 * v)
+        return laws.BLOW_OFF, (size * c, (0.9 + 0.4 * u) * v, (0.2 + 0.1 * w) * v, 0.1 * v)
     if form == "relief_valve":
         return laws.RELIEF, (size * c, (0.6 + 0.4 * u) * v, 0.1 * v)
-    if form == "asymmetric_damper":
-        return laws.ASYMMETRIC_DAMPER, (2.0 * size * c, (0.3 + 0.3 * u) * v)
+    if form == "orifice":
+        return laws.ORIFICE, (size * c, v, (0.8 + 0.4 * u) * v)
     if form in ("foam_one_side", "foam_both_sides"):
         side = 0.0 if form == "foam_both_sides" else (-1.0 if w < 0.7 else 1.0)
         return laws.FOAM, (0.8 * size * k * x, (1.6 + 0.5 * u) * x, 0.1 * x, 0.5 * x, 0.3 + 0.4 * w, 0.3 * v, side)

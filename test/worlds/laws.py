@@ -23,9 +23,9 @@ HYPERBOLIC = 5  # stiffness N/m, scale m (softening, Hardin and Drnevich)
 CONTOURED = 6  # stiffness N/m, scale m, phase (rolling lobe on a waisted piston: the rate varies with stroke)
 OFFSET_SQUARE = 7  # stiffness N/m, scale m, place m (a square to both sides of a place off the middle)
 HOLLOW = 8  # stiffness N/m, scale m, gap m (cube in compression)
-BLOW_OFF = 9  # damping N s/m taken away in extension, opening speed m/s, width m/s
+BLOW_OFF = 9  # damping N s/m taken away in extension, opening speeds of extension and compression m/s, width m/s
 RELIEF = 10  # damping N s/m taken away in both directions, opening speed m/s, width m/s
-ASYMMETRIC_DAMPER = 11  # extra damping of extension N s/m, corner speed m/s
+ORIFICE = 11  # damping N s/m, reference speed m/s, speed m/s beyond which the passage resists with the square
 FOAM = 12  # force N, gap m, collapse m, densification m, loss ratio, speed scale m/s, side (-1 compression, 1 extension, 0 both)
 SOFT_PLAY = 13  # stiffness N/m, damping N s/m, half clearance m, softness of the contact m, centre m
 MANY_CELLS = 14  # total stiffness N/m, shortest time s, longest time s, number of cells, exponent (fractional order)
@@ -43,7 +43,7 @@ NAMES = {
     "hollow": HOLLOW,
     "blow_off": BLOW_OFF,
     "relief": RELIEF,
-    "asymmetric_damper": ASYMMETRIC_DAMPER,
+    "orifice": ORIFICE,
     "foam": FOAM,
     "soft_play": SOFT_PLAY,
     "many_cells": MANY_CELLS,
@@ -115,11 +115,13 @@ def law_force(code, p, z, x, v, h, zn):
     if code == HOLLOW:
         return -p[0] * max(-x - p[2], 0.0) ** 3 / p[1] ** 2
     if code == BLOW_OFF:
-        return -p[0] * (_opened(v - p[1], p[2]) - _opened(-p[1], p[2]))
+        extension = _opened(v - p[1], p[3]) - _opened(-p[1], p[3])
+        compression = _opened(-v - p[2], p[3]) - _opened(-p[2], p[3])
+        return p[0] * (0.5 * compression - extension)
     if code == RELIEF:
         return -p[0] * (_opened(v - p[1], p[2]) - _opened(-v - p[1], p[2]))
-    if code == ASYMMETRIC_DAMPER:
-        return p[0] * 0.5 * (v + np.sqrt(v * v + p[1] * p[1]) - p[1])
+    if code == ORIFICE:
+        return p[0] / p[1] * (max(v - p[2], 0.0) ** 2 - max(-v - p[2], 0.0) ** 2)
     if code == FOAM:
         total = 0.0
         for side in (-1.0, 1.0):

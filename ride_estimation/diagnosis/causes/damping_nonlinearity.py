@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.bent import Family, bent_hypotheses, even_form, odd_form
+from ride_estimation.diagnosis.bent import Family, bent_forms, bent_hypotheses
 from ride_estimation.diagnosis.extension import add_damper_curve
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
 from ride_estimation.diagnosis.scene import Scene
@@ -22,6 +22,7 @@ _FORMS = (
     (Family.SQUARE, 1.0), (Family.SATURATING, 0.4), (Family.SATURATING, 0.8), (Family.SATURATING, 2.0), (Family.BULGE, 0.5),
     (Family.BULGE, 1.0), (Family.POWER, 0.45), (Family.POWER, 0.7),
 )  # fmt: skip
+_COLUMNS = 3
 
 
 @final
@@ -46,11 +47,11 @@ class DampingNonlinearity(Cause):
         for i, p in enumerate(site.ports):
             v_rms = scene.scales[p][1]
             label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
-            pair = fitted.coefficients[2 * i : 2 * i + 2]
-            cov = fitted.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+            part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
+            cov = fitted.covariance[part, part]
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):
-                weights = np.array([float(odd_form(np.array([u]), fitted.shape)[0]), abs(u)])
-                force = float(scene.state.damping[p] * u * v_rms + weights @ pair)
+                weights = np.array([form.item() for form in bent_forms(np.array([u]), fitted.shape, over_rate=True)])
+                force = float(scene.state.damping[p] * u * v_rms + weights @ fitted.coefficients[part])
                 std = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
                 out.append(Reported(f"damping force at {name} rate{label}", force, std, "N"))
             out.append(Reported(f"rms rate{label}", v_rms, 0.0, "m/s"))
@@ -64,11 +65,10 @@ class DampingNonlinearity(Cause):
             port = scene.plant.ports[p]
             v = scene.deflection_rate[:, p]
             v_rms = scene.scales[p][1]
-            pair = fitted.coefficients[2 * i : 2 * i + 2]
+            weights = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
 
-            def curve(rate: Array, pair: Array = pair, scale: float = v_rms) -> Array:
-                u = rate / scale
-                return np.asarray(pair[0] * odd_form(u, fitted.shape) + pair[1] * even_form(u, fitted.shape, True))
+            def curve(rate: Array, weights: Array = weights, scale: float = v_rms) -> Array:
+                return np.asarray(weights @ np.stack(bent_forms(rate / scale, fitted.shape, over_rate=True)))
 
             vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(scene.state.damping[p]))
             notes += note

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.bent import Family, bent_hypotheses, even_form, odd_form
+from ride_estimation.diagnosis.bent import Family, bent_forms, bent_hypotheses
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
 from ride_estimation.diagnosis.scene import Scene
@@ -53,7 +53,7 @@ class StiffnessNonlinearity(Cause):
             for u in (2.0, -2.0, 0.0):
                 step = 1e-3
                 near = np.array([u - step, u + step])
-                units = odd_form(near, fitted.shape), even_form(near, fitted.shape, False)
+                units = bent_forms(near, fitted.shape, over_rate=False)
                 weights = np.array([float(np.diff(unit)[0]) / (2.0 * step) for unit in units]) / x_rms
                 pair = fitted.coefficients[2 * i : 2 * i + 2]
                 changes.append(float(weights @ pair))
@@ -77,6 +77,6 @@ class StiffnessNonlinearity(Cause):
             grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
             u = grid / x_rms
             pair = fitted.coefficients[2 * i : 2 * i + 2]
-            force = pair[0] * odd_form(u, fitted.shape) + pair[1] * even_form(u, fitted.shape, False)
+            force = pair @ np.stack(bent_forms(u, fitted.shape, over_rate=False))
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ()
