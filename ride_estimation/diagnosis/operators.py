@@ -41,6 +41,35 @@ def friction_level(x: Array, reach: float) -> Array:
     return out
 
 
+@compile_kernel
+def _taken_up(x: Array, half: float, out: Array) -> None:
+    y = 0.0
+    for i in range(1, len(x)):
+        dx = x[i] - x[i - 1]
+        new = min(max(y, x[i] - half), x[i] + half)
+        if dx != 0.0:
+            out[i] = abs(new - y) / abs(dx)
+        y = new
+
+
+def loose_share(x: Array, half: float) -> Array:
+    """Return 1 where a part that hangs on a deflection through a play is left behind, 0 where it is carried along, shape (N,).
+
+    Play operator ``y = min(max(y, x - half), x + half)`` (Krasnoselskii and Pokrovskii 1989): the part stands still from every
+    reversal until the play is crossed.
+
+    Parameters
+    ----------
+    x
+        Deflection [m].
+    half
+        Half of the play [m].
+    """
+    out = np.zeros(len(x))
+    _taken_up(np.ascontiguousarray(x, dtype=float), float(half), out)
+    return np.asarray(1.0 - np.minimum(out, 1.0))
+
+
 def relaxed(omega: Array, spectrum: ComplexArray, corner_hz: float) -> ComplexArray:
     """Return the spectrum of a unit Maxwell cell, ``i w tau / (1 + i w tau)``."""
     s = 1j * omega / (2.0 * np.pi * corner_hz)

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.operators import loose_share
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+_DAMPER = "damper"
+#: share of the damping of a mount that may be lost in the joint of its damper: all of it, but for what the fit of it misses
+_MOST_LOST = 1.2
 
 
 def _missing(x: Array, half: float, centre: float) -> Array:
@@ -26,10 +31,10 @@ def _missing(x: Array, half: float, centre: float) -> Array:
 
 @final
 class Backlash(Cause):
-    """A clearance in which the mount carries no force."""
+    """A clearance in which the mount carries no force, or that its damper has to cross after every reversal."""
 
     ID = "backlash"
-    QUESTION = "Is there a clearance in which a mount carries no force?"
+    QUESTION = "Is there a clearance in which a mount, or its damper, carries no force?"
     NEEDS = "deflections that cross the clearance"
     RIVALS = ("stiffness_nonlinearity", "coulomb_friction", "one_soft_mount")
     WOULD_REFUTE = "a stiffness that does not fall at small strokes"
@@ -38,7 +43,7 @@ class Backlash(Cause):
     BENDS_SPRING = True
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site."""
+        """Return two hypotheses per site: play of the mount and play in the joint of its damper."""
         out: list[Hypothesis] = []
         for site in sites(scene):
 
@@ -53,12 +58,21 @@ class Backlash(Cause):
             bounds = (Shape("half", 0.3, 0.02, 1.5), Shape("centre", 0.0, -1.5, 1.5, 0.12))
             signs = (Sign.NEGATIVE, Sign.NEGATIVE)
             out.append(Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, signs, 1.0, site.ports))
+            out += _in_the_damper(scene, site)
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return the total clearance [m] and where its middle lies [m]."""
+        """Return the total clearance [m] and where its middle lies [m]; of a damper, the share of the damping it takes away."""
         site = site_of(scene, fitted)
         out: list[Reported] = []
+        if fitted.hypothesis.variant == _DAMPER:
+            for i, p in enumerate(site.ports):
+                label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+                clearance, damping = 2.0 * fitted.shape["half"] * scene.scales[p][0], float(scene.state.damping[p])
+                lost, std = -float(fitted.coefficients[i]) / damping, fitted.std(i) / damping
+                out.append(Reported(f"clearance of the damper{label}", float(clearance), 0.2 * float(clearance), "m"))
+                out.append(Reported(f"share of the damping behind it{label}", lost, std, "-"))
+            return tuple(out)
         for i, p in enumerate(site.ports):
             x_rms = scene.scales[p][0]
             share = min(1.0, -float(fitted.coefficients[2 * i]) / max(float(scene.state.stiffness[p]), 1e-9))
@@ -71,6 +85,8 @@ class Backlash(Cause):
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Put the missing force as a curve parallel to every mount of the site."""
         site = site_of(scene, fitted)
+        if fitted.hypothesis.variant == _DAMPER:
+            return vehicle, (f"play in the damper of {site.location} {site.axis}: vehicle files hold no damper behind a play",)
         for i, p in enumerate(site.ports):
             port = scene.plant.ports[p]
             x = scene.deflection[:, p]
@@ -81,3 +97,26 @@ class Backlash(Cause):
             force = float(fitted.coefficients[2 * i]) * _missing(grid, half, centre)
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ("damping inside the clearance is left as it was",)
+
+
+def _in_the_damper(scene: Scene, site: Site) -> list[Hypothesis]:
+    """Return the play in the joints of the dampers of a site, none where a mount has no damping to lose."""
+    damping = scene.state.damping[list(site.ports)]
+    if np.any(damping <= 0.0):
+        return []
+
+    def columns(scene: Scene, shape: Shapes) -> list[Column]:
+        def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+            return [v * loose_share(x, float(shape["half"]) * x_rms)]
+
+        return force_columns(scene, site, law)
+
+    def plausible(coefficients: Array) -> bool:
+        return bool(np.all(np.abs(coefficients) <= _MOST_LOST * damping))
+
+    grid = tuple({"half": h} for h in (0.03, 0.1, 0.3))
+    bounds = (Shape("half", 0.1, 0.005, 1.0),)
+    return [Hypothesis(
+        Backlash.ID, site.location, site.axis, columns, grid, bounds, (Sign.NEGATIVE,), ports=site.ports, variant=_DAMPER,
+        plausible=plausible,
+    )]
