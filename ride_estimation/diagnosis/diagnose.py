@@ -20,7 +20,7 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.isolability import confusions
-from ride_estimation.diagnosis.outlier import CALIBRATION, soft_mount
+from ride_estimation.diagnosis.outlier import CALIBRATION, SOFT_MOUNT, soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.prediction import Prediction, block_squares, pooled_nrmse, predict
 from ride_estimation.diagnosis.result import (
@@ -134,7 +134,7 @@ def _diagnosed(
     selection = selector.run()
     report(0.8)
     work = Work(vehicle, calibrated.scene.plant, data, calibrated, splits, selector, selection, settings)
-    answer = _conclude(work, validation)
+    answer = _conclude(work, validation, causes is None or SOFT_MOUNT in causes)
     report(1.0)
     return answer
 
@@ -186,7 +186,7 @@ def insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
     )
 
 
-def _conclude(work: Work, validation: Sequence[UniformRun]) -> Diagnosis:
+def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) -> Diagnosis:
     settings, scene = work.settings, work.calibrated.scene
     base = predict(scene, work.data, work.baseline, settings)
     judged = _accepted_or_not(work, base, validation)
@@ -194,7 +194,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun]) -> Diagnosis:
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
-    soft = _soft_mount(work, state, log_std[0])
+    soft = _soft_mount(work, state, log_std[0]) if judge_mounts else None
     seen = scene if accepted is None else accepted.scene
     named = name_causes(work.selection, soft, seen, work.splits.train)
     verdict, remaining, known = _verdict(work, base, judged, named)

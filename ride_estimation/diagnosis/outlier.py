@@ -14,6 +14,8 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 
 Array = NDArray[np.float64]
 
+#: id of the cause
+SOFT_MOUNT = "one_soft_mount"
 #: a stiffness 15 % off its file is calibration; a cause must lie beyond that by three standard deviations of its estimate
 CALIBRATION = 0.15
 #: 15 % is taken as two standard deviations of the scatter among mounts whose files are merely off, worth so many observations
@@ -65,6 +67,6 @@ def soft_mount(
         likely = float(stats.t.isf(_FALSE_ALARM / len(tested), freedom)) * scatter
         margin = -deviation - max(-np.log1p(-CALIBRATION) + 3.0 * log_std[i], likely)
         if margin > 0.0 and (best is None or margin > best[0]):
-            h = Hypothesis("one_soft_mount", ports[i].mount, ports[i].axis, lambda scene, shape: [])
+            h = Hypothesis(SOFT_MOUNT, ports[i].mount, ports[i].axis, lambda scene, shape: [])
             best = margin, Fitted(h, np.array([deviation]), np.array([[log_std[i] ** 2]]), {})
     return None if best is None else best[1]

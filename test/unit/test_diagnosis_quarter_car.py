@@ -1,20 +1,31 @@
 # Copyright 2026 ride_estimation contributors
-"""The whole chain on a quarter car integrated by the test, with laws of forms the library does not use."""
+"""The whole chain on a quarter car integrated by the test, with the laws that hide causes in all worlds."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
+
 import pytest
-from diagnosis_runs import quarter_car, quarter_car_run
+from diagnosis_runs import SITE, hiding_law, quarter_car, quarter_car_run
+from worlds.hiding import law_of
 
 from ride_estimation.diagnosis.diagnose import diagnose
 
-LAWS = {
-    "stiffness_nonlinearity": lambda x, v: 15e3 * (0.006 * np.sinh(x / 0.006) - x),
-    "coulomb_friction": lambda x, v: 60.0 * np.tanh(v / 0.002),
-    "damping_nonlinearity": lambda x, v: 1500.0 * (0.05 * np.tanh(v / 0.05) - v),
-    "bump_stop": lambda x, v: 2e5 * (max(x - 0.012, 0.0) - max(-x - 0.012, 0.0)),
-}
+#: cause, form and size of a law that leaves 4 to 10 % to the linear model; of a play in which the weight rests, 22 %
+LAWS = [
+    ("stiffness_nonlinearity", "hollow_rubber", 0.25),
+    ("coulomb_friction", "jenkins_chain", 0.3),
+    ("damping_nonlinearity", "relief_valve", 0.3),
+    ("bump_stop", "foam_both_sides", 0.15),
+    ("viscoelasticity", "fractional", 0.8),
+    ("backlash", "soft_play", 0.5),
+    pytest.param(
+        "backlash", "soft_play", 0.12,
+        marks=[pytest.mark.slow, pytest.mark.xfail(
+            strict=True, reason="half of the clearance, 0.17 mm, is less than the error of the deflection, 0.19 mm: 8.7 -> 6.4 %"
+        )],
+    ),
+]  # fmt: skip
 
 
 def test_a_clean_run_has_no_discrepancy():
@@ -26,23 +37,23 @@ def test_a_clean_run_has_no_discrepancy():
     assert by_name["strut.z.stiffness"] == pytest.approx(44e3, rel=0.01)
 
 
-@pytest.mark.parametrize("cause", LAWS)
-def test_a_planted_law_is_named_and_pays_on_the_other_run(cause):
-    answer = diagnose(quarter_car(), quarter_car_run(11, law=LAWS[cause]), [quarter_car_run(12, law=LAWS[cause])])
+@pytest.mark.parametrize(("cause", "form", "size"), LAWS)
+def test_a_planted_law_is_named_and_pays_on_the_other_run(cause, form, size):
+    run, other = (quarter_car_run(seed, law=hiding_law(form, size)) for seed in (11, 12))
+    answer = diagnose(quarter_car(), run, [other])
     assert answer.verdict == "explained"
     assert [(c.id, c.location, c.axis) for c in answer.causes] == [(cause, "strut", "z")]
     assert answer.gain is not None
     judged = answer.gain.validation[0]
-    # at least two thirds of the error is gone on a road that neither fitted nor selected
-    assert judged.extended < judged.baseline / 3.0
+    # more than half of what the model missed is gone on a road that neither fitted nor selected
+    missed, left = (math.sqrt(max(e**2 - judged.noise_floor**2, 0.0)) for e in (judged.baseline, judged.extended))
+    assert left < 0.5 * missed
     assert judged.ci95[0] > 0.0
     document = answer.to_mapping()
     assert document["causes"][0]["would_refute"]
-    assert 0.0 < document["causes"][0]["confidence"] <= 0.99
-
-
-def test_the_friction_level_is_reported_in_newton():
-    answer = diagnose(quarter_car(), quarter_car_run(11, law=LAWS["coulomb_friction"]))
-    level = next(p for p in answer.causes[0].parameters if p.name == "friction level")
-    assert level.unit == "N"
-    assert level.value == pytest.approx(60.0, rel=0.03)
+    assert 0.5 < document["causes"][0]["confidence"] <= 0.99
+    if cause == "coulomb_friction":
+        level = next(p for p in answer.causes[0].parameters if p.name == "friction level")
+        _, (_, slip, *_) = law_of(form, SITE, size)
+        assert level.unit == "N"
+        assert abs(level.value - slip) < 2.5 * level.std

@@ -22,8 +22,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 #: what leaves nothing in the band: the calibrated model holds the soft mount, and an offset moves mean readings alone
 NOT_IN_BAND = ("one_soft_mount", "sensor_bias")
 ANGLES = {"roll": "x", "pitch": "y", "yaw": "z"}
-#: cheap and of three kinds: a law of a mount, the body, a sensor
-FAST = ("coulomb_friction", "cg_offset", "sensor_delay")
+#: cheap, one in a mount and one in a sensor
+FAST = ("coulomb_friction", "sensor_delay")
 
 
 def slow_but(*fast: str) -> list[object]:

@@ -40,11 +40,11 @@ class Hidden:
 
 
 HIDDEN = (
-    Hidden("coulomb_friction", 0.65, "front_left", "z", "jenkins_chain"),
+    Hidden("coulomb_friction", 0.45, "front_left", "z", "jenkins_chain"),
     Hidden("viscoelasticity", 1.13, "all", "z", "fractional"),
     Hidden("stiffness_nonlinearity", 1.0, "rear_right", "z", "hollow_rubber"),
     Hidden("damping_nonlinearity", 0.52, "all", "z", "blow_off"),
-    Hidden("bump_stop", 2.4, "rear_left", "z", "foam_one_side"),
+    Hidden("bump_stop", 1.2, "rear_left", "z", "foam_one_side", seed=2),
     Hidden("backlash", 0.12, "all", "x", "soft_play"),
     Hidden("harmonic_disturbance", 0.103, axis="z"),
     Hidden("mass_change", 0.11),
@@ -57,7 +57,7 @@ HIDDEN = (
     Hidden("sensor_gain", 0.35, axis="z", sensor="cab_front_right"),
     Hidden("sensor_bias", 0.13, axis="z", sensor="cab_rear_left"),
     Hidden("sensor_misalignment", 0.53, axis="x", sensor="cab_rear_right"),
-    Hidden("sensor_clipping", 0.47, sensor="cab_front_left"),
+    Hidden("sensor_clipping", 0.6, sensor="cab_front_left"),
     Hidden("wrong_sensor_position", 0.64, axis="z", sensor="cab_rear_right"),
 )
 

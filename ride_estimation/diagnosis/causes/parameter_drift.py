@@ -6,6 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.extension import linear_part, with_linear_part
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -13,6 +16,13 @@ from ride_estimation.diagnosis.operators import legendre
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: places in the analysed stretch, 0 to 1: its ends, and its outer thirds
+_STRETCH = np.array([0.0, 1.0])
+_FIRST_THIRD, _LAST_THIRD = np.linspace(0.0, 1.0 / 3.0, 9), np.linspace(2.0 / 3.0, 1.0, 9)
+_LEAST = 0.05  # share of a stiffness that a polynomial leaves of it at least
 
 
 @final
@@ -47,22 +57,38 @@ class ParameterDrift(Cause):
         return out
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return stiffness and damping at the end over those at the start, minus one."""
-        k1, c1, k2, c2 = fitted.coefficients
+        """Return stiffness and damping at the end of the analysed stretch over those at its start, minus one.
+
+        How they came there is not known: half of what the change of the first to the last third differs is part of the deviation.
+        """
         out = []
-        for name, first, second, i in (("stiffness", k1, k2, 0), ("damping", c1, c2, 1)):
-            start = max(1.0 - first + second, 0.05)
-            change = float((1.0 + first + second) / start - 1.0)
-            out.append(Reported(f"{name} change over the run", change, 2.0 * fitted.std(i), "-"))
+        for name, i in (("stiffness", 0), ("damping", 1)):
+            first, last = _course(scene, fitted, i, _STRETCH)
+            change = last / max(first, _LEAST) - 1.0
+            early, late = (float(np.mean(_course(scene, fitted, i, third))) for third in (_FIRST_THIRD, _LAST_THIRD))
+            unsure = 0.5 * abs(change - (late / max(early, _LEAST) - 1.0))
+            out.append(Reported(f"{name} change over the run", float(change), float(np.hypot(2.0 * fitted.std(i), unsure)), "-"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the parameters of the end of the run."""
-        k1, c1, k2, c2 = fitted.coefficients
+        (stiffer,), (damped,) = (_course(scene, fitted, i, _STRETCH[-1:]) for i in (0, 1))
         for p in site_of(scene, fitted).ports:
             port = scene.plant.ports[p]
             element = vehicle.mounts[port.mount].elements[port.axis]
             k, c = linear_part(element)
-            changed = with_linear_part(element, k * max(1.0 + k1 + k2, 0.05), c * max(1.0 + c1 + c2, 0.0))
+            changed = with_linear_part(element, k * max(float(stiffer), _LEAST), c * max(float(damped), 0.0))
             vehicle = vehicle.replace_elements({(port.mount, port.axis): changed})
         return vehicle, ("stiffness and damping of the drifting mounts are those of the end of the run",)
+
+
+def _course(scene: Scene, fitted: Fitted, quantity: int, places: Array) -> Array:
+    """Return stiffness (``quantity`` 0) or damping (1) over its middle of the run, shape as ``places``.
+
+    The polynomials hold where the run was analysed and say nothing of its ends, which were left out.
+    """
+    first, last = scene.blocks.time_s[[0, -1]]
+    start, end = scene.time_s[[0, -1]]
+    u = 2.0 * (first + (last - first) * places - start) / (end - start) - 1.0
+    linear, square = fitted.coefficients[[quantity, quantity + 2]]
+    return np.asarray(1.0 + np.polynomial.legendre.legval(u, [0.0, linear, square]))
