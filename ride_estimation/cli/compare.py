@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ride_estimation.cli.replay import ReplayJob, replay_run
 from ride_estimation.errors import ConfigurationError, InputDataError
-from ride_estimation.io.result_files import FinishedReplay, read_replay
+from ride_estimation.io.result_files import FinishedReplay, read_diagnosis, read_replay
 from ride_estimation.io.results import output_folder
 
 
@@ -20,6 +20,9 @@ def run(options: argparse.Namespace) -> int:
     missing = [str(path) for path in finished if not path.exists()]
     if missing:
         raise InputDataError(f"{', '.join(missing)}: does not exist")
+    diagnoses = [path for path in finished if (path / "diagnosis.json").is_file() and not (path / "result.json").is_file()]
+    if diagnoses:
+        return _compare_diagnoses(finished, diagnoses, folder, options)
     recordings = [path for path in finished if not (path / "result.json").is_file()]
     if recordings:
         finished = replayed(finished, recordings, folder, options)
@@ -34,6 +37,24 @@ def run(options: argparse.Namespace) -> int:
     written = write_page(page, folder, options.format)
     few = f"which run stands out is told from {LEAST_RUNS} runs on"
     print("\n".join(findings) or (f"no run stands out among {len(runs)}" if len(runs) >= LEAST_RUNS else few))
+    print(f"written to {folder}: {', '.join(written)}")
+    return 0
+
+
+def _compare_diagnoses(given: list[Path], diagnoses: list[Path], folder: Path, options: argparse.Namespace) -> int:
+    """Write the page that compares two diagnoses and print what changed."""
+    if len(given) != 2 or len(diagnoses) != 2:
+        raise ConfigurationError(f"{diagnoses[0]}: is a diagnosis; compare takes two diagnoses, or replays only")
+    documents = [read_diagnosis(path) for path in given]
+    from ride_estimation.reporting.differences import diagnoses_page
+    from ride_estimation.reporting.formats import write_page
+
+    try:
+        page, said = diagnoses_page((given[0].name, given[1].name), *documents)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputDataError(f"{', '.join(map(str, given))}: a diagnosis.json does not have the form of one ({error})") from error
+    written = write_page(page, folder, options.format)
+    print("\n".join(said))
     print(f"written to {folder}: {', '.join(written)}")
     return 0
 

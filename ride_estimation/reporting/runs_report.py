@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.frames import AXES
 from ride_estimation.io.result_files import FinishedReplay
 from ride_estimation.io.run_metrics import Metric, run_metrics
+from ride_estimation.reporting.differences import add_differences, replay_differences
 from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.reporting.outliers import LEAST_RUNS, OUTLIER, find_outliers, run_sentence
 from ride_estimation.reporting.page import Page
@@ -29,11 +30,12 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
         At least one, with names that differ.
     """
     page = Page(f"{len(runs)} runs side by side")
+    pair, said = replay_differences(runs[0].result, runs[1].result) if len(runs) == 2 else ([], "")
     metrics = [(run.name, run_metrics(run.result)) for run in runs]
     outliers = find_outliers(metrics)
-    findings = [outlier.sentence() for outlier in outliers]
+    findings = [said] if said else [outlier.sentence() for outlier in outliers]
     none = "No run stands out." if len(runs) >= LEAST_RUNS else f"Which run stands out is told from {LEAST_RUNS} runs on."
-    page.verdict(f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else none)
+    page.verdict(said or (f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else none))
     for name in dict.fromkeys(o.run for o in outliers):
         page.warning(run_sentence(name, [o for o in outliers if o.run == name], len(outliers)))
     page.heading("Runs")
@@ -51,6 +53,9 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
     vehicles = {str(r.result["vehicle"].get("checksum", "")) for r in runs}
     if len(vehicles) > 1:
         page.warning("The vehicle files of the runs differ: parameters that rest on priors may differ for that alone.")
+    if len(runs) == 2:
+        page.heading("Before and after")
+        add_differences(page, pair, (runs[0].name, runs[1].name))
     page.heading("Parameters")
     page.text("Value ± standard deviation per run; in brackets where the status is not valid.")
     names = list(dict.fromkeys(p["name"] for r in runs for p in r.result["parameters"]))

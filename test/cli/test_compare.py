@@ -13,6 +13,8 @@ import pytest
 from ride_estimation.cli import compare
 from ride_estimation.cli.main import main
 from ride_estimation.io.results import RESULT_SCHEMA
+from ride_estimation.io.run_metrics import Metric
+from ride_estimation.reporting.differences import differences
 
 
 def finished(folder: Path, stiffness: float, std: float = 500.0, status: str = "valid") -> Path:
@@ -119,3 +121,62 @@ def test_recordings_are_replayed_first_and_names_are_kept_apart(tmp_path: Path, 
     assert main(["compare", *runs, "--vehicle", "truck_cab", "--out", str(tmp_path / "out")]) == 0
     text = (tmp_path / "out" / "report.html").read_text()
     assert all(name in text for name in ("001_run", "done", "003_run"))
+
+
+def test_before_and_after_name_what_changed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before, after, same = (finished(tmp_path / n, v) for n, v in (("before", 5e4), ("after", 6e4), ("same", 5.05e4)))
+    assert main(["compare", str(before), str(after), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    # 10000 / sqrt(2) / 500
+    assert "1 of 1 parameters changed: left.z.stiffness 50000 -> 60000 N/m (+20 %), +14.1 std" in said
+    assert "Before and after" in (tmp_path / "out" / "report.html").read_text()
+    assert main(["compare", str(before), str(same), "--out", str(tmp_path / "out")]) == 0
+    assert "none of 1 parameters changed beyond chance" in capsys.readouterr().out
+    unsure = finished(tmp_path / "unsure", 6e4, status="not_identifiable")
+    assert main(["compare", str(before), str(unsure), "--out", str(tmp_path / "out")]) == 0
+    assert "no parameters are sure enough" in capsys.readouterr().out
+
+
+def test_chance_alone_changes_nothing_and_a_change_is_found() -> None:
+    rng = np.random.default_rng(8)
+
+    def run(shift: float = 0.0) -> dict[str, Metric]:
+        values = rng.normal(size=24)
+        values[3] += shift
+        return {f"p{i}": Metric(f"p{i}", float(v), 1.0, "N/m") for i, v in enumerate(values)}
+
+    alarms = sum(any(d.changed for d in differences(run(), run())) for _ in range(600))
+    assert alarms <= 14  # 1 % of 600 is 6; more than 14 have a probability of 0.2 %
+    found = [[d.before.name for d in differences(run(), run(9.0)) if d.changed] for _ in range(100)]
+    assert sum("p3" in names for names in found) >= 97
+
+
+def diagnosed(folder: Path, causes: list[tuple[str, float]], damping: float) -> Path:
+    """A diagnosis as it lies on disk, written by hand."""
+    folder.mkdir()
+    listed = [
+        {"id": name, "location": "left", "axis": "z", "confidence": 0.9,
+         "parameters": [{"name": "level", "value": level, "std": 5.0, "unit": "N"}]} for name, level in causes
+    ]  # fmt: skip
+    (folder / "diagnosis.json").write_text(
+        json.dumps({
+            "schema": "ride_estimation/diagnosis/1", "verdict": "explained", "sentence": "", "causes": listed,
+            "gain": {"baseline": 0.1, "extended": 0.02, "noise_floor": 0.01}, "run": {"path": folder.name}, "vehicle": {},
+            "parameters": [{"name": "left.z.damping", "value": damping, "std": 10.0, "unit": "N s/m", "prior": 1e3}],
+        })
+    )  # fmt: skip
+    return folder
+
+
+def test_two_diagnoses_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = diagnosed(tmp_path / "before", [("coulomb_friction", 120.0), ("bump_stop", 3.0)], 1000.0)
+    after = diagnosed(tmp_path / "after", [("coulomb_friction", 60.0), ("backlash", 1.0)], 1005.0)
+    assert main(["compare", str(before), str(after), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "gone: bump stop at left z; new: backlash at left z; in both: coulomb friction at left z" in said
+    assert "1 of 2 parameters changed: coulomb friction at left z: level 120 -> 60 N (-50 %), -8.5 std" in said
+    assert main(["compare", str(before), str(finished(tmp_path / "run", 5e4)), "--out", str(tmp_path / "out")]) == 2
+    assert "compare takes two diagnoses" in capsys.readouterr().err
+    (after / "diagnosis.json").write_text('{"schema": "ride_estimation/diagnosis/1", "causes": 7}')
+    assert main(["compare", str(before), str(after), "--out", str(tmp_path / "out")]) == 2
+    assert "does not have the form" in capsys.readouterr().err

@@ -7,9 +7,10 @@ import argparse
 
 from ride_estimation.cli.arguments.replay import add_replay_arguments
 
-HELP = "several runs side by side: parameters, damage, comfort and spectra, and which run stands out"
+HELP = "several runs side by side, which stands out; of two runs or two diagnoses what changed, in standard deviations"
 EXAMPLES = """\
   ride-estimation compare out/run1 out/run2 out/run3 --out out/comparison            (folders of finished replays)
+  ride-estimation compare out/before out/after --out out/change                      (two replays, or two diagnoses)
   ride-estimation compare run1.mcap run2.mcap --vehicle my_truck.yaml --out out/comparison
 """
 
