@@ -18,6 +18,7 @@ with 1 if anything was not finite or more than ten times the truth.
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import pathlib
 import signal
@@ -96,6 +97,8 @@ def main() -> int:
                 print(row(f"{name}, {seed}", verdicts, [took]), flush=True)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
+        for child in multiprocessing.active_children():
+            child.terminate()
     pool.shutdown(wait=False, cancel_futures=True)
     whole = [v for verdicts in found.values() for v in verdicts]
     if not whole:

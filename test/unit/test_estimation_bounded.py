@@ -160,3 +160,29 @@ def test_equilibrium_a_block_late_never_drives_the_deflections_apart(silent: str
         sizes.append(float(np.abs(found.deflection).max()))
     assert max(sizes) < 0.01
     assert max(sizes[-50:]) < 1e-4
+
+
+@pytest.mark.parametrize("missing", ["body", "base"])
+def test_a_mount_that_nothing_tells_comes_to_rest_and_says_how_little_it_knows(missing: str):
+    a = arrange(load_vehicle("truck_cab"))
+    count, ticks, dt = len(a.mounts), 10, 0.002
+    estimator = DeflectionEstimator(a, BracketTilt(a))
+    still = np.tile([0.0, 0.0, 9.80665, 0.0, 0.0, 0.0], (ticks, 1))
+    base, none = np.tile([0.0, 0.0, 9.80665], (ticks, count, 1)), np.zeros((ticks, count, 3))
+    expected, size = np.full((count, 3), 0.02**2), []
+    for block in range(150):
+        told = block < 50
+        motion = MotionBlock(
+            still, 1e-4 * np.eye(6), np.zeros((ticks, 3)), np.zeros((ticks, 3)), 0.0, np.zeros((ticks, 0)),
+            np.full(ticks, told or missing == "base"),
+        )  # fmt: skip
+        spoke = np.full((ticks, count), told or missing == "body")
+        if block == 50:
+            estimator._state[1, :, 2] = 1.3
+        found = estimator.observe(motion, base, spoke, spoke.all(axis=1), none, none > 0.0, expected, dt)
+        size.append(np.abs(found.deflection).max())
+    assert max(size[50:]) < 0.28
+    if missing == "body":
+        assert size[-1] < 1e-3
+        np.testing.assert_allclose(found.std, 0.02, rtol=0.05)
+        np.testing.assert_allclose(found.rate_std, 0.2, rtol=0.05)

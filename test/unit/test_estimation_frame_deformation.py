@@ -140,6 +140,25 @@ def test_saved_state_continues_alike() -> None:
     assert np.array_equal(integrate(second, acceleration[2000:]), expected)
 
 
+def test_a_new_time_base_knows_spectrum_and_biases_of_before() -> None:
+    """Twist of 3 Hz: four to six seconds after a jump of the clocks within a tenth of it, and of what is stated by a factor of
+    two; a filter that knows nothing needs eight seconds for its spectrum and longer for the biases.
+    """
+    deflection, acceleration = twist(3.0, 26.0)
+    acceleration = acceleration + np.random.default_rng(3).normal(0.0, SIGMA, acceleration.shape)
+    errors = []
+    for start in (FrameDeformation.restart, FrameDeformation.reset):
+        frame = make()
+        integrate(frame, acceleration[:10000])
+        start(frame)
+        error = (integrate(frame, acceleration[10000:]) - deflection[10000:])[2000:, :, 2]
+        errors.append(np.sqrt(np.mean(error**2)))
+        if start is FrameDeformation.restart:
+            assert errors[0] < 2.0 * np.sqrt(np.diag(frame.covariance()[0])[2::3].mean())
+    assert errors[0] < 0.1 * np.sqrt(np.mean(deflection[12000:, :, 2] ** 2))
+    assert errors[0] < 0.5 * errors[1]
+
+
 @pytest.mark.parametrize("index", [0, 10, 333, 747])
 def test_bank_knows_what_its_filters_do(index: int) -> None:
     """The transfer functions against the filter that runs, solved at every frequency; white noise against Lyapunov's equation."""

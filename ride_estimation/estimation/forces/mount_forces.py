@@ -35,8 +35,6 @@ STATIC_LOAD_STD = 0.025
 _MEMORY, _SHORT_MEMORY = 5.0, 0.5
 #: time between two recomputations of the gains [s]
 _INTERVAL = 0.2
-#: ratio of standard deviations of deflections from which on they are recomputed at once
-_OUTDATED = 1.5
 #: memory of the residual of equilibrium against its covariance [s]
 _CONSISTENCY_MEMORY = 5.0
 #: rows of the wrench that judge horizontal and vertical deflections
@@ -192,8 +190,6 @@ class MountForceEstimator:
         self._slow = np.zeros(6)
         self._until = self._time
         self._square, self._count_square = np.zeros(6), 0
-        #: standard deviations of deflection and rate the gains are made for
-        self._gains_for = np.zeros((2, count, 3))
         self._gain = np.zeros((3 * count, 6))
         self._gain_slow = np.zeros((3 * count, 6))
         self._innovation = np.zeros(6)
@@ -273,10 +269,6 @@ class MountForceEstimator:
         if told.all():
             self._watch(x, v, support, dt)
         if self._time >= self._until:
-            self._until = self._time + _INTERVAL
-            self._judge()
-            self._update_gains(deflection, load_covariance)
-        elif self._outdated(deflection):
             self._update_gains(deflection, load_covariance)
         force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
         balanced_forces(
@@ -357,13 +349,9 @@ class MountForceEstimator:
         """Return the mean squared residual of equilibrium over what the mount model and the noise let expect."""
         return float(np.mean(self._ratio))
 
-    def _outdated(self, deflection: DeflectionBlock) -> bool:
-        """Return whether deflections are known much better or worse than when the gains were made: sensors went or came."""
-        now = np.stack([deflection.std, deflection.rate_std])
-        return bool(np.any(now > _OUTDATED * self._gains_for) or np.any(self._gains_for > _OUTDATED * now))
-
     def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
-        self._gains_for = np.stack([deflection.std, deflection.rate_std])
+        self._until = self._time + _INTERVAL
+        self._judge()
         self._update_static()
         count, k, c = self._count, self.law.stiffness, self.law.damping
         elastic = np.maximum(self._elastic_square, self._elastic_now)

@@ -178,7 +178,6 @@ class DeflectionEstimator:
             self._mean_square, self._sized = _MARGIN * expected_square, True
         self._lasting.observe(motion.motion[:, :3], ticks * dt)
         swing, swing_rate = self._tilting.swing(base, measured, dt)
-        before = self._p[:, :, :2, :2].copy()
         noise = self._noise_now(motion.covariance, ticks, dt)
         drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base].all()), ticks, dt)
         deflection_block(
@@ -188,8 +187,7 @@ class DeflectionEstimator:
             deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
-        # what a sensor that comes back tells at the end of a block was not known at its beginning
-        std, rate_std = (np.sqrt(np.maximum(before[:, :, a, a], self._p[:, :, a, a])) for a in (0, 1))
+        std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
         return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
 
     def _drawn(

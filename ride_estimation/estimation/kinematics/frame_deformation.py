@@ -70,12 +70,15 @@ class FrameDeformation:
 
     def reset(self) -> None:
         """Start again from an undeformed frame of which nothing is known."""
-        self._step = 0.0
+        self._step = self._age = 0.0
+        self._state = np.zeros((6, len(self.projector)))
         self.restart()
 
     def restart(self) -> None:
-        """Start again from an undeformed frame; what is known of its spectrum stays."""
-        self._state, self._time = np.zeros((6, len(self.projector))), 0.0
+        """Start again from an undeformed frame; biases of the sensors and what is known of its spectrum stay."""
+        self._state[[0, 1, 2, 3, 5]] = 0.0
+        #: time since the start, and since the biases are followed [s]
+        self._time = 0.0
         #: transition, share of the old and of the new sample of the filter of every axis
         self._filters = np.zeros((3, 4, 4)), np.zeros((3, 4)), np.zeros((3, 4))
         self._trusted, self._trust = False, 0.0
@@ -130,11 +133,11 @@ class FrameDeformation:
         ticks = len(relative)
         if dt != self._step:
             self._design(dt)
-        self._time += ticks * dt
+        self._time, self._age = self._time + ticks * dt, self._age + ticks * dt
         shape = relative.shape
         flat = np.empty((ticks, len(self.projector)))
         value, rate = np.empty_like(flat), np.empty_like(flat)
-        forget = 1.0 - math.exp(-dt / min(_BIAS_MEMORY, self._time))
+        forget = 1.0 - math.exp(-dt / min(_BIAS_MEMORY, self._age))
         frame_block(
             relative, turn, turn_rate, swing, swing_rate, self._turn_map, self._arms, self.projector, self.tilt, self._trust, dt,
             forget, *self._filters, self._state, flat, value, rate,
@@ -192,7 +195,7 @@ class FrameDeformation:
         signal = signal * max(1.0, float(spectrum.surge[axis]))
         value, rate = bank.errors(signal, tilt, white, self._time)
         # the mean that stands for the bias is as good as the slowest part of the signal lets it be
-        value = value + bank.static * measured[0] / (4.0 * min(_BIAS_MEMORY, self._time))
+        value = value + bank.static * measured[0] / (4.0 * min(_BIAS_MEMORY, self._age))
         cost = k2 * value + c2 * rate
         best, now = int(np.argmin(cost)), int(self._chosen[axis])
         if now < 0 or cost[best] < _WORTH * cost[now]:
@@ -237,7 +240,7 @@ class FrameDeformation:
         """Return the state as plain lists."""
         return {
             "state": self._state.tolist(), "variance": self.variance.tolist(), "rate_variance": self.rate_variance.tolist(),
-            "time": self._time,
+            "time": self._time, "age": self._age,
             "trusted": self._trusted, "trust": self._trust, "step": self._step, "chosen": self._chosen.tolist(),
             "spectrum": self._spectrum.save() if self._step else None,
         }  # fmt: skip
@@ -257,4 +260,5 @@ class FrameDeformation:
         self.variance = np.array(saved["variance"], dtype=float)
         self.rate_variance = np.array(saved["rate_variance"], dtype=float)
         self._time = float(saved["time"])
+        self._age = float(saved.get("age", self._time))
         self._trusted, self._trust = bool(saved["trusted"]), float(saved["trust"])
