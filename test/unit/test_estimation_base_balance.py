@@ -21,11 +21,11 @@ LAW = MountLaw(ARRANGEMENT)
 COUNT = len(ARRANGEMENT.mounts)
 
 
-def ride(seed: int, stiffness: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray, ...]:
+def ride(seed: int, stiffness: np.ndarray, damping: np.ndarray, creep: float = 0.0) -> tuple[np.ndarray, ...]:
     """Return load (K, 6), accelerations of the body at the mounts and of the bases, deflections and rates (K, M).
 
     Harmonic vertical motion of a frame that bends at its four bases by a third of its motion; the body answers to each line by
-    its own linear equation.
+    its own linear equation. ``creep``: stiffness of a Maxwell element of 40 ms at the first mount over its own.
     """
     rng = np.random.default_rng(seed)
     a, time = ARRANGEMENT, np.arange(0.0, SECONDS, DT)
@@ -37,7 +37,8 @@ def ride(seed: int, stiffness: np.ndarray, damping: np.ndarray) -> tuple[np.ndar
         s = 2j * np.pi * frequency
         rigid, own = (rng.normal(size=(2, n)) for n in (3, COUNT))
         amplitude = 0.02 / frequency**2 * ((rigid[0] + 1j * rigid[1]) @ arms + 0.3 * (own[0] + 1j * own[1]))
-        link = arms * (stiffness + damping * s)
+        held = creep * stiffness * (np.arange(COUNT) == 0) * 0.04 * s / (1.0 + 0.04 * s)
+        link = arms * (stiffness + damping * s + held)
         answer = np.linalg.solve(inertia * s**2 + link @ arms.T, link @ amplitude)
         line = np.exp(s * time)[:, None]
         bent = arms.T @ answer - amplitude
@@ -83,6 +84,22 @@ def test_friction_in_one_mount_is_no_error_of_a_sensor() -> None:
     load[:, 2:5] += friction[:, None] * np.array([1.0, ARRANGEMENT.arms[2, 1], -ARRANGEMENT.arms[2, 0]])
     found = balance_of(noisy(base, 3), load, body)
     assert not found.refused and found.exchanged is None
+
+
+def test_rubber_looks_a_little_like_a_delay_and_is_no_error_of_a_sensor() -> None:
+    load, body, base, _, _ = ride(8, LAW.stiffness[:, 2], LAW.damping[:, 2], creep=1.0)
+    found = balance_of(noisy(base, 8), load, body)
+    assert not found.refused and found.exchanged is None
+
+
+def test_a_small_error_that_comes_while_driving_is_named_within_seconds() -> None:
+    load, body, base, _, _ = ride(10, LAW.stiffness[:, 2], LAW.damping[:, 2])
+    base, begin = noisy(base, 10), 1800
+    found = balance_of(base[:begin], load[:begin], body[:begin])
+    assert not found.refused
+    base[:, 3] *= 1.2
+    balance_of(base[begin:], load[begin:], body[begin:], given=found)
+    assert list(found.refused) == [3]
 
 
 @pytest.mark.parametrize(

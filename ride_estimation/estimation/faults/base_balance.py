@@ -43,9 +43,10 @@ _SETTLE = 2.0
 _GAINS = (-1.0, 0.4, 0.6, 0.77, 1.3, 1.7, 2.5)
 _DELAYS = (-0.03, -0.02, -0.01, 0.01, 0.02, 0.03)
 #: factor by which an error must lessen the squared residual, and do so better than any error of other sensors
-_BETTER, _RIVAL = 1.5, 1.35
-#: factor from which on nothing is learned until the next looks tell more
-_HINT = 1.25
+_BETTER, _RIVAL = 2.0, 1.5
+#: factor from which on nothing is learned until the next looks tell more; smaller ones where the run showed less: laws that no
+#: stiffness and damping describe, as of rubber, look a little like a delay all the time, an error that comes while driving not
+_HINT, _NEW, _NEW_HINT = 1.4, 1.5, 1.25
 #: factor by which an error would raise the residual where there is none: only then its absence is seen
 _SHOWS = 1.3
 #: time without a sign of an error before one that comes is known to have come while driving [s]
@@ -132,6 +133,8 @@ class BaseBalance:
         self.suspicious, self._proven = math.inf, 0.0
         #: share of the load that the run usually leaves unexplained, and time over which that was followed [s]
         self._usual, self._followed = 0.0, 0.0
+        #: factor by which the best error usually lessens the residual
+        self._usually = 1.0
         #: a single error would explain the readings better: nothing is learned; the residual is larger than that of the run, as
         #: after a fault that none explains yet or a load that came on: forces are less certain
         self.unusual = self.rises = False
@@ -289,14 +292,16 @@ class BaseBalance:
         if len(chosen.sensors) == 2:  # an error of one of them is no exchange
             others = [x for n, x in enumerate(left) if n != best]
         better = left[0] / max(left[best], 1e-30) if left[0] > _TELLS * total else 1.0
-        tells = better > _BETTER and min(others) > _RIVAL * left[best]
+        usually = self._usually if self._followed > _PROVEN else math.inf
+        tells = better > min(_BETTER, _NEW * usually) and min(others) > _RIVAL * left[best]
         self._agreed = self._agreed + 1 if tells and best == self._found else int(tells)
         self._found = best
         share = float(left[0]) / total
         rises = self._followed > _LEAST and share > max(_RISE * self._usual, _MATTERS)
-        self.unusual, self.rises = not self.refused and better > _HINT, not self.refused and rises
+        self.unusual, self.rises = not self.refused and better > min(_HINT, _NEW_HINT * usually), not self.refused and rises
         self._followed = min(self._followed + duration, _RUN)
         self._usual += duration / self._followed * (min(share, _RISE * self._usual if rises else share) - self._usual)
+        self._usually += duration / self._followed * (min(better, _NEW * usually) - self._usually)
         sound = float(left[self._strong].min()) > _SHOWS * left[0]
         self._proven += duration * sound
         self.suspicious = self.suspicious + duration if not sound else 0.0 if self._proven > _PROVEN else math.inf
