@@ -18,13 +18,16 @@ from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, RunAssessment, assess_run
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.carried_points import CarriedPoint, carried_document, carried_points
+from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.frames import AXES
-from ride_estimation.io.json_file import written_last
+from ride_estimation.io.json_file import write_json, written_last
 from ride_estimation.io.results import output_folder, result_document, write_signals
+from ride_estimation.io.run_layout import run_layout
+from ride_estimation.io.run_mcap import write_run_mcap
 from ride_estimation.io.vehicle_file import body_layout
 from ride_estimation.reporting.formats import clear_pages, write_page
 from ride_estimation.reporting.numbers import plain, with_std
@@ -151,8 +154,9 @@ class Replay:
         return Path(path)
 
     def save(
-        self, folder: str | Path, formats: Sequence[str] = ("html",), diagnosis: Mapping[str, Any] | None = None
-    ) -> list[str]:
+        self, folder: str | Path, formats: Sequence[str] = ("html",), diagnosis: Mapping[str, Any] | None = None,
+        mcap: bool = False,
+    ) -> list[str]:  # fmt: skip
         """Write ``result.json``, ``signals.npz`` and the report into a folder; return the names of what was written.
 
         Parameters
@@ -163,12 +167,21 @@ class Replay:
             Of the report: any of ``html``, ``pdf``, ``png``; none where empty.
         diagnosis
             Content of a ``diagnosis.json`` of this run, shown in the report.
+        mcap
+            Write ``run.mcap`` too: inputs, what the node would have published live, and bounds, with its layout for viewers.
         """
         folder = output_folder(folder)
         clear_pages(folder)
         written = ["result.json", "signals.npz"]
         with written_last(folder / "result.json", self.document):
             self.document["signals_sha256"] = write_signals(folder / "signals.npz", self.result)
+            for name in ("run.mcap", "run_layout.json"):
+                (folder / name).unlink(missing_ok=True)  # of an earlier call, beside new results
+            if mcap:
+                body = arrange(self.run.vehicle).body
+                write_run_mcap(folder / "run.mcap", self.run.recording, self.run.vehicle, body, self.result)
+                write_json(folder / "run_layout.json", run_layout(self.result.mount_names))
+                written += ["run.mcap", "run_layout.json"]
             if formats:
                 written += write_page(self.page(diagnosis), folder, formats)
         return written

@@ -26,7 +26,7 @@ from ride_estimation.errors import RideEstimationError
 
 #: verbs by what one wants to do, in the order of a first day; others follow under "more"
 TOPICS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("start here", ("demo", "inspect", "new-vehicle", "plan", "calibrate", "replay", "diagnose")),
+    ("start here", ("demo", "inspect", "new-vehicle", "plan", "calibrate", "replay", "view", "diagnose")),
     ("several runs", ("project", "compare", "fleet")),
     ("other files and programs", ("map", "import-file", "export-file", "export-model")),
 )

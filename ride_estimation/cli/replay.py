@@ -50,6 +50,8 @@ class ReplayJob:
         Channel map of a measurement file.
     events
         Table of markers.
+    mcap
+        Whether ``run.mcap`` is written.
     """
 
     vehicle: Vehicle
@@ -62,6 +64,7 @@ class ReplayJob:
     part: tuple[float | str | None, float | str | None] = (None, None)
     channels: str = ""
     events: str = ""
+    mcap: bool = False
 
     @classmethod
     def of(cls, options: argparse.Namespace, formats: Sequence[str]) -> ReplayJob:
@@ -82,7 +85,7 @@ class ReplayJob:
         slope = DEFAULT_SLOPE if options.slope is None else checked_slope(options.slope)
         return cls(
             vehicle, settings, options.salvage, slope, 3600.0 * options.daily_hours, chosen,
-            not options.no_smoothing, part_of_options(options), options.channels, options.events,
+            not options.no_smoothing, part_of_options(options), options.channels, options.events, getattr(options, "mcap", False),
         )  # fmt: skip
 
 
@@ -144,7 +147,7 @@ def replay_run(
         advance=advance, begin=begin,
     )  # fmt: skip
     begin("report" if job.formats else "writing results")
-    written = found.save(folder, job.formats, diagnosis)
+    written = found.save(folder, job.formats, diagnosis, job.mcap)
     return found.document, found.summary(), written
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.faults.health import Health
-from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder, second_pass
 from ride_estimation.signals.recording import Recording
@@ -75,6 +75,25 @@ class ParameterHistory:
 
 
 @dataclasses.dataclass(frozen=True)
+class ParameterReport:
+    """What the node would have published of the parameters at one time.
+
+    Attributes
+    ----------
+    stamp_ns
+        Newest tick.
+    parameters
+        With standard deviation and status.
+    inertia
+        Of the body about its CG, shape (3, 3) [kg m^2].
+    """
+
+    stamp_ns: int
+    parameters: tuple[Estimate, ...]
+    inertia: Array
+
+
+@dataclasses.dataclass(frozen=True)
 class OfflineRun:
     """Everything the pipeline found in one run; arrays as in :class:`OutputBlock`, all blocks joined.
 
@@ -86,6 +105,8 @@ class OfflineRun:
         Per accelerometer of the body, shape (N, 3), single precision.
     smoothed
         Forces made again with the whole run known, or why they were not.
+    blocks, reports
+        What the node would have published live, block by block (views of the joined arrays), and its reports of the parameters.
     """
 
     mount_names: tuple[str, ...]
@@ -100,6 +121,8 @@ class OfflineRun:
     identifiability: Mapping[str, Any]
     digest: str
     smoothed: SmoothedForces | str = SWITCHED_OFF
+    blocks: tuple[Ticks, ...] = ()
+    reports: tuple[ParameterReport, ...] = ()
 
     @property
     def force(self) -> Array:
@@ -179,19 +202,23 @@ def run_offline(
     digest = EstimateDigest()
     history = _History(pipeline)
     recorder = SmootherRecorder(pipeline.arrangement, "" if smoothing else SWITCHED_OFF)
+    reports = _Reports(pipeline)
     count = 0
     for found, taken in pipeline.replay(recording):
         for block in found:
             blocks.append(recorder.take(block))
             digest.update(block)
             history.note(int(block.stamp_ns[-1]))
+        reports.note(found)
         count += taken
         if count >= _REPORT_EVERY:
             on_progress(count)
             count = 0
-    for block in pipeline.finish():
+    last = pipeline.finish()
+    for block in last:
         blocks.append(recorder.take(block))
         digest.update(block)
+    reports.note(last)
     on_progress(count)
     if not blocks:
         raise InputDataError(f"{recording.name}: too short, or no stamp of the sensors in common: not a single tick")
@@ -200,7 +227,23 @@ def run_offline(
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
     if smoothing:
         on_stage("smoothing")
-    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder)
+    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder, tuple(reports.found))
+
+
+class _Reports:
+    """Reports of the parameters at the times at which the node makes them."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline, self._schedule = pipeline, ReportSchedule()
+        self.found: list[ParameterReport] = []
+
+    def note(self, blocks: tuple[OutputBlock, ...]) -> None:
+        """Make a report when one is due after these blocks."""
+        if not blocks:
+            return
+        now = int(blocks[-1].stamp_ns[-1])
+        if self._schedule.due(now, round(REPORT_PERIOD_S * 1e9)) == "parameters":
+            self.found.append(ParameterReport(now, self._pipeline.parameters(), self._pipeline.loads.inertia.copy()))
 
 
 class _History:
@@ -234,7 +277,7 @@ class _History:
 
 def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
-    recorder: SmootherRecorder,
+    recorder: SmootherRecorder, reports: tuple[ParameterReport, ...],
 ) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]
@@ -242,11 +285,12 @@ def _joined(
         variance = np.array([getattr(b, f"{name}_covariance").diagonal() for b in blocks])
         signals[f"{name}_std"] = np.repeat(np.sqrt(variance), ticks, axis=0)
     sensors = list(blocks[0].measured)
+    stamps, valid = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("stamp_ns", "valid"))
     return OfflineRun(
         mount_names=pipeline.arrangement.mount_names,
         signals=signals,
-        stamp_ns=np.concatenate([b.stamp_ns for b in blocks]),
-        valid=np.concatenate([b.valid for b in blocks]),
+        stamp_ns=stamps,
+        valid=valid,
         measured={n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors},
         predicted={n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors},
         parameters=parameters,
@@ -255,4 +299,17 @@ def _joined(
         identifiability=pipeline.identifiability(),
         digest=digest,
         smoothed=second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory),
+        blocks=_views(blocks, {**signals, "stamp_ns": stamps, "valid": valid}),
+        reports=reports,
     )
+
+
+def _views(blocks: list[OutputBlock], joined: Mapping[str, NDArray[Any]]) -> tuple[Ticks, ...]:
+    """Return what is published of every block, as views of the joined arrays."""
+    names = [field.name for field in dataclasses.fields(Ticks)]
+    ends = np.cumsum([len(block.stamp_ns) for block in blocks]).tolist()
+    found = []
+    for block, end in zip(blocks, ends):
+        part = slice(end - len(block.stamp_ns), end)
+        found.append(Ticks(**{name: joined[name][part] if name in joined else getattr(block, name) for name in names}))
+    return tuple(found)

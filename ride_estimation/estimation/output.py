@@ -19,9 +19,13 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+#: usual data time between two reports of parameters and of diagnostics [s]
+REPORT_PERIOD_S = 1.0
+
+
 @dataclasses.dataclass(frozen=True)
-class OutputBlock:
-    """Estimates at K ticks of M mounts, SI, cab axes; covariances hold for every tick of the block.
+class Ticks:
+    """What is published of K ticks of M mounts, SI, cab axes; covariances hold for all of them.
 
     Attributes
     ----------
@@ -41,32 +45,16 @@ class OutputBlock:
         Shape (K, 3) [rad/s].
     angular_rate_std
         Shape (3,) [rad/s], 0 for a rate that the suspension does not allow.
-    tilt
-        Roll, pitch and yaw (yaw without its slow part), shape (K, 3) [rad].
     inertial_load
         ``m a`` and ``J alpha + omega x J omega``, shape (K, 6) [N, N m].
-    support_load
-        ``m f`` and the same moment: what the mounts together carry, weight included, shape (K, 6).
-    load_covariance
-        Of the support load: measured motion and the stated uncertainty of mass and inertia, shape (6, 6), at the last tick.
-    inertial_load_covariance
-        Of the inertial load: that of ``cg_accel``, tilt included, in place of the specific force; shape (6, 6), at the last tick.
     mount_force
         Force on the cab by each mount, static share included, shape (K, M, 3) [N].
     mount_force_std
         Shape (K, M, 3) [N].
-    mount_force_std_equilibrium
-        Part of the standard deviation that rigid-body equilibrium leaves: measured motion, mass, inertia; (K, M, 3).
-    mount_force_std_model
-        Part that rests on the mount model: the split among the mounts, invisible to equilibrium; (K, M, 3).
     mount_deflection, mount_rate
         Body side minus base side, shape (K, M, 3) [m, m/s], slow drift removed.
     mount_deflection_std
         Shape (M, 3) [m].
-    measured, predicted
-        Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
-    basis
-        What the forces were made of, for the smoother.
     """
 
     stamp_ns: IntArray
@@ -77,18 +65,78 @@ class OutputBlock:
     cg_specific_force_covariance: Array
     angular_rate: Array
     angular_rate_std: Array
-    tilt: Array
     inertial_load: Array
-    support_load: Array
-    load_covariance: Array
-    inertial_load_covariance: Array
     mount_force: Array
     mount_force_std: Array
-    mount_force_std_equilibrium: Array
-    mount_force_std_model: Array
     mount_deflection: Array
     mount_rate: Array
     mount_deflection_std: Array
+
+    def publishable(self) -> BoolArray:
+        """Return which ticks hold an estimate, all of its numbers finite, shape (K,)."""
+        parts = (
+            self.cg_accel, self.cg_specific_force, self.angular_rate, self.inertial_load,
+            self.mount_force, self.mount_force_std, self.mount_deflection, self.mount_rate,
+        )  # fmt: skip
+        good = self.valid.copy()
+        for part in parts:
+            good &= np.isfinite(part).all(axis=tuple(range(1, part.ndim)))
+        shared = (self.cg_accel_covariance, self.angular_rate_std, self.cg_specific_force_covariance, self.mount_deflection_std)
+        return np.asarray(good & all(bool(np.isfinite(part).all()) for part in shared))
+
+
+class ReportSchedule:
+    """When parameters and diagnostics are due: once per period of data time, the diagnostics a block later.
+
+    So no force waits for both.
+    """
+
+    def __init__(self) -> None:
+        self._reported_ns: int | None = None
+        self._diagnostics_due = False
+
+    def due(self, now_ns: int, period_ns: int) -> str:
+        """Return ``parameters``, ``diagnostics`` or nothing for a block that ends at ``now_ns``."""
+        if self._diagnostics_due:
+            self._diagnostics_due = False
+            return "diagnostics"
+        if self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
+            self._reported_ns = now_ns
+            self._diagnostics_due = True
+            return "parameters"
+        return ""
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputBlock(Ticks):
+    """Estimates at K ticks of M mounts: what is published of them and what else is found.
+
+    Attributes
+    ----------
+    tilt
+        Roll, pitch and yaw (yaw without its slow part), shape (K, 3) [rad].
+    support_load
+        ``m f`` and the same moment: what the mounts together carry, weight included, shape (K, 6).
+    load_covariance
+        Of the support load: measured motion and the stated uncertainty of mass and inertia, shape (6, 6), at the last tick.
+    inertial_load_covariance
+        Of the inertial load: that of ``cg_accel``, tilt included, in place of the specific force; shape (6, 6), at the last tick.
+    mount_force_std_equilibrium
+        Part of the standard deviation that rigid-body equilibrium leaves: measured motion, mass, inertia; (K, M, 3).
+    mount_force_std_model
+        Part that rests on the mount model: the split among the mounts, invisible to equilibrium; (K, M, 3).
+    measured, predicted
+        Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
+    basis
+        What the forces were made of, for the smoother.
+    """
+
+    tilt: Array
+    support_load: Array
+    load_covariance: Array
+    inertial_load_covariance: Array
+    mount_force_std_equilibrium: Array
+    mount_force_std_model: Array
     measured: Mapping[str, Array]
     predicted: Mapping[str, Array]
     basis: ForceBasis | None = None

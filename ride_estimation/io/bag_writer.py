@@ -15,6 +15,7 @@ from rosbags.typesys import Stores
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.atomic import replacing
 from ride_estimation.io.bag_source import type_store
+from ride_estimation.io.message_form import serialized
 from ride_estimation.io.messages import accepted_types, sensors_by_topic
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
@@ -71,23 +72,46 @@ def _write_messages(
 ) -> None:
     """Write the folder of a bag."""
     store = type_store(Stores.ROS2_JAZZY)
-    jobs: list[tuple[Any, list[int], Iterator[Any]]] = []
     writer = Writer(path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin[storage.upper()])
     if storage == "mcap":
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
-        for topic, group in sensors_by_topic(sensors[name] for name in recording.channels).items():
-            kind = chosen.get(group[0].name, accepted_types(group[0].kind)[0])
-            if kind not in accepted_types(group[0].kind):
-                raise InputDataError(f"{group[0].name}: {kind} cannot carry kind {group[0].kind}")
-            connection = writer.add_connection(topic, kind, typestore=store)
-            arrival, messages = _topic_messages(store, kind, group, [recording.channels[s.name] for s in group])
-            jobs.append((connection, arrival, messages))
-        for connection, received, message in _by_arrival(jobs):
-            writer.write(connection, received, store.serialize_cdr(message, connection.msgtype))
+        jobs = [
+            (writer.add_connection(topic, kind, typestore=store), arrival, messages)
+            for topic, kind, arrival, messages in serialized_inputs(recording, sensors, chosen)
+        ]
+        for connection, received, message in by_arrival(jobs):
+            writer.write(connection, received, message)
 
 
-def _by_arrival(jobs: Sequence[tuple[Any, list[int], Iterator[Any]]]) -> Iterator[tuple[Any, int, Any]]:
+def serialized_inputs(
+    recording: Recording, sensors: Mapping[str, Sensor], chosen: Mapping[str, str]
+) -> Iterator[tuple[str, str, list[int], Iterator[bytes]]]:
+    """Yield topic, message type, times of arrival [ns] and serialized messages of every topic of a recording.
+
+    Parameters
+    ----------
+    recording, sensors
+        The samples, and the sensors by the names of the channels.
+    chosen
+        Sensor name -> message type, where it is not the usual one of its kind.
+
+    Raises
+    ------
+    InputDataError
+        A type cannot carry a sensor.
+    """
+    store = type_store(Stores.ROS2_JAZZY)
+    for topic, group in sensors_by_topic(sensors[name] for name in recording.channels).items():
+        kind = chosen.get(group[0].name, accepted_types(group[0].kind)[0])
+        if kind not in accepted_types(group[0].kind):
+            raise InputDataError(f"{group[0].name}: {kind} cannot carry kind {group[0].kind}")
+        arrival, messages = _topic_messages(store, kind, group, [recording.channels[s.name] for s in group])
+        yield topic, kind, arrival, map(serialized, messages)
+
+
+def by_arrival(jobs: Sequence[tuple[Any, Sequence[int], Iterator[bytes]]]) -> Iterator[tuple[Any, int, bytes]]:
+    """Yield connection, time and message of all topics in order of time; the messages of a topic stay in their order."""
     owner = np.concatenate([np.full(len(arrival), i) for i, (_, arrival, _) in enumerate(jobs)] or [np.zeros(0, dtype=int)])
     times = np.concatenate([np.array(arrival, dtype=np.int64) for _, arrival, _ in jobs] or [np.zeros(0, dtype=np.int64)])
     # a stable sort keeps the order inside a topic wherever its receive times do not fall

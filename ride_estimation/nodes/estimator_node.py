@@ -22,6 +22,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
@@ -30,7 +31,9 @@ from std_srvs.srv import Trigger
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.compile_ahead import compile_ahead
-from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.output import OutputBlock, ReportSchedule
+from ride_estimation.io.estimate_messages import Frames
+from ride_estimation.io.force_arrows import ForceArrows, static_transforms
 from ride_estimation.io.state_file import restore_state, save_results
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.nodes import conversions, qos
@@ -43,10 +46,11 @@ from ride_estimation.nodes.inputs import MESSAGE_CLASSES
 from ride_estimation.nodes.intake import Intake, Take
 from ride_estimation.nodes.node_health import NODE, TopicState, load_status
 from ride_estimation.nodes.parameters import NodeOptions, declare, values, verdict
-from ride_estimation.nodes.publishers import EstimatePublishers, Frames, finite
+from ride_estimation.nodes.publishers import EstimatePublishers
 from ride_estimation.nodes.session import Session
 from ride_estimation.nodes.silence import LOOK_PERIOD_S
 from ride_estimation.nodes.state_saver import SAVE_ERRORS, StateSaver
+from ride_estimation.nodes.static_frames import publish_static_frames
 
 #: period of the watch over topics and silence [s], steady clock; not in the data path
 WATCH_PERIOD_S = 1.0
@@ -68,12 +72,12 @@ class EstimatorNode(LifecycleNode):
         super().__init__("estimator", namespace="ride", **options)
         self._session: Session | None = None
         self._outputs: EstimatePublishers | None = None
+        self._frames: Publisher | None = None
         self._subscriptions_by_topic: dict[str, tuple[str, Subscription]] = {}
         self._types_changed = False
         self._active = False
         self._fault = ""
-        self._reported_ns: int | None = None
-        self._diagnostics_due = False
+        self._schedule = ReportSchedule()
         self._reported_since_watch = False
         self._saved_ns: int | None = None
         self._saver = StateSaver()
@@ -126,9 +130,12 @@ class EstimatorNode(LifecycleNode):
         frames = Frames(str(given["cg_frame"]), str(given["vehicle_frame"]), str(given["mount_frame_prefix"]))
         profile = qos.output(int(given["output_depth"]))
         try:
-            self._outputs = EstimatePublishers(self._new_publisher, session.mount_names, frames, profile)
+            arrows = ForceArrows(vehicle, session.body.name, session.mount_names, frames)
+            self._outputs = EstimatePublishers(self._new_publisher, session.mount_names, frames, profile, arrows)
         except qos.REFUSED as error:
             return self._cannot_configure(str(error))
+        if given["publish_tf"]:
+            self._frames = publish_static_frames(self, static_transforms(vehicle, session.body.name, frames))
         self._fault = ""
         self._session = session
         self.get_logger().info(f"vehicle {vehicle.name!r}: {len(vehicle.sensors)} sensors on {len(session.topics)} topics")
@@ -185,9 +192,12 @@ class EstimatorNode(LifecycleNode):
         if self._outputs is not None:
             for publisher in self._outputs.all:
                 self.destroy_lifecycle_publisher(publisher)
+        if self._frames is not None:
+            self.destroy_publisher(self._frames)
+        self._frames = None
         self._outputs = None
         self._session = None
-        self._reported_ns = None
+        self._schedule = ReportSchedule()
 
     def _new_publisher(self, message: type, topic: str, profile: QoSProfile, options: QoSOverridingOptions) -> object:
         return self.create_lifecycle_publisher(message, topic, profile, qos_overriding_options=options)
@@ -295,7 +305,7 @@ class EstimatorNode(LifecycleNode):
             return ()
         every = int(self.get_parameter("publish_every").value) * (THIN if self._load.thinned else 1) if blocks else 1
         for block in blocks:
-            outputs.publish_ticks(block, session.ticks_to_publish(block.valid & finite(block), every))
+            outputs.publish_ticks(block, session.ticks_to_publish(block.publishable(), every))
         if blocks:
             self._report_if_due(session, outputs, int(blocks[-1].stamp_ns[-1]))
         return blocks
@@ -303,13 +313,11 @@ class EstimatorNode(LifecycleNode):
     def _report_if_due(self, session: Session, outputs: EstimatePublishers, now_ns: int) -> None:
         """Publish parameters once per period of data time and diagnostics a block later: no force waits for both."""
         period_ns = round(float(self.get_parameter("diagnostics_period").value) * 1e9)
-        if self._diagnostics_due:
-            self._diagnostics_due = False
+        due = self._schedule.due(now_ns, period_ns)
+        if due == "diagnostics":
             self._reported_since_watch = True
             self._publish_diagnostics()
-        elif self._reported_ns is None or not 0 <= now_ns - self._reported_ns < period_ns:
-            self._reported_ns = now_ns
-            self._diagnostics_due = True
+        elif due == "parameters":
             outputs.publish_parameters(now_ns, session.body, session.pipeline.loads.inertia, session.pipeline.parameters())
 
     def _publish_diagnostics(self) -> None:

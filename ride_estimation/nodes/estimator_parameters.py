@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.output import REPORT_PERIOD_S
 from ride_estimation.nodes.executors import EXECUTORS
 from ride_estimation.nodes.parameters import NodeParameter, Value, markdown, parameter_file
 
@@ -33,10 +34,15 @@ NODE_PARAMETERS: tuple[NodeParameter, ...] = (
     NodeParameter(
         "input_timeout", 0.5, "s", "silence of a topic that is an error; three usual intervals where those are longer", 0.2, 60.0
     ),
-    NodeParameter("diagnostics_period", 1.0, "s", "data time between two diagnostics and parameter messages", 0.1, 60.0),
+    NodeParameter(
+        "diagnostics_period", REPORT_PERIOD_S, "s", "data time between two diagnostics and parameter messages", 0.1, 60.0
+    ),
     NodeParameter("cg_frame", "cab_cg", "", "frame at the centre of gravity, axes of the cab", read_only=True),
     NodeParameter("vehicle_frame", "cab_link", "", "frame of the vehicle file: its origin and axes", read_only=True),
     NodeParameter("mount_frame_prefix", "mount_", "", "frame of a mount force is this and the mount's name", read_only=True),
+    NodeParameter(
+        "publish_tf", True, "", "publish the frames of CG, mounts, sensors on /tf_static; off where a URDF does", read_only=True
+    ),
 )
 
 #: settings of the estimators, by the same name as in PipelineSettings; changing one keeps what was learned

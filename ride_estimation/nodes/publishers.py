@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelWithCovarianceStamped, InertiaStamped, WrenchStamped
 from numpy.typing import NDArray
@@ -14,40 +13,28 @@ from rclpy.lifecycle import LifecyclePublisher
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu, JointState
+from visualization_msgs.msg import MarkerArray
 
 from ride_estimation.estimation.common.estimate import Estimate
-from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.nodes import conversions, qos
-from ride_estimation.nodes.serialized import MessageForm
+from ride_estimation.estimation.output import Ticks
+from ride_estimation.io.estimate_messages import INERTIA_TOPIC, PARAMETERS_TOPIC, EstimateMessages, Frames
+from ride_estimation.io.force_arrows import ARROWS_TOPIC, ForceArrows
+from ride_estimation.nodes import qos
 from ride_estimation.vehicles.vehicle import Body
 
 #: creates a lifecycle publisher: (message class, topic, QoS, overriding options)
 CreatePublisher = Callable[[type, str, QoSProfile, QoSOverridingOptions], LifecyclePublisher]
 
-AXES = ("x", "y", "z")
-
-
-@dataclasses.dataclass(frozen=True)
-class Frames:
-    """Frame names of the outputs.
-
-    Attributes
-    ----------
-    cg
-        At the centre of gravity, axes of the cab.
-    vehicle
-        Origin and axes of the vehicle file.
-    mount_prefix
-        The frame of a mount force is this and the mount's name.
-    """
-
-    cg: str
-    vehicle: str
-    mount_prefix: str
+_CLASSES: dict[str, type] = {
+    "geometry_msgs/msg/AccelWithCovarianceStamped": AccelWithCovarianceStamped,
+    "geometry_msgs/msg/WrenchStamped": WrenchStamped,
+    "sensor_msgs/msg/Imu": Imu,
+    "sensor_msgs/msg/JointState": JointState,
+}
 
 
 class EstimatePublishers:
-    """All output topics.
+    """All output topics; the messages are those of :mod:`ride_estimation.io.estimate_messages`, published in serialized form.
 
     Parameters
     ----------
@@ -59,86 +46,38 @@ class EstimatePublishers:
         Frame names.
     profile
         QoS of the topics that speak at every tick; inertia and parameters are kept for whoever joins later.
+    arrows
+        Of the mount forces, for 3D viewers; None for no such topic.
     """
 
-    def __init__(self, create: CreatePublisher, mount_names: Sequence[str], frames: Frames, profile: QoSProfile) -> None:
+    def __init__(
+        self, create: CreatePublisher, mount_names: Sequence[str], frames: Frames, profile: QoSProfile,
+        arrows: ForceArrows | None = None,
+    ) -> None:  # fmt: skip
         def topic(message: type, name: str, profile: QoSProfile = profile) -> LifecyclePublisher:
-            return create(message, name, profile, qos.overridable())
+            return create(message, f"~/{name}", profile, qos.overridable())
 
-        self._vehicle_frame = frames.vehicle
-        self._at_ticks = (
-            topic(AccelWithCovarianceStamped, "~/cg_accel"),
-            topic(Imu, "~/cg_imu"),
-            topic(WrenchStamped, "~/inertial_load"),
-            *(topic(WrenchStamped, f"~/mounts/{mount}/force") for mount in mount_names),
-            topic(JointState, "~/mounts/states"),
-            topic(JointState, "~/mounts/stddev"),
-        )
-        self._forms = _forms(frames, mount_names)
-        self._inertia = topic(InertiaStamped, "~/inertia", qos.latched())
-        self._parameters = topic(DiagnosticArray, "~/parameters", qos.latched())
-        self.all: tuple[LifecyclePublisher, ...] = (*self._at_ticks, self._inertia, self._parameters)
+        self._messages = EstimateMessages(mount_names, frames)
+        self._at_ticks = tuple(topic(_CLASSES[kind], name) for name, kind in self._messages.topics.items())
+        self._inertia = topic(InertiaStamped, INERTIA_TOPIC, qos.latched())
+        self._parameters = topic(DiagnosticArray, PARAMETERS_TOPIC, qos.latched())
+        self._arrows = arrows
+        shown = () if arrows is None else (topic(MarkerArray, ARROWS_TOPIC),)
+        self._shown: LifecyclePublisher | None = shown[0] if shown else None
+        self.all: tuple[LifecyclePublisher, ...] = (*self._at_ticks, self._inertia, self._parameters, *shown)
 
-    def publish_ticks(self, block: OutputBlock, ticks: Sequence[int]) -> None:
-        """Publish the estimates of some ticks of a block, one tick after the other."""
-        count = len(ticks)
-
-        def same(values: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.broadcast_to(values.ravel(), (count, values.size))
-
-        force, width = block.mount_force[ticks], block.mount_deflection_std.size
-        deflection, rate, force_std = (
-            values[ticks].reshape(count, width) for values in (block.mount_deflection, block.mount_rate, block.mount_force_std)
-        )
-        specific_force, spread = block.cg_specific_force[ticks, :3], block.cg_specific_force_covariance[:3, :3]
-        numbers: Sequence[Sequence[NDArray[np.float64]]] = (
-            [block.cg_accel[ticks], same(block.cg_accel_covariance)],
-            [specific_force, same(spread), block.angular_rate[ticks], same(conversions.rate_covariance(block.angular_rate_std))],
-            [block.inertial_load[ticks]],
-            *([force[:, mount]] for mount in range(force.shape[1])),
-            [deflection, rate, force.reshape(count, width)],
-            [same(block.mount_deflection_std), force_std],
-        )
-        stamps = block.stamp_ns[ticks]
-        messages = [form.fill(stamps, np.hstack(parts)) for form, parts in zip(self._forms, numbers, strict=True)]
-        for of_tick in zip(*messages, strict=True):
+    def publish_ticks(self, block: Ticks, ticks: Sequence[int]) -> None:
+        """Publish the estimates of some ticks of a block, one tick after the other, and now and then the arrows of the last."""
+        for of_tick in zip(*self._messages.ticks(block, ticks), strict=True):
             for publisher, message in zip(self._at_ticks, of_tick, strict=True):
                 publisher.publish(message)
+        if self._arrows is not None and self._shown is not None:
+            drawn = self._arrows.message(block, ticks)
+            if drawn is not None:
+                self._shown.publish(drawn)
 
-    def publish_parameters(self, stamp_ns: int, body: Body, inertia: NDArray[np.float64], estimates: Iterable[Estimate]) -> None:
+    def publish_parameters(self, stamp_ns: int, body: Body, inertia: NDArray[Any], estimates: Iterable[Estimate]) -> None:
         """Publish the parameters and the mass, CG and estimated inertia (3, 3) [kg m^2] of the body they belong to."""
         estimates = tuple(estimates)
-        self._parameters.publish(conversions.parameters(stamp_ns, body.name, estimates))
-        mass = next((e.value for e in estimates if e.name == f"{body.name}.mass" and np.isfinite(e.value)), body.mass.value)
-        self._inertia.publish(conversions.inertia(stamp_ns, self._vehicle_frame, mass, body.cg, inertia))
-
-
-def _forms(frames: Frames, mount_names: Sequence[str]) -> tuple[MessageForm, ...]:
-    """Return the messages of a tick: CG acceleration, virtual accelerometer, load, forces, states and standard deviations."""
-    joints = [f"{mount}_{axis}" for mount in mount_names for axis in AXES]
-    count, cg = len(joints), frames.cg
-
-    def force(mount: str) -> MessageForm:
-        return MessageForm(lambda stamp, n: conversions.wrench(stamp, f"{frames.mount_prefix}{mount}", n), 3)
-
-    return (
-        MessageForm(lambda stamp, n: conversions.cg_acceleration(stamp, cg, n[:6], n[6:]), 6 + 36),
-        MessageForm(lambda stamp, n: conversions.cg_imu(stamp, cg, n[:3], n[3:12], n[12:15], n[15:]), 3 + 9 + 3 + 9),
-        MessageForm(lambda stamp, n: conversions.wrench(stamp, cg, n[:3], n[3:]), 6),
-        *(force(mount) for mount in mount_names),
-        MessageForm(lambda stamp, n: conversions.joint_state(stamp, cg, joints, *np.split(n, 3)), 3 * count),
-        MessageForm(lambda stamp, n: conversions.joint_state(stamp, cg, joints, n[:count], n[:0], n[count:]), 2 * count),
-    )
-
-
-def finite(block: OutputBlock) -> NDArray[np.bool_]:
-    """Return which ticks of a block hold only finite numbers, shape (K,)."""
-    parts = (
-        block.cg_accel, block.cg_specific_force, block.angular_rate, block.inertial_load,
-        block.mount_force, block.mount_force_std, block.mount_deflection, block.mount_rate,
-    )  # fmt: skip
-    good = np.ones(len(block.stamp_ns), dtype=bool)
-    for part in parts:
-        good &= np.isfinite(part).all(axis=tuple(range(1, part.ndim)))
-    shared = (block.cg_accel_covariance, block.angular_rate_std, block.cg_specific_force_covariance, block.mount_deflection_std)
-    return good & all(bool(np.isfinite(part).all()) for part in shared)
+        self._parameters.publish(self._messages.parameters(stamp_ns, body, estimates))
+        self._inertia.publish(self._messages.inertia(stamp_ns, body, inertia, estimates))

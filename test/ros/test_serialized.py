@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Messages written in serialized form read as those that rclpy makes of message objects (bytes that pad them are anything)."""
+"""Messages written in serialized form are those of the serializer, and the middleware reads them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
 
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.nodes import conversions, qos
-from ride_estimation.nodes.publishers import EstimatePublishers, Frames
-from ride_estimation.nodes.serialized import MessageForm
+from ride_estimation.io import estimate_messages
+from ride_estimation.io.estimate_messages import Frames
+from ride_estimation.io.message_form import MessageForm, serialized
+from ride_estimation.nodes import qos
+from ride_estimation.nodes.publishers import EstimatePublishers
 
 STAMPS = np.array([-1, 0, 1_700_000_000_123_456_789, 2**31 * 1_000_000_000 - 1], dtype=np.int64)
 MOUNTS = ("a", "bcd")
@@ -27,21 +29,20 @@ FRAMES = Frames("cab_cg", "cab_link", "mount_")
 @pytest.mark.parametrize("frame", ["", "c", "cab_cg", "a frame of 23 characters"])
 def test_filled_form_is_what_rclpy_serializes(frame: str) -> None:
     def make(stamp: int, n: np.ndarray) -> object:
-        return conversions.joint_state(stamp, frame, ["one", "three"], n[:2], n[:0], n[2:])
+        return estimate_messages.joint_state(stamp, frame, ["one", "three"], n[:2], n[:0], n[2:])
 
     numbers = np.random.default_rng(1).normal(size=(len(STAMPS), 4)) * 10.0 ** np.arange(-300, 300, 150)
     filled = MessageForm(make, 4).fill(STAMPS, numbers)
-    assert [deserialize_message(m, JointState) for m in filled] == [
-        make(int(s), row) for s, row in zip(STAMPS, numbers, strict=True)
-    ]
+    assert filled == [serialized(make(int(s), row)) for s, row in zip(STAMPS, numbers, strict=True)]
+    assert all(deserialize_message(m, JointState).header.frame_id == frame for m in filled)
 
 
 def test_message_without_numbers() -> None:
     def make(stamp: int, n: np.ndarray) -> object:
-        return conversions.joint_state(stamp, "cab_cg", [], n, n, n)
+        return estimate_messages.joint_state(stamp, "cab_cg", [], n, n, n)
 
     filled = MessageForm(make, 0).fill(STAMPS[:2], np.zeros((2, 0)))
-    assert [deserialize_message(m, JointState) for m in filled] == [make(int(s), np.zeros(0)) for s in STAMPS[:2]]
+    assert filled == [serialized(make(int(s), np.zeros(0))) for s in STAMPS[:2]]
 
 
 def block(ticks: int) -> OutputBlock:

@@ -26,6 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--format", nargs="+", choices=FORMATS, default=["html"], metavar="F",
         help=f"of the report: {', '.join(FORMATS)} (default html; png writes one file per picture)",
     )  # fmt: skip
+    parser.add_argument(
+        "--mcap", action="store_true",
+        help="write run.mcap too: inputs, what the node would have published live, and bounds; ride-estimation view shows it",
+    )  # fmt: skip
     parser.add_argument("--no-report", action="store_true", help="write no report, as --format none")
 
 
