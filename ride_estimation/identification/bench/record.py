@@ -203,11 +203,11 @@ def _clipping(where: str, name: str, values: Array) -> list[str]:
     gently do not count.
     """
     found = []
-    speed = float(np.median(np.abs(np.diff(values))))
     for label, extreme in (("largest", values.max()), ("smallest", values.min())):
         at = values == extreme
         if float(np.mean(at)) <= CLIPPED_SHARE or extreme == 0.0:
             continue
+        speed = float(np.median(np.abs(np.diff(values))))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
         firsts, lasts = edges[::2], edges[1::2]
         inner = (firsts > 0) & (lasts < values.size) & (lasts - firsts >= 3)
