@@ -145,6 +145,7 @@ def test_output_that_cannot_be_written_is_refused_before_the_work(command: list[
     (["import-file", "absent.mf4", "--vehicle", "truck_cab", "--out", "o"], "does not exist"),
     (["import-file", "empty", "--vehicle", "truck_cab", "--out", "o"], "is a folder"),
     (["replay", str(BAGS), "--vehicle", "truck_cab", "--out", "o"], "'fleet' takes them all"),
+    (["view", "empty"], "neither report.html nor run.mcap"),
     (["replay"], "replay: the following arguments are required: RUN, --out, --vehicle; 'ride-estimation replay --help' says"),
     (["compare-models", str(BAGS / "standing"), "--vehicle", "truck_cab", "--validate", str(BAGS / "standing")],
      "is the run that is fitted"),
@@ -154,7 +155,7 @@ def test_one_message_names_what_was_given(command: list[str], words: str, capsys
 
 
 def test_the_table_above_knows_every_command() -> None:
-    others = {"identify", "design-test", "quarter-car", "procedure", "completion", "demo", "new-vehicle", "export-model"}
+    others = {"identify", "design-test", "quarter-car", "procedure", "completion", "demo", "new-vehicle", "export-model", "view"}
     assert set(WITH_VEHICLE) | others == set(verb_helps())
 
 
