@@ -120,7 +120,7 @@ def result_document(
             "gaps": q.gaps, "longest_gap_s": q.longest_gap_s, "clipped": q.clipped,
             "rejected": dict(sorted(health.rejected.items())) if health else {"not_used_by_the_estimator": q.samples},
             "refused_ticks": dict(sorted(health.refused.items())) if health else {},
-            "findings": list(q.findings),
+            "signal_to_noise_db": q.signal_to_noise_db, "findings": list(q.findings),
         }
     return {
         "schema": RESULT_SCHEMA,

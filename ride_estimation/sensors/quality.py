@@ -20,9 +20,14 @@ from ride_estimation.signals.quality import (
     with_action,
 )
 from ride_estimation.signals.recording import Channel, Recording
+from ride_estimation.signals.spectral_checks import hum_findings, undersampled_findings, unipolar_findings
 
 #: rate of an accelerometer below which part of the ride motion cannot be in the signal [Hz]
 LOW_RATE_HZ = 60.0
+#: fewest accelerometers on a body of which one can stand out, and the factor from which on no place on a body explains it
+LEAST_PEERS, PEER_FACTOR = 4, 10.0
+#: signal to noise below which nothing is to be had from a sensor, and of the middle sensor of a run that is not at rest [dB]
+LEAST_DB, DRIVEN_DB = 3.0, 15.0
 
 
 def judge_sensors(
@@ -47,6 +52,7 @@ def judge_sensors(
     judged: dict[str, ChannelQuality] = {}
     twins = _twins(recording.channels)
     spans = _span_findings(recording.channels)
+    peers = _peer_findings(recording.channels, sensors)
     for name, channel in recording.channels.items():
         sensor = sensors[name]
         quality = judge_channel(
@@ -55,13 +61,64 @@ def judge_sensors(
         extra = [*spans[name], *twins.get(name, ())]
         finite = channel.values[np.all(np.abs(channel.values) <= sensor.largest[: channel.values.shape[1]], axis=1)]
         extra += plausibility_findings(sensor.kind, quality.rate_hz, finite, weight)
+        if sensor.kind != "speed":  # which is of one sign and slow
+            extra += unipolar_findings(finite)
+            extra += undersampled_findings(finite[:, :3], quality.rate_hz, sensor.noise_std)
+            extra += hum_findings(finite[:, :3], quality.rate_hz)
         if sensor.kind in ("accelerometer", "imu") and SLOWEST_HZ <= quality.rate_hz < LOW_RATE_HZ:
             seen = 0.4 * quality.rate_hz
             extra.append(f"{quality.rate_hz:.3g} Hz shows motion below {seen:.2g} Hz only; wheel hop is at 10 to 15 Hz")
         if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and quality.samples:
             extra += gravity_findings(sensor.rotation @ quality.mean[:3], gravity)
+        extra += peers.get(name, ())
         judged[name] = dataclasses.replace(quality, findings=(*quality.findings, *(with_action(f, NOTHING) for f in extra)))
+    ratios = _signal_to_noise(judged, sensors)
+    driven = float(np.median(list(ratios.values()))) > DRIVEN_DB if ratios else False
+    for name, ratio in ratios.items():
+        findings = judged[name].findings
+        if driven and ratio < LEAST_DB:  # at rest nobody has any signal
+            said = f"signal to noise of {ratio:.2g} dB while the others have plenty: hardly a signal"
+            findings += (with_action(said, NOTHING),)
+        judged[name] = dataclasses.replace(judged[name], findings=findings, signal_to_noise_db=ratio)
     return judged
+
+
+def _peer_findings(channels: Mapping[str, Channel], sensors: Mapping[str, Sensor]) -> dict[str, list[str]]:
+    """Return a finding for accelerometers that are far quieter or louder than the others on the same body.
+
+    On a rigid body readings differ by place, but by less than tenfold in all axes together; the spread of the peers counts too.
+    """
+    groups: dict[str, dict[str, float]] = {}
+    for name, channel in channels.items():
+        sensor = sensors[name]
+        values = channel.values[np.all(np.abs(channel.values) <= sensor.largest[: channel.values.shape[1]], axis=1), :3]
+        if sensor.kind in ("accelerometer", "imu") and len(values) > 1:
+            groups.setdefault(sensor.body, {})[name] = float(np.sqrt(np.sum(np.var(values, axis=0)) + 1e-24))
+    found: dict[str, list[str]] = {}
+    for body, sizes in groups.items():
+        noise = max(sensors[name].noise_std for name in sizes)
+        levels = {name: float(np.log(size)) for name, size in sizes.items()}
+        middle = float(np.median(list(levels.values())))
+        spread = 1.4826 * float(np.median([abs(level - middle) for level in levels.values()]))
+        if len(sizes) < LEAST_PEERS or np.exp(middle) < 3.0 * noise:
+            continue  # too few to judge by, or nothing but noise
+        for name, level in levels.items():
+            if abs(level - middle) > max(np.log(PEER_FACTOR), 4.0 * spread):
+                times = np.exp(abs(level - middle))
+                than = f"{'louder' if level > middle else 'quieter'} than the median of the {len(sizes)} accelerometers on {body}"
+                found[name] = [f"{times:.3g} times {than}: gain or unit?"]
+    return found
+
+
+def _signal_to_noise(judged: Mapping[str, ChannelQuality], sensors: Mapping[str, Sensor]) -> dict[str, float]:
+    """Return the signal to the stated noise of a sample per sensor [dB], the first three columns together."""
+    found = {}
+    for name, quality in judged.items():
+        columns = min(3, len(quality.std))
+        size = float(np.sqrt(np.mean(quality.std[:columns] ** 2))) if quality.samples else 0.0
+        if size > 0.0 and sensors[name].noise_std > 0.0 and sensors[name].kind != "speed":  # which may well be constant
+            found[name] = 20.0 * float(np.log10(size / sensors[name].noise_std))
+    return found
 
 
 def _span_findings(channels: Mapping[str, Channel]) -> dict[str, list[str]]:

@@ -8,6 +8,7 @@ belongs to a vehicle.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -72,6 +73,8 @@ class ChannelQuality:
         Per value, of the samples that a sensor can give.
     findings
         Sentences about what is not well, each with what is done about it behind an arrow.
+    signal_to_noise_db
+        Standard deviation of the samples over the stated noise of one [dB]; not finite where either is not known.
     """
 
     samples: int
@@ -89,6 +92,7 @@ class ChannelQuality:
     mean: Array
     std: Array
     findings: tuple[str, ...]
+    signal_to_noise_db: float = math.nan
 
 
 def judge_channel(
