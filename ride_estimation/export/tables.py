@@ -107,8 +107,10 @@ def stiffness_table(
 def grid(exported: ExportedElement, frequency: Sequence[float] = (), amplitude: Sequence[float] = ()) -> tuple[Array, Array]:
     """Return frequencies [Hz] and amplitudes [m] of the tables of an element, those given or those the data showed."""
     seen = exported.seen
-    low, high = _FREQUENCY if seen is None else seen.frequency
-    f = np.asarray(frequency, dtype=float) if len(frequency) else np.geomspace(max(low, 1e-3), max(high, 2e-3), _FREQUENCIES)
+    low, high = (max(v, STATIC_FREQUENCY) for v in (_FREQUENCY if seen is None else seen.frequency))
+    # a record of one sine shows one frequency
+    spread = np.geomspace(low, high, _FREQUENCIES if high > 1.01 * low else 1)
+    f = np.asarray(frequency, dtype=float) if len(frequency) else spread
     largest = _LARGEST if seen is None else seen.deflection
     a = np.asarray(amplitude, dtype=float) if len(amplitude) else np.geomspace(_SMALLEST_SHARE * largest, largest, _AMPLITUDES)
     return f, a
@@ -117,8 +119,10 @@ def grid(exported: ExportedElement, frequency: Sequence[float] = (), amplitude: 
 def _over_grid(element: ForceElement, frequency: Array, amplitude: Array, name: str) -> NDArray[np.complex128]:
     try:
         found = np.array([[complex_stiffness(element, 2.0 * math.pi * f, a) for f in frequency] for a in amplitude])
-    except InputDataError as error:
+    except (InputDataError, OverflowError) as error:
         raise ConfigurationError(f"{name}: {error}") from error
+    if not np.all(np.isfinite(found)):
+        raise ConfigurationError(f"{name}: the law gives no finite stiffness at up to {amplitude[-1]:g} and {frequency[-1]:g} Hz")
     # behind free play there is no force and no angle: the smallest number keeps the logarithm finite
     return np.where(found == 0.0, np.finfo(float).tiny, found)
 

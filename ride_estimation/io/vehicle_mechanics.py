@@ -216,7 +216,7 @@ def read_seen(entry: Any, where: str, problems: list[str], axis: str = "z") -> D
         return None
     section = Section(entry[SEEN], f"{where}.{SEEN}", problems)
     length, force = ("rad", "N m") if axis in COORDINATES[3:] else ("m", "N")
-    largest = section.number("largest_deflection", length, required=True, lower=0.0, upper=10.0, meaning="from the mean")
+    largest = section.number("largest_deflection", length, required=True, lower=1e-9, upper=10.0, meaning="from the mean")
     frequency = [
         section.number(f"{which}_frequency", "Hz", required=True, lower=0.0, upper=1e5, meaning=f"{which} frequency of it")
         for which in ("lowest", "highest")

@@ -16,6 +16,7 @@ from ride_estimation.elements.cubic_spring import CubicSpring
 from ride_estimation.elements.free_play import FreePlay
 from ride_estimation.elements.harmonic import complex_stiffness
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.errors import ConfigurationError
 from ride_estimation.export.adams import bushing_text
 from ride_estimation.export.elements import exported
 from ride_estimation.export.simscape import script_text
@@ -63,6 +64,15 @@ def test_the_table_says_what_the_data_showed() -> None:
     (row,) = csv.DictReader(line for line in plain.splitlines() if not line.startswith("#"))
     assert (row["stiffness_low"], row["loss_angle_low_deg"], row["seen_in_data"]) == ("", "", ""), "nothing is known of it"
     assert float(row["stiffness"]) == pytest.approx(abs(complex_stiffness(BERG, 2 * math.pi, 1e-3)), rel=1e-8)
+
+
+def test_data_of_one_sine_give_one_frequency_and_numbers_beyond_all_laws_are_refused() -> None:
+    element = exported("bush", "z", BERG, {}, DataRange(1e-3, (3.0, 3.0)))
+    assert stiffness_table(element).frequency.tolist() == [3.0]
+    cubic = exported("bush", "z", CubicSpring(6e4, -1.5e9), {}, None)
+    for amplitude in (1e150, 1e300):
+        with pytest.raises(ConfigurationError, match="bush"):
+            stiffness_table(cubic, (1.0,), (amplitude,))
 
 
 def test_free_play_has_a_table_without_absurd_numbers() -> None:
