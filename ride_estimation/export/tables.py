@@ -118,7 +118,8 @@ def grid(exported: ExportedElement, frequency: Sequence[float] = (), amplitude: 
 
 def _over_grid(element: ForceElement, frequency: Array, amplitude: Array, name: str) -> NDArray[np.complex128]:
     try:
-        found = np.array([[complex_stiffness(element, 2.0 * math.pi * f, a) for f in frequency] for a in amplitude])
+        with np.errstate(over="ignore", invalid="ignore"):  # judged below
+            found = np.array([[complex_stiffness(element, 2.0 * math.pi * f, a) for f in frequency] for a in amplitude])
     except (InputDataError, OverflowError) as error:
         raise ConfigurationError(f"{name}: {error}") from error
     if not np.all(np.isfinite(found)):
