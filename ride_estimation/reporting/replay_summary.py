@@ -74,13 +74,16 @@ def summary(
 def verdict(run: OfflineRun, result: Mapping[str, Any], assessment: RunAssessment) -> str:
     """Return the result of a replay in one sentence."""
     words = []
-    leading = max(worst(assessment.damages).values(), key=lambda d: d.estimated.value, default=None)
-    if leading is not None:
-        e = leading.estimated
+    found = worst(assessment.damages)
+    known_loads = [d for d in found.values() if d.estimated.known]
+    if known_loads:
+        leading = max(known_loads, key=lambda d: d.estimated.value)
         words.append(
             f"the most damaging load is that of {leading.mount} {leading.axis}: peak {_peak(run, leading)} kN, equivalent "
-            f"amplitude {_equivalent(e)} kN"
+            f"amplitude {_equivalent(leading.estimated)} kN"
         )
+    elif found:
+        words.append("no attachment force is known well enough to state its damage")
     stiff = [p for p in run.parameters if p.name.endswith(".z.stiffness") and p.value > 0.0]
     sure = [p for p in stiff if p.status.value == "valid"]
     if stiff:

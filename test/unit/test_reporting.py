@@ -18,7 +18,9 @@ from scipy import signal
 
 from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.offline import OfflineRun
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.reporting import numbers, replay_summary
 from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.chart import chart_of
@@ -212,6 +214,34 @@ def test_a_chart_holds_the_numbers_of_the_figure() -> None:
     bars, curve = second["items"]
     assert bars["k"] == "bars" and list(arrays[bars["y"]]) == [3.0, 4.0]
     assert arrays[curve["y"]] == pytest.approx(np.exp(-3.0 * time), rel=1e-6)  # a logarithmic axis needs relative precision
+
+
+def test_intervals_of_modes_are_those_of_many_drawn_vehicles() -> None:
+    vehicle, rng = load_vehicle("truck_cab"), np.random.default_rng(4)
+    estimates = []
+    for mount in vehicle.mounts.values():
+        for role, relative in (("stiffness", 0.04), ("damping", 0.08)):
+            value = next(v for k, v in dataclasses.asdict(mount.elements["z"]).items() if k == role)
+            std = relative * value
+            estimates.append(Estimate(f"{mount.name}.z.{role}", value, std, "", value, Status.VALID, "", 0))
+    found = replay_summary.found_modes(vehicle, estimates)
+    drawn = []
+    for _ in range(150):
+        moved = [dataclasses.replace(e, value=e.value + e.std * rng.normal(), std=0.0) for e in estimates]
+        drawn.append([(m.frequency_hz, m.damping_ratio) for m in replay_summary.found_modes(vehicle, moved)])
+    spread = 1.96 * np.std(np.array(drawn), axis=0)
+    assert sum(mode.frequency_hz < 3.0 for mode in found) == 3
+    for mode, (frequency, damping) in zip(found, spread, strict=True):
+        if mode.frequency_hz < 3.0:  # those that rest on the vertical values; 150 draws know a spread within 6 %
+            assert mode.frequency_half == pytest.approx(frequency, rel=0.25)
+            assert mode.damping_half == pytest.approx(damping, rel=0.25)
+
+
+def test_a_load_that_is_not_known_is_not_called_the_most_damaging(run: OfflineRun, assessment: RunAssessment) -> None:
+    assert "most damaging load" in replay_summary.verdict(run, {"warnings": ()}, assessment)
+    unknown = [dataclasses.replace(d, estimated=dataclasses.replace(d.estimated, lower=0.0)) for d in assessment.damages]
+    words = replay_summary.verdict(run, {"warnings": ()}, dataclasses.replace(assessment, damages=tuple(unknown)))
+    assert "most damaging" not in words and "no attachment force is known well enough" in words.lower()
 
 
 def test_names_of_parameters_in_few_words() -> None:
