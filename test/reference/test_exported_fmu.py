@@ -228,6 +228,12 @@ def test_a_state_that_was_kept_gives_the_same_steps_again(version: str, tmp_path
     once = steps(20)
     unit.put(kept)
     assert steps(20) == once
+    # through bytes into a state of its own, as a program does that stores it
+    stored = unit.fmu.serializeFMUState(kept)
+    unit.put(unit.fmu.deserializeFMUState(stored))
+    assert steps(20) == once
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        unit.fmu.deserializeFMUState(stored[:-1])
     with pytest.raises(fmpy.fmi1.FMICallException):
         unit.set([unit.number["deflection"]], [float("nan")])
     unit.free()
