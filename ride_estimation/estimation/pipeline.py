@@ -45,6 +45,7 @@ from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
 from ride_estimation.estimation.parameters.identifiable import describe
 from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
+from ride_estimation.estimation.parameters.static_travel import Load, StaticTravel
 from ride_estimation.sensors.streams import stream_specs
 from ride_estimation.signals.alignment import Block, StampAligner
 from ride_estimation.signals.batch_feed import BatchFeed
@@ -92,6 +93,9 @@ class Pipeline:
         self._forces = MountForceEstimator(a, self._law, self._deflection.known, self.tilting)
         self._parameters = ParameterEstimator(a, self.tilting, self.settings)
         self._anchor = MassAnchor(a, self._parameters.slots)
+        self._travel = StaticTravel(a)
+        #: what static travel says of a load that the file does not know
+        self._load: Load | None = None
         self._factor = 1.0
         cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
         used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers, *cells]
@@ -207,6 +211,7 @@ class Pipeline:
         self._deflection.restart()
         self._forces.restart()
         self._parameters.restart()
+        self._travel.reset()
         self._fill.restart()
         self._hints.reset()
         self._checks.reset(same_time=reason == NUMERICAL_FAULT)
@@ -402,27 +407,48 @@ class Pipeline:
             motion = dataclasses.replace(motion, covariance=motion.covariance - self._constant)
         moved = p.observe(data, motion, complete, stamp_ns, dt)
         self._checks.follow_changes(p.changes)
+        if complete:
+            self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0
+            self._look_for_load()
             self._anchor.update(
                 p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
         self._copies.keep(self._run_time, self._learned, self._deflection.save)
 
+    def _look_for_load(self) -> None:
+        """Ask static travel and the place of the CG whether the body carries something that its file does not know."""
+        p, anchor = self._parameters, self._anchor
+        if self._travel.tells:
+            self._load = self._travel.found()
+            anchor.take_static_travel(self._load)
+            p.take_load(self._load is not None)
+        elif not self._travel.possible and p.cg_is_off() is not p.loaded:
+            # a sensor that contradicts the others moves the CG too
+            p.take_load(not p.loaded and self._motion.residual_test().passed)
+        anchor.moved_cg = p.cg_offset() if p.loaded else None
+        if self._load is not None and anchor.moved_cg is None:
+            anchor.moved_cg = self._load.offset, np.zeros(3)
+
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""
         self._factor, relative = self._anchor.factor()
         body = self.arrangement.body
         inertia, inertia_std = self._parameters.inertia()
+        cg_offset, cg_std = self._parameters.cg_offset()
+        if self._load is not None and not self._parameters.loaded:
+            cg_offset = self._load.offset
         self._loads = InertialLoads(
             body.mass.value * self._factor, body.mass.value * self._factor * relative, inertia * self._factor, inertia_std,
-            self._loads.cg_std,
+            cg_std, cg_offset,
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
         a, self._forces.mass = self.arrangement, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
+        self._forces.cg_offset = cg_offset
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._anchor.doubt
         self._forces.parameter_std = self._parameters.stds()
 
@@ -438,6 +464,7 @@ class Pipeline:
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
         doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.doubt
+        doubt = doubt or self._anchor.load_doubt
         return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
 
     def identifiability(self) -> dict[str, Any]:
@@ -484,7 +511,7 @@ class Pipeline:
             "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
-            "tilt": self.tilting.save(), "carried": self._carried.save(), **self._checks.save(),
+            "travel": self._travel.save(), "tilt": self.tilting.save(), "carried": self._carried.save(), **self._checks.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -507,6 +534,7 @@ class Pipeline:
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
         self._anchor.load(state["anchor"])
+        self._travel.load(state["travel"])
         self._run_time = float(state["run_time"])
         self._apply()
         self._forces.load(state["forces"])

@@ -25,6 +25,7 @@ from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
+from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT
 from ride_estimation.estimation.parameters.interval import Interval
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.vehicles.vehicle import Prior, Vehicle
@@ -70,7 +71,7 @@ def test_sensitivity_to_the_cg_is_how_far_parameters_move():
     first, second = estimated((0.0, 0.0, 0.0), 0.01)[3], estimated((0.004, 0.0, 0.0), 0.01)[3]
     own = first._parameters
     vertical = [n for n, s in enumerate(own.slots) if s.axis == 2 and s.role == 0]
-    predicted = -0.004 * own._filter.memory.sensitivity(own._prior_std)[vertical, 0]
+    predicted = -0.004 / OFFSET_UNIT * own._filter.memory.sensitivity(own._prior_std)[vertical, 0]
     moved = (second._parameters.theta - own.theta)[vertical]
     assert np.abs(moved).max() > 0.002
     # linearised, over the last intervals only, beside the noise of a run

@@ -66,7 +66,7 @@ def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
     for relative in (ticks, one, body):
         doubt = MountingDoubt(ARRANGEMENT, CORNER)
         doubt.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
-        doubt.weigh(relative, DT)
+        doubt.weigh(relative, np.zeros(len(relative)), DT)
         found.append(doubt.std(K, C, PRIOR))
         again = MountingDoubt(ARRANGEMENT, CORNER)
         again.load(doubt.save())
@@ -93,6 +93,21 @@ def test_less_deformation_leaves_more_doubt_and_vertical_parameters_have_none():
     less, more = (stated(x, x) for x in (motion(np.random.default_rng(2), deformation) for deformation in (1e-4, 1e-3)))
     assert np.all(less[:, :, 1] > 2.0 * more[:, :, 1])
     assert np.all(more[:, :, 2] == 0.0) and np.all(np.isfinite(less))
+
+
+def test_gains_matter_more_where_body_and_base_move_far_more_than_the_mount_gives():
+    rng = np.random.default_rng(11)
+    x = 1e-3 * rng.standard_normal((2000, 12))
+    common, relative = rng.standard_normal(len(x)), np.zeros((len(x), 4, 3))
+    relative[:, :, 2] = 0.02 * rng.standard_normal((len(x), 4))
+    stds = []
+    for lifted in (0.01 * common, common):
+        doubt = MountingDoubt(ARRANGEMENT, CORNER)
+        doubt.observe(x, 30.0 * x, DT)
+        doubt.weigh(relative, lifted, DT)
+        stds.append(doubt.std(K, C, PRIOR)[0, :, 2])
+    # a base that reads g too much makes a deflection of g times its motion: fifty times that of the mount
+    np.testing.assert_allclose(stds[1] / stds[0], 50.0, rtol=0.05)
 
 
 def test_a_split_that_only_noise_tells_is_as_doubtful_as_the_vehicle_file():

@@ -224,6 +224,20 @@ def channel_geometry(sensors: Sequence[Sensor], cg: Array) -> tuple[Array, Array
     return directions, points
 
 
+def weight_at(arrangement: Arrangement, offset: Array) -> Array:
+    """Return the wrench about the CG of the file that carries the body with its CG elsewhere, shape (6,) [N, N m].
+
+    Parameters
+    ----------
+    arrangement
+        Body and what it carries.
+    offset
+        Of the CG from its place in the file, shape (3,) [m].
+    """
+    weight = np.array([0.0, 0.0, arrangement.body.mass.value * arrangement.vehicle.gravity])
+    return np.asarray(arrangement.weight + np.concatenate([np.zeros(3), np.cross(offset, weight)]))
+
+
 def base_transport(mounts: Sequence[Mount], sensors: Sequence[Sensor | None]) -> Array | None:
     """Return T, shape (3 M, 3 M): from the stacked readings of base sensors, body axes, to the motion of the mount bases.
 

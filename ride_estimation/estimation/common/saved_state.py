@@ -36,8 +36,9 @@ def all_finite(state: Any) -> bool:
 _NAME = "ride_estimation/estimator_state/"
 #: raised whenever a key is added or changes its meaning; 2: verdicts on the sensors are kept, 4: exchanged topics,
 #: 5: lasting faults of base sensors and gyros, 6: accelerations that last, errors of base sensors,
-#: 7: parameters of the beginning, 8: lean of the base sensors, 9: which axes of a sensor ever varied
-STATE_SCHEMA = f"{_NAME}9"
+#: 7: parameters of the beginning, 8: lean of the base sensors, 9: which axes of a sensor ever varied,
+#: 10: loads by static travel and by the place of the CG
+STATE_SCHEMA = f"{_NAME}10"
 
 
 def check_state(state: Mapping[str, Any], sensors: Sequence[Sensor], mount_names: Sequence[str]) -> None:

@@ -27,6 +27,8 @@ class ForceModel:
         [kg] and its relative standard deviation.
     inertia, inertia_std
         Shape (3, 3) [kg m^2] and its relative standard deviation.
+    cg_offset
+        Of the CG from its place in the file, shape (3,) [m].
     follow
         Share of the rotation of the brackets that the mount axes follow.
     """
@@ -37,6 +39,7 @@ class ForceModel:
     mass_std: float
     inertia: Array
     inertia_std: float
+    cg_offset: Array
     follow: float
 
 
@@ -69,6 +72,6 @@ class ForceBasis:
         """Return the basis of the block that was estimated just now; ``covariance`` is that of the wrench."""
         model = ForceModel(
             forces.law.multipliers, forces.parameter_std, forces.mass, forces.mass_relative_std, loads.inertia,
-            loads.inertia_relative_std, forces.follow,
+            loads.inertia_relative_std, loads.cg_offset, forces.follow,
         )  # fmt: skip
         return cls(deflection, covariance, forces.constant_load, complete, model)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.arrangement import Arrangement, weight_at
 from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
@@ -132,6 +132,8 @@ class MountForceEstimator:
         self._tilting = tilting
         self.mass = arrangement.body.mass.value
         self.mass_relative_std = 0.0
+        #: offset of the CG from its place in the file, shape (3,) [m]
+        self.cg_offset = np.zeros(3)
         #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
         self.constant_load = np.zeros((6, 6))
         #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
@@ -198,13 +200,14 @@ class MountForceEstimator:
         #: wrench, gain, mass and what :meth:`shared` made of them last
         self._shared: tuple[Array, Array, float, Array] = (nothing, nothing, 0.0, nothing)
         #: stiffness and mass the static forces are those of
-        self._static_of: tuple[Array | None, float] = (None, 0.0)
+        self._static_of: tuple[Array | None, float, Array] = (None, 0.0, self.cg_offset)
         self._update_static()
 
     def _update_static(self) -> None:
-        if self._static_of[0] is self.law.stiffness and self._static_of[1] == self.mass:
+        of, mass, offset = self._static_of
+        if of is self.law.stiffness and mass == self.mass and np.array_equal(offset, self.cg_offset):
             return
-        self._static_of = self.law.stiffness, self.mass
+        self._static_of = self.law.stiffness, self.mass, self.cg_offset
         weight = self._weight()
         stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
         total = float(stiffness.max()) if stiffness.size else 0.0
@@ -306,7 +309,7 @@ class MountForceEstimator:
 
     def _weight(self) -> Array:
         """Return the wrench that carries the body at rest and what it carries, shape (6,); all masses scale together."""
-        return self.mass / self.arrangement.body.mass.value * self.arrangement.weight
+        return self.mass / self.arrangement.body.mass.value * weight_at(self.arrangement, self.cg_offset)
 
     def shared(self, support: Array) -> Array:
         """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
@@ -443,6 +446,7 @@ class MountForceEstimator:
         return {
             **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
             "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
+            "cg_offset": self.cg_offset.tolist(),
             "parameter_std": self.parameter_std.tolist(), "frame": self._frame.save() if self._frame is not None else None,
         }  # fmt: skip
 
@@ -464,10 +468,11 @@ class MountForceEstimator:
             setattr(self, "_" + name, np.array(saved.get(name, own), dtype=float).reshape(own.shape))
         if self._frame is not None and saved.get("frame") is not None:
             self._frame.load(saved["frame"])
-        self._static_of = None, 0.0
+        self._static_of = None, 0.0, self.cg_offset
         self._until, self._time = float(saved["until"]), float(saved["time"])
         self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
         self._stiffness = np.array(saved["stiffness"], dtype=float)
         self.mass = float(saved["mass"])
+        self.cg_offset = np.array(saved["cg_offset"], dtype=float).reshape(3)
         self.law.states = np.array(saved["law_states"], dtype=float).reshape(self.law.states.shape)
         self.parameter_std = np.array(saved["parameter_std"], dtype=float).reshape(2, self._count, 3)

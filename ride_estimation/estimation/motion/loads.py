@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.block_math import cross
 from ride_estimation.frames import skew
 from ride_estimation.jit import compile_kernel
 from ride_estimation.vehicles.vehicle import Body
@@ -29,6 +30,8 @@ class InertialLoads:
         Relative standard deviation of the inertia, 0 where not stated.
     cg_std
         Standard deviation of the CG position, shape (3,) [m], zero where not stated.
+    cg_offset
+        Of the CG from its place in the file, which motion and loads refer to, shape (3,) [m].
     """
 
     mass: float
@@ -36,6 +39,7 @@ class InertialLoads:
     inertia: Array
     inertia_relative_std: float = 0.0
     cg_std: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    cg_offset: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def of(cls, body: Body) -> InertialLoads:
@@ -54,9 +58,10 @@ class InertialLoads:
         return {name: {"value": float(v), "std": float(std * v), "file": float(file)} for name, v, file in pairs}
 
     def load(self, accel: Array, rate: Array) -> Array:
-        """Return force and moment at the CG.
+        """Return force and moment at the place of the CG in the file.
 
-        ``F = m a``, ``M = J alpha + omega x J omega`` (document 000 eq. (5) with the term it omits).
+        ``F = m a``, ``M = J alpha + omega x J omega`` (document 000 eq. (5) with the term it omits); a CG at an offset d adds
+        ``m (alpha x d + omega x (omega x d))`` to the force and ``d x F`` to the moment.
 
         Parameters
         ----------
@@ -68,6 +73,9 @@ class InertialLoads:
         """
         load = np.empty((len(accel), 6))
         _load(accel, rate, self.mass, self.inertia, load)
+        if self.cg_offset.any():
+            load[:, :3] += self.mass * (cross(accel[:, 3:], self.cg_offset) + cross(rate, cross(rate, self.cg_offset)))
+            load[:, 3:] += cross(self.cg_offset, load[:, :3])
         return load
 
     def covariance_of_cg(self, motion: Array, gravity: float) -> tuple[Array, Array]:

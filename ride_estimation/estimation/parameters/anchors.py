@@ -20,6 +20,7 @@ from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.forces.slots import Slot
 from ride_estimation.estimation.parameters.parameter_change import common_change
+from ride_estimation.estimation.parameters.static_travel import Load
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import ForceReference
 
@@ -33,6 +34,8 @@ _SHARE_STD = 0.03
 _MEAN_MEMORY, _CORRELATION = 4.0, 0.3
 #: excited time needed on each side of an added mass [s]
 _SETTLED = 8.0
+#: relative standard deviation that a doubt leaves of a mass that is declared as known, beyond which it is suspect
+_KNOWN = 0.03
 #: common change of all logarithms that is worth a word, standard deviations and share of all change that make it one
 _LOAD, _CLEARLY, _COMMON = 0.05, 4.0, 0.75
 
@@ -107,6 +110,11 @@ class MassAnchor:
         self._together = 0.0
         #: the common change from which on load cells are compared
         self._slopes_from = 0.0
+        #: logarithm of the mass with what static travel shows over the file's and its standard deviation, and at the beginning
+        self._load: tuple[float, float] | None = None
+        self._load_first = 0.0
+        #: where the CG lies off its place in the file and its standard deviation, shape (3,) each [m], None where it does not
+        self.moved_cg: tuple[Array, Array] | None = None
 
     @property
     def cells(self) -> tuple[tuple[str, int], ...]:
@@ -141,12 +149,17 @@ class MassAnchor:
             if found is not None:
                 self._found[n] = found
 
+    def take_static_travel(self, load: Load | None) -> None:
+        """Take what static travel says of a load that the file does not know."""
+        self._load = None if load is None else (load.log, load.std)
+
     def _compare(self, theta: Array, std: Array, excited_time: float) -> None:
         """Follow by how much all stiffness and damping values together have changed since the beginning of the run."""
         if not len(theta) or excited_time < _SETTLED:
             return
         if self._first is None:
             self._first = theta.copy(), std.copy()
+            self._load_first = self._load[0] if self._load else 0.0
         change, change_std, share = common_change(*self._first, theta, std)
         clear = abs(change) > max(_LOAD, _CLEARLY * change_std) and share > _COMMON
         self._together = change if clear else 0.0
@@ -165,15 +178,61 @@ class MassAnchor:
 
     @property
     def doubt(self) -> float:
-        """Return the relative standard deviation that a common change of all parameters leaves of the mass.
+        """Return the relative standard deviation that an unknown load leaves of the mass.
 
-        A load or mounts that all change alike: at even odds the mean square error of either reading is half the square.
+        A common change of all parameters is a load or mounts that all change alike, a CG that is not where the file has it a load
+        or a wrong file: at even odds the mean square error of either reading is half the square. What static travel shows of a
+        load is no doubt.
         """
-        return abs(math.expm1(-self._together)) / math.sqrt(2.0)
+        changed = self._together
+        if changed and self._load is not None:
+            changed += self._load[0] - self._load_first
+            changed = changed if abs(changed) > max(_LOAD, _CLEARLY * self._load[1]) else 0.0
+        return math.hypot(math.expm1(-changed), self._off_centre()) / math.sqrt(2.0)
+
+    def _off_centre(self) -> float:
+        """Return the share of a load in the mass that puts the CG where it is: at the edge of the mounts or halfway to it."""
+        if self._load is not None or self.moved_cg is None:
+            return 0.0
+        offset = self.moved_cg[0][:2]
+        distance, arms = float(np.linalg.norm(offset)), self.arrangement.arms[:, :2]
+        if distance == 0.0:
+            return 0.0
+        reach = float(np.max(arms @ offset)) / distance
+        return min(1.5 * distance / max(reach, distance), 1.0)
+
+    @property
+    def load_doubt(self) -> str:
+        """Return why nothing learned is called valid for a load that nobody knows, empty where nothing speaks for one."""
+        if self._off_centre() == 0.0:
+            return ""
+        return "the CG is not where the vehicle file has it: a load, whose mass nothing tells, or a wrong CG"
 
     def notes(self) -> list[str]:
         """Return what the person in the field should know about the mass."""
-        if not self._together or any(self._references[n].kind != "air_spring_pressure" for n in self._found):
+        return [*self._words_of_load(), *self._words_of_change()]
+
+    def _words_of_load(self) -> list[str]:
+        body = self.arrangement.body
+        if self._load is not None:
+            mass = self.factor()[0] * self.arrangement.file_mass
+            added = mass * -math.expm1(-self._load[0])
+            way = "carries a load that its file does not know" if added > 0.0 else "is lighter than its file says"
+            words = f"{body.name} {way}: {added:+.0f} +- {mass * self._load[1]:.0f} kg by the static travel of its mounts"
+            if self.moved_cg is not None:
+                place = (body.cg + self.moved_cg[0] * mass / added)[:2]
+                words += f", at x {place[0]:.2f} m, y {place[1]:.2f} m"
+            return [words + "; mass, stiffness, damping and forces hold with it"]
+        if self.moved_cg is None:
+            return []
+        where = ", ".join(f"{axis} {1e3 * v:+.0f} +- {1e3 * s:.0f} mm" for axis, v, s in zip(AXES, *self.moved_cg))
+        return [
+            f"the CG of {body.name} lies off its place in the file: {where}. A load does that, or a wrong CG in the file; "
+            "accelerations do not tell how heavy a load is: weigh the body, or measure the static travel of all mounts"
+        ]
+
+    def _words_of_change(self) -> list[str]:
+        if self.doubt == 0.0 or not self._together or any(self._references[n].kind != "air_spring_pressure" for n in self._found):
             return []
         body, load = self.arrangement.body.name, math.expm1(-self._together)
         way, other = ("fell", "softened") if load > 0.0 else ("rose", "stiffened")
@@ -251,7 +310,8 @@ class MassAnchor:
         prior = self.arrangement.body.mass
         relative = prior.std / prior.value if prior.std else 0.0
         if self.known or not self._found:
-            return 1.0, relative if self.known else math.hypot(relative if prior.std else 0.1, self.doubt)
+            log, std = self._load or (0.0, 0.0)
+            return math.exp(log), math.hypot(relative if prior.std or self.known else 0.1, std, self.doubt)
         weights = np.array([1.0 / s**2 for _, s in self._found.values()])
         logs = np.array([v for v, _ in self._found.values()])
         mean = float(np.sum(weights * logs) / np.sum(weights))
@@ -260,8 +320,10 @@ class MassAnchor:
 
     def status(self) -> tuple[Status, str]:
         """Return status and reason of the mass."""
+        if self.known and self.doubt > _KNOWN:
+            return Status.SUSPECT, self.load_doubt or "all stiffness and damping values changed together as with a load"
         if self.known:
-            return Status.VALID, "declared as known in the vehicle file"
+            return Status.VALID, f"declared as known in the vehicle file{', with a load by static travel' if self._load else ''}"
         if not self._references:
             return (
                 Status.NOT_IDENTIFIABLE,
@@ -321,6 +383,8 @@ class MassAnchor:
             "first": None if self._first is None else [self._first[0].tolist(), self._first[1].tolist()],
             "together": self._together,
             "slopes_from": self._slopes_from,
+            "load": None if self._load is None else list(self._load),
+            "load_first": self._load_first,
         }
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -336,5 +400,8 @@ class MassAnchor:
         )
         self._together, self._slopes_from = float(saved["together"]), float(saved["slopes_from"])
         self._added_at = float(saved["added_at"])
+        load = saved["load"]
+        self._load = None if load is None else (float(load[0]), float(load[1]))
+        self._load_first = float(saved["load_first"])
         bare = saved.get("bare")
         self._bare = None if bare is None else (float(bare[0]), float(bare[1]))

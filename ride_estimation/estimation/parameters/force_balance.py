@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 HIGHEST_RATE = 130.0
 #: relative step of the derivative with respect to a multiplier of a nonlinear element
 _STEP = 1e-3
+#: unit of an offset of the CG among the parameters [m]: as much to the balance as a change of the mounts by a tenth
+OFFSET_UNIT = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +63,7 @@ class BalanceChunk:
         The same from the mount law with the present multipliers, shape (K, 6).
     columns
         Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
-        inverse principal inertia that is estimated, then by every coordinate of the CG that is not known for certain, shape
+        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], shape
         (K, 6, N + 1 + R + O).
     step
         Distance of the ticks [s].
@@ -102,7 +104,7 @@ class ForceBalance:
     turns
         Axes (0 to 2) about which the inertia is estimated.
     offsets
-        Axes (0 to 2) along which the position of the CG is not known for certain.
+        Axes (0 to 2) along which the CG may lie off its place in the file.
     """
 
     def __init__(
@@ -231,14 +233,14 @@ class ForceBalance:
         return self._assemble(stacked, n, dt * average)
 
     def _offset_columns(self, support: Array) -> Array:
-        """Return by how much the measured acceleration rises per metre of every offset of the CG, shape (K, 6 O).
+        """Return by how much the measured acceleration rises per unit of every offset of the CG, shape (K, 6 O).
 
         An offset d adds the force ``m alpha x d`` and the moment ``d x F``.
         """
         angular, mass = (support @ self.inverse_mass.T)[:, 3:], self.arrangement.body.mass.value
         added = []
         for axis in self.offsets:
-            turn = skew(np.eye(3)[axis])
+            turn = OFFSET_UNIT * skew(np.eye(3)[axis])
             added.append(np.hstack([mass * (angular @ turn), -support[:, :3] @ turn]) @ self.inverse_mass.T)
         return np.hstack(added)
 

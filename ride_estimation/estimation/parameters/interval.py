@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 _LENGTH = 40
 #: factor on standard deviations for what linearisation and few intervals leave out; measured on worlds of their own
 _MARGIN = 1.2
+#: share of an acceleration that gains and angles of good sensors may be off, on both sides of the mounts
+_TOLERANCE = 0.01
 #: intervals' worth of white-noise theory that the scatter is mixed with
 _SHRINK = 4.0
 #: scatter over white-noise theory before it is known, and its bounds
@@ -36,23 +38,34 @@ class Interval:
         Number of parameters.
     considered
         Number of quantities that are not estimated but whose uncertainty is considered; c are their gradients.
+
+    Attributes
+    ----------
+    information, gradient
+        A and g, shapes (N, N) and (N,).
+    cross, considered_information, considered_gradient
+        The same with the considered quantities, shapes (N, O), (O, O) and (O,).
+    square, explained
+        Of the innovations, and what of it noise and tolerances of the sensors explain.
     """
 
     def __init__(self, count: int, considered: int) -> None:
         self.information = np.zeros((count, count))
         self.cross = np.zeros((count, considered))
+        self.considered_information, self.considered_gradient = np.zeros((considered, considered)), np.zeros(considered)
         self.gradient = np.zeros(count)
-        self.square = 0.0
-        self.samples = 0
+        self.square = self.explained = 0.0
         self.duration = 0.0
 
-    def add(self, innovation: Array, gradient: Array, weights: Array, duration: float) -> None:
+    def add(self, innovation: Array, gradient: Array, measured: Array, weights: Array, duration: float) -> None:
         """Add the ticks of a chunk.
 
         Parameters
         ----------
         innovation, gradient
             Shapes (K, 6) and (K, 6, N + O), parameters first.
+        measured
+            Acceleration that the mounts cause, shape (K, 6).
         weights
             L with ``L L^T`` the inverse covariance of an innovation, shape (6, 6).
         duration
@@ -62,10 +75,13 @@ class Interval:
         both = np.matmul(weights.T, gradient).reshape(-1, gradient.shape[2])
         rows, considered = both[:, : len(self.gradient)], both[:, len(self.gradient) :]
         self.cross += rows.T @ considered
+        self.considered_information += considered.T @ considered
+        self.considered_gradient += considered.T @ white.reshape(-1)
         self.information += rows.T @ rows
         self.gradient += rows.T @ white.reshape(-1)
         self.square += float(np.sum(white**2))
-        self.samples += white.size
+        noise = len(white) * int(np.count_nonzero(np.diag(weights)))
+        self.explained += noise + _TOLERANCE**2 * float(np.sum((measured @ weights) ** 2))
         self.duration += duration
 
 
@@ -127,6 +143,9 @@ class IntervalMemory:
         self._gradient: list[Array] = []
         self._centre: list[Array] = []
         self._cross: list[Array] = []
+        #: information and gradient of what is considered, squares of the innovations and what is explained of them
+        self._considered_parts: list[tuple[Array, Array]] = []
+        self._squares: list[Array] = []
         self._stack: Array | None = None
         self._told: tuple[Array, Array] | None = None
         self.inflation = _START
@@ -157,11 +176,29 @@ class IntervalMemory:
             (self._gradient, interval.gradient),
             (self._centre, centre),
             (self._cross, interval.cross),
+            (self._squares, np.array([interval.square, interval.explained])),
         ):
             stack.append(np.array(item))
             if len(stack) > _LENGTH:
                 stack.pop(0)
+        self._considered_parts.append((interval.considered_information, interval.considered_gradient))
+        self._considered_parts = self._considered_parts[-_LENGTH:]
         self._stack = self._told = None
+
+    def _coherence(self, gained: float = 0.0) -> float:
+        """Return by how much more the sum of the gradients varies than that of independent ones.
+
+        What the model does not hold of friction, play or a bent curve is the same in every interval: so far as the innovations
+        are made of that, parameters of half a second differ by what is missing and their mean is no better than one of them.
+
+        Parameters
+        ----------
+        gained
+            By how much less the squared innovations would be with something that is not in the model yet.
+        """
+        square, explained = np.sum(self._squares, axis=0)
+        left = float(square) - gained
+        return 1.0 + (self.length - 1.0) * max(0.0, 1.0 - float(explained) / left) if left > float(explained) else 1.0
 
     def _stacked(self) -> Array:
         """Return the information of all intervals, shape (J, N, N); asked for several times per interval."""
@@ -224,7 +261,7 @@ class IntervalMemory:
         sandwich = np.diag(filtered) / scale
         # degrees of freedom are few: Student instead of Gauss
         student = (n + _SHRINK) / max(n + _SHRINK - 3.0, 1.0)
-        sandwich = _MARGIN**2 * sandwich
+        sandwich = _MARGIN**2 * self._coherence() * sandwich
         stated = _MARGIN * stated
         excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
         return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
@@ -244,11 +281,42 @@ class IntervalMemory:
         information = self.total + self.inflation * np.diag(prior_std**-2.0)
         return np.asarray(np.linalg.solve(information, np.sum(self._cross, axis=0)))
 
+    def estimate_considered(self, theta: Array, prior_std: Array, spread: Array) -> tuple[Array, Array]:
+        """Return what is considered as the intervals in memory alone tell it, (O,), and its covariance, (O, O).
+
+        The step of Gauss-Newton from zero, together with the parameters, which keep their prior.
+
+        Parameters
+        ----------
+        theta
+            Present parameters, shape (N,).
+        prior_std
+            Standard deviations of them before anything was learned, shape (N,).
+        spread
+            Standard deviation by which they differ from themselves within the run, shape (N,).
+        """
+        precision, cross = self.inflation * prior_std**-2.0, np.sum(self._cross, axis=0)
+        own = np.sum([a for a, _ in self._considered_parts], axis=0)
+        # the gradients belong to the parameters of their time
+        steps = theta - np.array(self._centre)
+        right = np.sum([g for _, g in self._considered_parts], axis=0) - np.einsum("jno,jn->o", np.array(self._cross), steps)
+        slope = self.scores(theta)[1].sum(axis=0)
+        reduced = np.linalg.solve(self.total + np.diag(precision), np.column_stack([cross, slope - precision * theta]))
+        inverse = np.linalg.pinv(own - cross.T @ reduced[:, :-1], rcond=1e-9, hermitian=True)
+        found = inverse @ (right - cross.T @ reduced[:, -1])
+        step = reduced[:, -1] - reduced[:, :-1] @ found
+        gained = 2.0 * (slope @ step + right @ found) - step @ self.total @ step
+        gained -= 2.0 * step @ cross @ found + found @ own @ found
+        moved = np.linalg.pinv(own, rcond=1e-9, hermitian=True) @ cross.T * spread
+        noise = _MARGIN**2 * max(self.inflation, 1.0) * self._coherence(max(float(gained), 0.0)) * inverse
+        return np.asarray(found), np.asarray(noise + moved @ moved.T)
+
     def snapshot(self) -> dict[str, Any]:
         """Return the state; its arrays are shared and never change."""
         return {
             "information": list(self._information), "gradient": list(self._gradient), "centre": list(self._centre),
-            "cross": list(self._cross), "inflation": self.inflation,
+            "cross": list(self._cross), "considered": [list(pair) for pair in self._considered_parts],
+            "squares": list(self._squares), "inflation": self.inflation,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -257,5 +325,10 @@ class IntervalMemory:
         self._gradient = [np.array(g, dtype=float) for g in saved["gradient"]]
         self._centre = [np.array(c, dtype=float) for c in saved["centre"]]
         self._cross = [np.array(c, dtype=float).reshape(self._count, self._considered) for c in saved["cross"]]
+        size = self._considered
+        self._considered_parts = [
+            (np.array(a, dtype=float).reshape(size, size), np.array(g, dtype=float).reshape(size)) for a, g in saved["considered"]
+        ]
+        self._squares = [np.array(s, dtype=float) for s in saved["squares"]]
         self.inflation = float(saved["inflation"])
         self._stack = self._told = None

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.estimate import Estimate, Status
@@ -25,7 +26,7 @@ from ride_estimation.estimation.forces.slots import find_slots
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
-from ride_estimation.estimation.parameters.force_balance import BalanceChunk, BalanceInput
+from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT, BalanceChunk, BalanceInput
 from ride_estimation.estimation.parameters.identifiable import null_directions
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
 from ride_estimation.estimation.parameters.parameter_filter import ParameterFilter
@@ -60,6 +61,14 @@ _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 #: mean over ten intervals of the normalised innovation squared that has the last seconds looked at again: one is expected
 _RESTLESS = 2.5
+#: standard deviation of a CG that a load has moved, and farthest that it is looked for [m]
+_LOADED_CG, _REACH = 0.1, 0.5
+#: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
+_CALIBRATED_CG = 0.004
+#: a CG is off its file with this probability, and with this one it still is when its place has been estimated
+_CERTAINLY, _STILL = 1.0 - 1e-5, 0.99
+#: intervals that are asked for it
+_ENOUGH = 16
 #: passes over a chunk that a look at the last seconds may take per second of data: about a tenth of a core
 _PACE = 250.0
 
@@ -87,10 +96,14 @@ class ParameterEstimator:
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._turns = () if by_transducers else self._inertia_axes()
         body = arrangement.body
-        cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
-        offsets = () if by_transducers else tuple(int(a) for a in np.flatnonzero(cg_std > 0.0))
-        #: standard deviation of what is considered, not estimated: the position of the CG [m]
-        self._considered_std = cg_std[list(offsets)]
+        self._cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        offsets = () if by_transducers else self._offset_axes()
+        #: standard deviation of what is considered, not estimated: the position of the CG [m], empty where it is estimated
+        self._considered_std = self._cg_std[list(offsets)] / OFFSET_UNIT
+        #: whether the body carries something that its file does not know: where the CG lies is estimated
+        self.loaded = False
+        #: whether that was thought and proved wrong since the last change
+        self._refuted = False
         model = (arrangement, tilting, self.slots, self._turns, offsets, settings.parameter_corner_hz, by_transducers)
         self._model = ParameterModel(*model)
         variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
@@ -99,7 +112,8 @@ class ParameterEstimator:
         self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD] + turns * [self._inertia_std()])
         self._lower = np.array([s.lower for s in self.slots] + [-1.2] + turns * [-bound])
         self._upper = np.array([s.upper for s in self.slots] + [0.2] + turns * [bound])
-        #: logarithms of the multipliers, the follow share minus one, logarithms of the inverse inertia over the file's
+        #: logarithms of the multipliers, the follow share minus one, logarithms of the inverse inertia over the file's and, with
+        #: a load, the offsets of the CG
         self.theta = np.zeros(self.count + 1 + turns)
         self.std = self._prior_std.copy()
         self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
@@ -113,7 +127,8 @@ class ParameterEstimator:
             self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
         self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
-        self._refinement = Refinement(ParameterModel(*model), self._prior_std, self._lower, self._upper, self._fresh)
+        self._review_model = ParameterModel(*model)
+        self._refinement = self._new_refinement()
         self._reviews: tuple[float, ...] = _REVIEWS
         #: first estimate or review under way, the chunks it sees, whether the excitation lasts since it began, steps it may take
         self._look: Generator[int, None, ParameterFilter | None] | None = None
@@ -185,9 +200,70 @@ class ParameterEstimator:
     def inertia(self) -> tuple[Array, float]:
         """Return the inertia about the CG for the file's mass, shape (3, 3) [kg m^2], and its largest relative std."""
         root, body = np.ones(3), self.arrangement.body
-        root[list(self._turns)] = np.exp(-0.5 * self.theta[self.count + 1 :])
-        own = self.std[self.count + 1 :]
+        turning = slice(self.count + 1, self.count + 1 + len(self._turns))
+        root[list(self._turns)] = np.exp(-0.5 * self.theta[turning])
+        own = self.std[turning]
         return root[:, None] * np.asarray(body.inertia) * root, float(own.max()) if own.size else body.inertia_relative_std or 0.0
+
+    def _offset_axes(self) -> tuple[int, ...]:
+        """Return the axes along which an offset of the CG shows: the body moves along a second one and turns about the third.
+
+        What holds a body that does not move along an axis acts nobody knows where.
+        """
+        moves, turns = self.arrangement.free[:3], self.arrangement.free[3:]
+        return tuple(a for a in range(3) if any(moves[(a + n) % 3] and turns[(a + 3 - n) % 3] for n in (1, 2)))
+
+    def cg_offset(self) -> tuple[Array, Array]:
+        """Return the offset of the CG from its place in the file and its standard deviation, shape (3,) each [m]."""
+        std = self._cg_std.copy()
+        if self.loaded:
+            std[list(self._model.offsets)] = OFFSET_UNIT * self.std[-len(self._model.offsets) :]
+        return self._model.offset_of(self.theta), std
+
+    def cg_is_off(self) -> bool:
+        """Return whether the last seconds say that the CG is not where the file lets expect it."""
+        own, axes = self._filter, list(self._model.offsets)
+        if not axes or own is None or own.memory.length < _ENOUGH or self._refuted:
+            return self.loaded
+        size = len(axes)
+        if self.loaded:
+            found, covariance = self.theta[-size:], np.diag(self.std[-size:] ** 2)
+        else:
+            spread = np.zeros(len(self.theta))
+            spread[: self.count] = self._amplitude.std
+            found, covariance = own.memory.estimate_considered(self.theta, self._prior_std, spread)
+        expected = np.diag((np.maximum(self._cg_std[axes], _CALIBRATED_CG) / OFFSET_UNIT) ** 2)
+        beyond = float(found @ np.linalg.solve(covariance + expected, found))
+        return bool(beyond > stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size))
+
+    def take_load(self, there: bool) -> None:
+        """Learn anew with a CG that may be wherever a load takes it, or with that of the file where there is no load."""
+        if self.loaded is there or not self._model.offsets:
+            return
+        self._refuted = not there
+        kept = self._kept
+        self._estimate_cg(there)
+        self.status = StatusTracker(self.slots, self.arrangement, self.possible, self._no_input_reason())
+        self.std, self._filter, self._reviews = self._prior_std.copy(), None, _REVIEWS
+        self._begin_interval()
+        self._drop_look()
+        n = self.count + 1 + len(self._turns)
+        self._kept = [(chunk, np.append(theta[:n], self.theta[n:])) for chunk, theta in kept]
+
+    def _estimate_cg(self, loaded: bool) -> None:
+        """Make the offsets of the CG parameters, which begin at zero, or something that is considered."""
+        self.loaded, n = loaded, self.count + 1 + len(self._turns)
+        free = np.ones(len(self._model.offsets) if loaded else 0)
+        self._considered_std = np.zeros(0) if loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
+        self.theta = np.append(self.theta[:n], 0.0 * free)
+        self._prior_std = np.append(self._prior_std[:n], _LOADED_CG / OFFSET_UNIT * free)
+        self._lower = np.append(self._lower[:n], -_REACH / OFFSET_UNIT * free)
+        self._upper = np.append(self._upper[:n], _REACH / OFFSET_UNIT * free)
+        self._amplitude = AmplitudeDependence(self._prior_std, self.count)
+        self._refinement = self._new_refinement()
+
+    def _new_refinement(self) -> Refinement:
+        return Refinement(self._review_model, self._prior_std, self._lower, self._upper, self._fresh)
 
     def estimates(self) -> tuple[Estimate, ...]:
         """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
@@ -284,7 +360,8 @@ class ParameterEstimator:
             self._doubt.observe(*self._model.inertial.moved, dt)
             self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
             self._square_ticks += len(joined.support)
-            self._doubt.weigh(joined.relative, dt)
+            vertical = joined.support[:, 2] / self.arrangement.body.mass.value - self.arrangement.vehicle.gravity
+            self._doubt.weigh(joined.relative, vertical, dt)
         return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
@@ -309,7 +386,7 @@ class ParameterEstimator:
         if not self.excited or self._followed < _FADE:
             return False
         self.excited_time += duration
-        self._interval.add(innovation, gradient, weights, duration)
+        self._interval.add(innovation, gradient, chunk.measured, weights, duration)
         if self._interval.duration < self.settings.parameter_interval:
             return False
         self._update(self._filter, self._interval, chunk.step)
@@ -418,6 +495,7 @@ class ParameterEstimator:
         if not count:
             return False
         self.changes += count
+        self._refuted = False
         self._amplitude.clear()
         self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         return True
@@ -460,7 +538,7 @@ class ParameterEstimator:
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
-            "innovation_ratio": self.innovation_ratio, "changes": self.changes,
+            "innovation_ratio": self.innovation_ratio, "changes": self.changes, "loaded": self.loaded,
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -469,6 +547,8 @@ class ParameterEstimator:
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save` or :meth:`snapshot`."""
+        if bool(saved["loaded"]) != self.loaded:
+            self._estimate_cg(not self.loaded)
         self.theta = np.array(saved["theta"], dtype=float)
         self.std = np.array(saved["std"], dtype=float)
         if self._doubt is not None:

@@ -1,8 +1,9 @@
 # Copyright 2026 ride_estimation contributors
 """The force balance and the response of the simulated body for one vector of parameters.
 
-The vector holds the logarithms of the multipliers, the follow share minus one and the logarithms of the inverse inertias over the
-file's. The online filter and the review of the last seconds each have a model of their own: neither disturbs the other.
+The vector holds the logarithms of the multipliers, the follow share minus one, the logarithms of the inverse inertias over the
+file's and, where the body carries a load that the file does not know, the offsets of the CG from its place in the file. The
+online filter and the review of the last seconds each have a model of their own: neither disturbs the other.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.arrangement import Arrangement, weight_at
 from ride_estimation.estimation.forces.mount_forces import static_share
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.forces.slots import Slot
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
-from ride_estimation.estimation.parameters.force_balance import ForceBalance
+from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT, ForceBalance
 from ride_estimation.estimation.parameters.response import ModelResponse
 from ride_estimation.estimation.parameters.transducer_balance import MeasuredResponse, TransducerBalance
 
@@ -34,7 +35,7 @@ class ParameterModel:
     turns
         Axes (0 to 2) about which the inertia is estimated, R of them.
     offsets
-        Axes (0 to 2) along which the position of the CG is not known for certain, O of them.
+        Axes (0 to 2) along which the CG may lie off its place in the file, O of them.
     corner_hz
         Corner of the high-pass of the balance [Hz].
     by_transducers
@@ -57,7 +58,9 @@ class ParameterModel:
         else:
             self.balance = self.inertial = ForceBalance(arrangement, tilting, slots, self.law, corner_hz, turns, offsets)
             self.response = ModelResponse(self.inertial, arrangement.vehicle.gravity)
-        self._static_of: Array | None = None
+        #: of the CG from its place in the file [m]
+        self.offset = np.zeros(3)
+        self._static_of: tuple[Array | None, Array] = None, self.offset
         self._static = np.zeros((len(arrangement.mounts), 3))
 
     def spread(self, values: Array, empty: float) -> Array:
@@ -67,12 +70,19 @@ class ParameterModel:
             result[slot.role, slot.mount, slot.axis] = value
         return result
 
+    def offset_of(self, theta: Array) -> Array:
+        """Return the offset of the CG from its place in the file, shape (3,) [m]; zero where the vector does not hold it."""
+        offset, own = np.zeros(3), theta[len(self.slots) + 1 + len(self.turns) :]
+        offset[list(self.offsets)] = OFFSET_UNIT * own if len(own) else 0.0
+        return offset
+
     def scale(self, theta: Array) -> None:
         """Take parameters over into mounts and inertia."""
         count = len(self.slots)
         self.law.scale(self.spread(np.exp(theta[:count]), 1.0))
         if self.inertial is not None:
-            self.inertial.scale_inertia(theta[count + 1 :])
+            self.inertial.scale_inertia(theta[count + 1 : count + 1 + len(self.turns)])
+            self.offset = self.offset_of(theta)
 
     def prepare(self, theta: Array, step: float) -> None:
         """Make the response ready for a vector of parameters and a step [s]."""
@@ -81,10 +91,11 @@ class ParameterModel:
 
     def static_force(self) -> Array:
         """Return the static force on the body by each mount, shape (M, 3) [N]."""
-        if self._static_of is not self.law.stiffness:
+        if self._static_of[0] is not self.law.stiffness or self._static_of[1] is not self.offset:
             a = self.arrangement
+            weight = weight_at(a, self.offset)
             stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
             stiffness = stiffness + 1e-9 * max(float(stiffness.max()), 1.0)
-            self._static = static_share(a.wrench[a.free], stiffness, a.weight[a.free]).reshape(len(a.mounts), 3)
-            self._static_of = self.law.stiffness
+            self._static = static_share(a.wrench[a.free], stiffness, weight[a.free]).reshape(len(a.mounts), 3)
+            self._static_of = self.law.stiffness, self.offset
         return self._static

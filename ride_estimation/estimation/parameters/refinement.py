@@ -126,22 +126,25 @@ class Refinement:
         """Return a chunk for other parameters than those it was filtered with."""
         c, at = kept
         n, turns, inertial = len(self.model.slots), self.model.turns, self.model.inertial
+        own, placed = slice(n + 1, n + 1 + len(turns)), slice(n + 1 + len(turns), len(at))
         ratio = np.append(np.exp(theta[:n] - at[:n]), 1.0)
         shift = np.append(ratio[:-1] - 1.0, theta[n] - at[n])
         modelled, columns = c.modelled + c.columns[:, :, : n + 1] @ shift, c.columns.copy()
         columns[:, :, : n + 1] *= ratio
         if inertial is not None and turns:
-            moved = inertial.inertia_map(theta[n + 1 :], at[n + 1 :])
+            moved = inertial.inertia_map(theta[own], at[own])
             modelled, columns[:, :, : n + 1] = modelled @ moved.T, moved @ columns[:, :, : n + 1]
             for r, a in enumerate(turns, start=n + 1):
                 columns[:, 3 + a, r] += modelled[:, 3 + a] - c.modelled[:, 3 + a]
+        # where the CG lies moves the measured side
+        modelled = modelled + c.columns[:, :, placed] @ (theta[placed] - at[placed])
         return BalanceChunk(c.measured, modelled, columns, c.step)
 
     def _interval(self, kept: Kept, theta: Array, weights: Array) -> Interval:
         chunk = self._rescaled(kept, theta)
         innovation, gradient = self.model.response.observe(chunk)
-        interval = Interval(len(theta), len(self.model.offsets))
-        interval.add(innovation, gradient, weights, len(chunk.measured) * chunk.step)
+        interval = Interval(len(theta), gradient.shape[2] - len(theta))
+        interval.add(innovation, gradient, chunk.measured, weights, len(chunk.measured) * chunk.step)
         return interval
 
     def passed(self, chunks: Sequence[Kept], theta: Array, weights: Array) -> Steps[list[Interval]]:

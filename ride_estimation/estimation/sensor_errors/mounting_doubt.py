@@ -18,7 +18,7 @@ angles of the sensors as epsilon.
 
 A sensor whose gain is off by g, at the body or at a base, makes an error of g of force or deflection that no averaging removes
 either. Motion of a base has any phase to the deflection: the stiffness is off by g, the damping by
-``g sqrt(1 + (k d / c d')^2)``.
+``g sqrt(1 + (k d / c d')^2)``; where body and base move far more than the mount between them gives, as much more.
 
 Of what looks like deformation, noise is a share lambda, and of a split that noise alone tells nothing is known: ``lambda`` times
 the standard deviation of the vehicle file.
@@ -83,6 +83,8 @@ class MountingDoubt:
         self._along = np.zeros((2, self._count, 2))
         #: sums of what noise makes of the deforming part, shape (2, M, 3)
         self._noisy = np.zeros((2, self._count, 3))
+        #: sums of squares of the vertical acceleration relative to every base, shape (M,), and of the body's
+        self._vertical, self._lifted = np.zeros(self._count), 0.0
         #: sum of the relative accelerations along x and y, shape (M, 2) [m s / s^2], and their time [s]
         self._relative, self._weighed = np.zeros((self._count, 2)), 0.0
 
@@ -97,8 +99,10 @@ class MountingDoubt:
         self._noisy += len(deflection) * dt * self._noise
         self._time += len(deflection) * dt
 
-    def weigh(self, relative: Array, dt: float) -> None:
-        """Add ticks of relative acceleration of body and bases without what gravity adds through tilt, shape (K, M, 3)."""
+    def weigh(self, relative: Array, vertical: Array, dt: float) -> None:
+        """Add ticks of relative acceleration of body and bases, (K, M, 3), and of the vertical acceleration of the body, (K,)."""
+        self._vertical += dt * np.sum(relative[:, :, 2] ** 2, axis=0)
+        self._lifted += dt * float(vertical @ vertical)
         self._relative += dt * relative[:, :, :2].sum(axis=0)
         self._weighed += len(relative) * dt
 
@@ -144,9 +148,11 @@ class MountingDoubt:
             out[role, :, 2] = self._open * np.hypot(vertical, share[2] * prior[role, :, 2])
         if not total[:, 0].all():
             return out
-        out[0] = np.hypot(out[0], _GAIN)
+        gain = np.full((self._count, 3), _GAIN)
+        gain[:, 2] *= np.sqrt(np.maximum(self._lifted / np.maximum(self._vertical, 1e-300), 1.0))
+        out[0] = np.hypot(out[0], gain)
         phase = stiffness * total[0, 0] / np.maximum(damping * total[1, 0], 1e-9)
-        out[1] = np.hypot(out[1], _GAIN * np.hypot(1.0, phase))
+        out[1] = np.hypot(out[1], gain * np.hypot(1.0, phase))
         return out
 
     def _correlation(self) -> Array:
@@ -162,7 +168,8 @@ class MountingDoubt:
         """Return the sums as plain lists."""
         return {
             "square": self._square.tolist(), "noisy": self._noisy.tolist(), "along": self._along.tolist(), "time": self._time,
-            "relative": self._relative.tolist(), "weighed": self._weighed,
+            "relative": self._relative.tolist(), "weighed": self._weighed, "vertical": self._vertical.tolist(),
+            "lifted": self._lifted,
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -171,6 +178,8 @@ class MountingDoubt:
         self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
         self._along = np.array(saved["along"], dtype=float).reshape(self._along.shape)
         self._time, self._weighed = float(saved["time"]), float(saved["weighed"])
+        self._vertical = np.array(saved["vertical"], dtype=float).reshape(self._count)
+        self._lifted = float(saved["lifted"])
         self._relative = np.array(saved["relative"], dtype=float).reshape(self._relative.shape)
 
 

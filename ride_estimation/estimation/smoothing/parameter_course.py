@@ -48,6 +48,7 @@ def smoothed_course(models: Sequence[ForceModel], durations: Array, memory: floa
                 mass_std=float(np.sqrt(now.mass_std**2 + mass * (later.mass_std**2 - now.mass_std**2))),
                 inertia=_mixed(now.inertia, later.inertia, np.array(turn)),
                 inertia_std=float(np.sqrt(now.inertia_std**2 + turn * (later.inertia_std**2 - now.inertia_std**2))),
+                cg_offset=now.cg_offset + (1.0 - fresh) * (later.cg_offset - now.cg_offset),
                 follow=now.follow + (1.0 - fresh) * (later.follow - now.follow),
             )
         )

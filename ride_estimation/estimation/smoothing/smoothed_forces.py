@@ -240,7 +240,7 @@ class _SmoothedForces(MountForceEstimator):
         if np.any(change > np.maximum(_FINE * model.std, 1e-6)):
             self.law.scale(model.multipliers)
         self.mass, self.mass_relative_std = model.mass, model.mass_std
-        self.follow, self.parameter_std = model.follow, model.std
+        self.follow, self.parameter_std, self.cg_offset = model.follow, model.std, model.cg_offset
 
 
 def second_pass(
@@ -361,7 +361,7 @@ class _Stretch:
     def _support(self, then: ForceModel, now: ForceModel, at: slice) -> Array:
         """Return the wrench the mounts carry with mass and inertia known later."""
         support, motion, rate = (self._own[name][at] for name in ("support_load", "cg_specific_force", "angular_rate"))
-        new, old = (InertialLoads(m.mass, 0.0, m.inertia).load(motion, rate) for m in (now, then))
+        new, old = (InertialLoads(m.mass, 0.0, m.inertia, cg_offset=m.cg_offset).load(motion, rate) for m in (now, then))
         return np.asarray(support + new - old)
 
     def _doubt(self) -> Array:

@@ -1,0 +1,129 @@
+# Copyright 2026 ride_estimation contributors
+"""A load that the vehicle file does not know, from how far it compresses the mounts: displacement transducers at all of them.
+
+Zeros of the transducers are those of rest without the load. With u the file's mass over the present one, T the tension of the
+mounts and W the weight for the file's mass, equilibrium of the means reads ``m_0 f + G T = u W`` and, about the CG of the file,
+``m_0 d x f`` more on the left for a CG at an offset d: the vertical row gives u, the others d. Sideways forces follow from their
+own sums, shared by stiffness. What is left uncertain are zeros, laws whose static stiffness is not the dynamic one and dampers
+whose mean force is not zero while they move.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
+from ride_estimation.estimation.forces.mount_law import MountLaw
+from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
+
+Array = NDArray[np.float64]
+
+#: standard deviation of the zero of a transducer [m]: set at rest
+_ZERO_STD = 1e-3
+#: relative standard deviation of a static stiffness over the dynamic one that driving shows
+_STATIC_STIFFNESS_STD = 0.1
+#: share of the mean size of damper forces that may be their mean: dampers whose two directions differ by a third
+_RECTIFIED_STD = 0.15
+#: relative standard deviation of the mean vertical reading of the body
+_READING_STD = 0.003
+#: memory [s], and time before anything is told [s]
+_MEMORY, _LEAST_TIME = 10.0, 5.0
+#: standard deviations and share of the mass from which on it is a load; share of both below which it no longer is one
+_CLEAR, _WORTH, _STAYS = 4.0, 0.02, 0.5
+#: smallest ratio of masses that a load can make, either way: beyond it the zeros are not those of rest
+_POSSIBLE = 0.4
+_ROWS = [2, 3, 4]
+
+
+@dataclasses.dataclass(frozen=True)
+class Load:
+    """A load: logarithm of the present mass over the file's, its standard deviation, offset of the CG, shape (3,) [m]."""
+
+    log: float
+    std: float
+    offset: Array
+
+
+class StaticTravel:
+    """Running mean of what the mounts carry beyond rest.
+
+    Parameters
+    ----------
+    arrangement
+        Body, mounts, transducers.
+    """
+
+    def __init__(self, arrangement: Arrangement) -> None:
+        self._arrangement = a = arrangement
+        self.possible = transducers_suffice(a) and bool(a.free[2])
+        law = MountLaw(a)
+        self._stiffness, self._damping = law.stiffness[:, 2], law.damping[:, 2]
+        stiffness = np.maximum(law.stiffness, 0.0)
+        stiffness[:, 2] = 0.0
+        sideways = [r for r in (0, 1, 5) if a.free[r]]
+        shared = np.zeros((6, 6))
+        if sideways and stiffness.any():
+            gain = share_by_stiffness(a.wrench[sideways], stiffness.ravel() + 1e-9 * float(stiffness.max()))
+            shared[:, sideways] = a.wrench @ gain
+        #: what of a wrench the vertical forces carry: heave, roll and pitch, (3, 6)
+        self._vertical = (np.eye(6) - shared)[_ROWS]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._mean, self._rectified = np.zeros(6), np.zeros(len(self._arrangement.mounts))
+        self._time, self._loaded = 0.0, False
+
+    def observe(self, missing: Array, rate: Array, duration: float) -> None:
+        """Add a block.
+
+        Parameters
+        ----------
+        missing
+            Wrench that the body needs beyond what law and rest of the mounts give, for the file's mass, shape (K, 6) [N, N m].
+        rate
+            Rates of deflection, shape (K, M) [m/s].
+        duration
+            [s].
+        """
+        self._time += duration
+        share = max(duration / self._time, 1.0 - math.exp(-duration / _MEMORY))
+        self._mean = self._mean + share * (missing.mean(axis=0) - self._mean)
+        self._rectified = self._rectified + share * (np.abs(rate).mean(axis=0) - self._rectified)
+
+    @property
+    def tells(self) -> bool:
+        """Return whether it has been looked at for long enough."""
+        return self.possible and self._time >= _LEAST_TIME
+
+    def found(self) -> Load | None:
+        """Return the load, None while the means agree with the file."""
+        a, (heave, roll, pitch) = self._arrangement, self._vertical @ self._mean
+        weight = float(a.weight[2])
+        ratio = 1.0 + heave / weight
+        zero, rectified = float(np.linalg.norm(self._stiffness)), float(self._damping @ self._rectified)
+        std = math.hypot(_ZERO_STD * zero, _RECTIFIED_STD * rectified, _READING_STD * weight) / weight
+        least = max(_CLEAR * std, _WORTH) * (_STAYS if self._loaded else 1.0)
+        self._loaded = least < abs(ratio - 1.0) and _POSSIBLE < ratio < 1.0 / _POSSIBLE
+        if not self._loaded:
+            return None
+        own = a.body.mass.value * a.vehicle.gravity
+        moment = (ratio - 1.0) * a.weight[3:5] - (roll, pitch)
+        offset = np.array([-moment[1], moment[0], 0.0]) / own
+        return Load(-math.log(ratio), math.hypot(std, _STATIC_STIFFNESS_STD * (ratio - 1.0)) / ratio, offset * a.free[[4, 3, 5]])
+
+    def save(self) -> dict[str, Any]:
+        """Return the state as plain lists."""
+        return {"mean": self._mean.tolist(), "rectified": self._rectified.tolist(), "time": self._time, "loaded": self._loaded}
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Continue from :meth:`save`."""
+        self._mean = np.array(saved["mean"], dtype=float).reshape(6)
+        self._rectified = np.array(saved["rectified"], dtype=float).reshape(self._rectified.shape)
+        self._time, self._loaded = float(saved["time"]), bool(saved["loaded"])

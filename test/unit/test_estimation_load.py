@@ -1,0 +1,160 @@
+# Copyright 2026 ride_estimation contributors
+"""A load that is on the vehicle from the start and not in its file: found by static travel, by where the CG lies, or said."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+from judging import run_pipeline, scored_forces, true_parameters
+from worlds.adapters import believed_vehicle
+from worlds.cab import Measurement, drive, measure, random_sensors, random_vehicle
+from worlds.roads import Road
+from worlds.vehicle_text import Belief
+
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.parameters.static_travel import StaticTravel
+from ride_estimation.vehicles.vehicle import Vehicle
+
+#: share of the load in the mass and its place from the CG of the loaded body [m]
+SHARE, PLACE = 0.1, np.array([0.15, 0.45, 0.1])
+#: from when on forces are judged [s]
+SETTLED = 10.0
+
+
+@functools.cache
+def measured(seed: int, travel: bool) -> Measurement:
+    """A cab that carries the load, 22 s at 100 Hz; transducers read zero at rest without it."""
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "any")
+    pairs = tuple((name, "z") for name in cab.mount_names) if travel else ()
+    run = drive(cab, Road.random(rng), 22.0, seed, step=1e-3)
+    found = measure(run, random_sensors(cab, rng, displacement=pairs), 100.0, seed, noise_share=0.01)
+    return dataclasses.replace(found, data={n: v + sag(cab).get(n, 0.0) for n, v in found.data.items()})
+
+
+def sag(cab) -> dict[str, float]:
+    """How far the load compresses the mounts: three equations for heave, roll and pitch."""
+    rows = np.column_stack([np.ones(len(cab.mounts)), (cab.mounts - cab.cg)[:, 1], -(cab.mounts - cab.cg)[:, 0]])
+    push = SHARE * cab.mass * 9.80665 * np.array([1.0, PLACE[1], -PLACE[0]])
+    stiffness = rows.T @ (cab.stiffness[:, 2][:, None] * rows)
+    heights = -rows @ np.linalg.solve(stiffness, push)
+    return {f"displacement_{n}_z": float(h) for n, h in zip(cab.mount_names, heights)}
+
+
+def unloaded(data: Measurement, seed: int, std: float) -> Vehicle:
+    """The file of the cab without the load."""
+    cab = data.run.vehicle
+    off = -PLACE * SHARE / (1.0 - SHARE)
+    arm, reduced = PLACE - off, cab.mass * SHARE * (1.0 - SHARE)
+    belief = Belief(mass_off=-SHARE, mass_std=0.005, cg_off=tuple(off), cg_std=std, stiffness_std=0.1, stiffness_off=0.05)
+    vehicle = believed_vehicle(data, belief, seed)
+    inertia = cab.inertia - reduced * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return dataclasses.replace(vehicle, bodies={"cab": dataclasses.replace(vehicle.bodies["cab"], inertia=inertia)})
+
+
+@functools.cache
+def estimated(seed: int, travel: bool, std: float = 0.0075):
+    """Forces, last estimates and sentences of a run with the file of the unloaded cab."""
+    data = measured(seed, travel)
+    out, snapshots, _, pipeline = run_pipeline(data, unloaded(data, seed, std))
+    return out, {e.name: e for e in snapshots[-1][1]}, pipeline.health().messages
+
+
+def valid_scores(seed: int, travel: bool, std: float = 0.0075) -> np.ndarray:
+    true, found = true_parameters(measured(seed, travel).run.vehicle), estimated(seed, travel, std)[1]
+    return np.array([(e.value - true[n]) / e.std for n, e in found.items() if e.status is Status.VALID and n in true])
+
+
+def seeds(first: int, slow: tuple[int, ...]) -> list:
+    return [first, *(pytest.param(seed, marks=pytest.mark.slow) for seed in slow)]
+
+
+@pytest.mark.parametrize("seed", seeds(8101, (8102, 8103)))
+def test_static_travel_finds_mass_and_place_of_a_load(seed):
+    cab, (out, found, said) = measured(seed, True).run.vehicle, estimated(seed, True)
+    mass = found["cab.mass"]
+    assert mass.status is Status.VALID and abs(mass.value - cab.mass) < 2.5 * mass.std < 0.15 * cab.mass
+    assert np.mean(np.abs(valid_scores(seed, True)) <= 2.0) >= 0.9
+    assert sum(found[f"{n}.z.stiffness"].status is Status.VALID for n in cab.mount_names) >= 3
+    coverage = scored_forces(out, measured(seed, True), SETTLED).coverage[:, 2]
+    assert np.median(coverage) >= 0.9 and coverage.min() > 0.7
+    (words,) = [m for m in said if "carries a load" in m]
+    added, place = float(words.split("not know: ")[1].split()[0]), words.split("at x ")[1].split(" m, y ")
+    assert abs(added / (SHARE * cab.mass) - 1.0) < 0.25
+    where = (cab.cg + PLACE)[:2]
+    assert abs(float(place[0]) - where[0]) < 0.12 and abs(float(place[1].split()[0]) - where[1]) < 0.12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "std"), [(8111, 0.0075), (8112, 0.0075), (8113, 0.0)])
+def test_without_transducers_the_place_of_the_cg_makes_mass_and_parameters_suspect(seed, std):
+    cab, (out, found, said) = measured(seed, False).run.vehicle, estimated(seed, False, std)
+    mass = found["cab.mass"]
+    assert mass.status is Status.SUSPECT and abs(mass.value - cab.mass) < 2.5 * mass.std < 0.4 * cab.mass
+    assert np.all(np.abs(valid_scores(seed, False, std)) <= 2.5)
+    coverage = scored_forces(out, measured(seed, False), SETTLED).coverage[:, 2]
+    assert np.median(coverage) >= 0.88 and coverage.min() > 0.7
+    (words,) = [m for m in said if "lies off its place" in m]
+    off = 1e3 * PLACE * SHARE / (1.0 - SHARE)
+    numbers = words.split("in the file: ")[1].split(". A load")[0].split(", ")
+    for number, true in zip(numbers[:2], off):
+        value, spread = float(number.split()[1]), float(number.split()[3])
+        assert abs(value - true) < 3.0 * spread + 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "travel"), [(8121, False), (8122, True), (8123, False)])
+def test_a_file_that_is_right_has_no_load(seed, travel):
+    data = dataclasses.replace(measured(seed, travel))
+    level = {n: v - sag(data.run.vehicle).get(n, 0.0) for n, v in data.data.items()}
+    data = dataclasses.replace(data, data=level)
+    _, snapshots, _, pipeline = run_pipeline(data, believed_vehicle(data, Belief(cg_std=0.0075), seed))
+    assert not [m for m in pipeline.health().messages if "load" in m]
+    assert snapshots[-1][1][0].status is Status.VALID
+
+
+# -- static travel by itself ------------------------------------------------------------------------------------------------
+
+
+def lowered(mass: float, place: tuple[float, float]) -> StaticTravel:
+    """What the mounts carry beyond rest under a load [kg] at a place from the CG [m], looked at for ten seconds."""
+    data = measured(8101, True)
+    vehicle = believed_vehicle(data, Belief(), 8101)
+    arrangement = arrange(vehicle)
+    weight = mass * vehicle.gravity
+    total = arrangement.body.mass.value + mass
+    push = np.array([0.0, 0.0, weight, weight * place[1], -weight * place[0], 0.0])
+    travel = StaticTravel(arrangement)
+    # for the file's mass all forces are smaller by the ratio of the masses
+    travel.observe(np.tile(-push * arrangement.body.mass.value / total, (3, 1)), np.zeros((3, 4)), 10.0)
+    return travel
+
+
+@pytest.mark.parametrize("mass", [150.0, -150.0])
+def test_a_load_by_hand(mass):
+    found = lowered(mass, (0.2, -0.4)).found()
+    body = believed_vehicle(measured(8101, True), Belief(), 8101).bodies["cab"].mass.value
+    assert found is not None and found.log == pytest.approx(np.log1p(mass / body), rel=1e-6)
+    np.testing.assert_allclose(found.offset, mass / (mass + body) * np.array([0.2, -0.4, 0.0]), atol=1e-9)
+    assert 0.0 < found.std < 0.3 * abs(found.log)
+
+
+def test_what_zeros_of_transducers_may_hide_is_no_load_and_a_load_does_not_flicker():
+    assert lowered(4.0, (0.2, -0.4)).found() is None
+    travel = lowered(150.0, (0.2, -0.4))
+    assert travel.found() is not None
+    less = lowered(15.0, (0.2, -0.4))
+    assert less.found() is None
+    less.load({**less.save(), "loaded": travel.save()["loaded"]})
+    assert less.found() is not None
+    travel.reset()
+    assert not travel.tells
