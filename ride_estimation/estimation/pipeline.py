@@ -424,13 +424,16 @@ class Pipeline:
         if self._travel.tells:
             self._load = self._travel.found()
             anchor.take_static_travel(self._load)
-            p.take_load(self._load is not None)
-        elif not self._travel.possible and p.cg_is_off() is not p.loaded:
+        off = p.offset_of_cg()
+        there = off is not None and not self._travel.excludes(anchor.least_share(off))
+        if self._load is not None:
+            p.take_load(True)
+        elif there is not p.loaded:
             # a sensor that contradicts the others moves the CG too
-            p.take_load(not p.loaded and self._motion.residual_test().passed)
+            p.take_load(there and self._motion.residual_test().passed)
         anchor.moved_cg = p.cg_offset() if p.loaded else None
         if self._load is not None and anchor.moved_cg is None:
-            anchor.moved_cg = self._load.offset, np.zeros(3)
+            anchor.moved_cg = self._load.offset, self._load.offset_std
 
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""

@@ -194,12 +194,14 @@ class MassAnchor:
         """Return the share of a load in the mass that puts the CG where it is: at the edge of the mounts or halfway to it."""
         if self._load is not None or self.moved_cg is None:
             return 0.0
-        offset = self.moved_cg[0][:2]
-        distance, arms = float(np.linalg.norm(offset)), self.arrangement.arms[:, :2]
+        return min(1.5 * self.least_share(self.moved_cg[0]), 1.0)
+
+    def least_share(self, offset: Array) -> float:
+        """Return the share of the mass that a load between the mounts has at least where the CG is off by (3,) [m]."""
+        distance, arms = float(np.linalg.norm(offset[:2])), self.arrangement.arms[:, :2]
         if distance == 0.0:
             return 0.0
-        reach = float(np.max(arms @ offset)) / distance
-        return min(1.5 * distance / max(reach, distance), 1.0)
+        return distance / max(float(np.max(arms @ offset[:2])) / distance, distance)
 
     @property
     def load_doubt(self) -> str:
@@ -220,8 +222,8 @@ class MassAnchor:
             way = "carries a load that its file does not know" if added > 0.0 else "is lighter than its file says"
             words = f"{body.name} {way}: {added:+.0f} +- {mass * self._load[1]:.0f} kg by the static travel of its mounts"
             if self.moved_cg is not None:
-                place = (body.cg + self.moved_cg[0] * mass / added)[:2]
-                words += f", at x {place[0]:.2f} m, y {place[1]:.2f} m"
+                place, spread = body.cg + self.moved_cg[0] * mass / added, np.abs(self.moved_cg[1] * mass / added)
+                words += ", at " + ", ".join(f"{a} {p:.2f} +- {s:.2f} m" for a, p, s in zip("xy", place, spread))
             return [words + "; mass, stiffness, damping and forces hold with it"]
         if self.moved_cg is None:
             return []

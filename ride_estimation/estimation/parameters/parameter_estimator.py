@@ -220,11 +220,11 @@ class ParameterEstimator:
             std[list(self._model.offsets)] = OFFSET_UNIT * self.std[-len(self._model.offsets) :]
         return self._model.offset_of(self.theta), std
 
-    def cg_is_off(self) -> bool:
-        """Return whether the last seconds say that the CG is not where the file lets expect it."""
+    def offset_of_cg(self) -> Array | None:
+        """Return the offset of the CG in the last seconds, (3,) [m], where it is beyond what the file lets expect, else None."""
         own, axes = self._filter, list(self._model.offsets)
         if not axes or own is None or own.memory.length < _ENOUGH or self._refuted:
-            return self.loaded
+            return self.cg_offset()[0] if self.loaded else None
         size = len(axes)
         if self.loaded:
             found, covariance = self.theta[-size:], np.diag(self.std[-size:] ** 2)
@@ -234,7 +234,11 @@ class ParameterEstimator:
             found, covariance = own.memory.estimate_considered(self.theta, self._prior_std, spread)
         expected = np.diag((np.maximum(self._cg_std[axes], _CALIBRATED_CG) / OFFSET_UNIT) ** 2)
         beyond = float(found @ np.linalg.solve(covariance + expected, found))
-        return bool(beyond > stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size))
+        if beyond <= stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
+            return None
+        offset = np.zeros(3)
+        offset[axes] = OFFSET_UNIT * found
+        return offset
 
     def take_load(self, there: bool) -> None:
         """Learn anew with a CG that may be wherever a load takes it, or with that of the file where there is no load."""

@@ -36,6 +36,8 @@ _READING_STD = 0.003
 _MEMORY, _LEAST_TIME = 10.0, 5.0
 #: standard deviations and share of the mass from which on it is a load; share of both below which it no longer is one
 _CLEAR, _WORTH, _STAYS = 4.0, 0.02, 0.5
+#: standard deviations beyond which a load is excluded
+_EXCLUDED = 3.0
 #: smallest ratio of masses that a load can make, either way: beyond it the zeros are not those of rest
 _POSSIBLE = 0.4
 _ROWS = [2, 3, 4]
@@ -43,11 +45,12 @@ _ROWS = [2, 3, 4]
 
 @dataclasses.dataclass(frozen=True)
 class Load:
-    """A load: logarithm of the present mass over the file's, its standard deviation, offset of the CG, shape (3,) [m]."""
+    """A load: logarithm of the present mass over the file's and offset of the CG, (3,) [m], with standard deviations."""
 
     log: float
     std: float
     offset: Array
+    offset_std: Array
 
 
 class StaticTravel:
@@ -102,21 +105,33 @@ class StaticTravel:
         """Return whether it has been looked at for long enough."""
         return self.possible and self._time >= _LEAST_TIME
 
-    def found(self) -> Load | None:
-        """Return the load, None while the means agree with the file."""
-        a, (heave, roll, pitch) = self._arrangement, self._vertical @ self._mean
-        weight = float(a.weight[2])
-        ratio = 1.0 + heave / weight
+    def _ratio(self) -> tuple[float, float]:
+        """Return the mass of the file over the present one and its standard deviation."""
+        weight = float(self._arrangement.weight[2])
         zero, rectified = float(np.linalg.norm(self._stiffness)), float(self._damping @ self._rectified)
         std = math.hypot(_ZERO_STD * zero, _RECTIFIED_STD * rectified, _READING_STD * weight) / weight
+        return 1.0 + float(self._vertical[0] @ self._mean) / weight, std
+
+    def excludes(self, share: float) -> bool:
+        """Return whether a load of at least this share of the mass would show."""
+        ratio, std = self._ratio()
+        return self.tells and ratio - _EXCLUDED * std > 1.0 - share
+
+    def found(self) -> Load | None:
+        """Return the load, None while the means agree with the file."""
+        a, (_, roll, pitch) = self._arrangement, self._vertical @ self._mean
+        ratio, std = self._ratio()
         least = max(_CLEAR * std, _WORTH) * (_STAYS if self._loaded else 1.0)
         self._loaded = least < abs(ratio - 1.0) and _POSSIBLE < ratio < 1.0 / _POSSIBLE
         if not self._loaded:
             return None
         own = a.body.mass.value * a.vehicle.gravity
         moment = (ratio - 1.0) * a.weight[3:5] - (roll, pitch)
-        offset = np.array([-moment[1], moment[0], 0.0]) / own
-        return Load(-math.log(ratio), math.hypot(std, _STATIC_STIFFNESS_STD * (ratio - 1.0)) / ratio, offset * a.free[[4, 3, 5]])
+        shown = a.free[[4, 3, 5]] * np.array([1.0, 1.0, 0.0])
+        offset = shown * np.array([-moment[1], moment[0], 0.0]) / own
+        zeros = _ZERO_STD * np.linalg.norm(self._stiffness[:, None] * a.arms, axis=0) / own
+        spread = shown * np.hypot(zeros, _STATIC_STIFFNESS_STD * offset)
+        return Load(-math.log(ratio), math.hypot(std, _STATIC_STIFFNESS_STD * (ratio - 1.0)) / ratio, offset, spread)
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
