@@ -431,18 +431,24 @@ class Pipeline:
         elif there is not p.loaded:
             # a sensor that contradicts the others moves the CG too
             p.take_load(there and self._motion.residual_test().passed)
-        anchor.moved_cg = p.cg_offset() if p.loaded else None
-        if self._load is not None and anchor.moved_cg is None:
-            anchor.moved_cg = self._load.offset, self._load.offset_std
+        anchor.moved_cg = self._cg_offset() if p.loaded or self._load is not None else None
+
+    def _cg_offset(self) -> tuple[Array, Array]:
+        """Return the offset of the CG from its place in the file and its standard deviation, shape (3,) each [m].
+
+        Static travel tells it along x and y without the model of anything that moves.
+        """
+        offset, std = self._parameters.cg_offset()
+        if self._load is not None:
+            offset[:2], std[:2] = self._load.offset[:2], self._load.offset_std[:2]
+        return offset, std
 
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""
         self._factor, relative = self._anchor.factor()
         body = self.arrangement.body
         inertia, inertia_std = self._parameters.inertia()
-        cg_offset, cg_std = self._parameters.cg_offset()
-        if self._load is not None and not self._parameters.loaded:
-            cg_offset = self._load.offset
+        cg_offset, cg_std = self._cg_offset()
         self._loads = InertialLoads(
             body.mass.value * self._factor, body.mass.value * self._factor * relative, inertia * self._factor, inertia_std,
             cg_std, cg_offset,
