@@ -161,7 +161,9 @@ class MassAnchor:
             self._first = theta.copy(), std.copy()
             self._load_first = self._load[0] if self._load else 0.0
         change, change_std, share = common_change(*self._first, theta, std)
-        clear = abs(change) > max(_LOAD, _CLEARLY * change_std) and share > _COMMON
+        # a change that was clear has not gone because the parameters became less certain
+        needed = 1.0 if self._together else _CLEARLY
+        clear = abs(change) > max(_LOAD, needed * change_std) and share > _COMMON
         self._together = change if clear else 0.0
         if abs(self._together - self._slopes_from) > _LOAD:
             self._begin_slopes_anew()

@@ -185,20 +185,28 @@ class IntervalMemory:
         self._considered_parts = self._considered_parts[-_LENGTH:]
         self._stack = self._told = None
 
-    def _coherence(self, gained: float = 0.0) -> float:
+    def _coherence(self, theta: Array, considered: Array) -> float:
         """Return by how much more the sum of the gradients varies than that of independent ones.
 
         What the model does not hold of friction, play or a bent curve is the same in every interval: so far as the innovations
-        are made of that, parameters of half a second differ by what is missing and their mean is no better than one of them.
+        of most of them are made of that, parameters of half a second differ by what is missing and their mean is no better than
+        one of them.
 
         Parameters
         ----------
-        gained
-            By how much less the squared innovations would be with something that is not in the model yet.
+        theta, considered
+            Where the innovations are asked for, shapes (N,) and (O,): what was not learned yet is not missing in the model.
         """
-        square, explained = np.sum(self._squares, axis=0)
-        left = float(square) - gained
-        return 1.0 + (self.length - 1.0) * max(0.0, 1.0 - float(explained) / left) if left > float(explained) else 1.0
+        square, explained = np.array(self._squares).T
+        steps = theta - np.array(self._centre)
+        left = square - 2.0 * np.sum(steps * np.array(self._gradient), axis=1)
+        left += np.einsum("ja,jab,jb->j", steps, self._stacked(), steps)
+        if considered.any():
+            own, slope = (np.array(part) for part in zip(*self._considered_parts))
+            left += 2.0 * np.einsum("ja,jao,o->j", steps, np.array(self._cross), considered)
+            left += np.einsum("joq,o,q->j", own, considered, considered) - 2.0 * slope @ considered
+        share = float(np.median(1.0 - explained / np.maximum(left, explained)))
+        return 1.0 + (self.length - 1.0) * share
 
     def _stacked(self) -> Array:
         """Return the information of all intervals, shape (J, N, N); asked for several times per interval."""
@@ -261,7 +269,7 @@ class IntervalMemory:
         sandwich = np.diag(filtered) / scale
         # degrees of freedom are few: Student instead of Gauss
         student = (n + _SHRINK) / max(n + _SHRINK - 3.0, 1.0)
-        sandwich = _MARGIN**2 * self._coherence() * sandwich
+        sandwich = _MARGIN**2 * self._coherence(theta, np.zeros(self._considered)) * sandwich
         stated = _MARGIN * stated
         excited = np.clip(np.diag(total) / self.inflation * np.diag(p), 0.0, 1.0)
         return np.asarray(np.sqrt(np.maximum(excited * student * sandwich + (1.0 - excited) * stated**2, stated**2)))
@@ -305,10 +313,8 @@ class IntervalMemory:
         inverse = np.linalg.pinv(own - cross.T @ reduced[:, :-1], rcond=1e-9, hermitian=True)
         found = inverse @ (right - cross.T @ reduced[:, -1])
         step = reduced[:, -1] - reduced[:, :-1] @ found
-        gained = 2.0 * (slope @ step + right @ found) - step @ self.total @ step
-        gained -= 2.0 * step @ cross @ found + found @ own @ found
         moved = np.linalg.pinv(own, rcond=1e-9, hermitian=True) @ cross.T * spread
-        noise = _MARGIN**2 * max(self.inflation, 1.0) * self._coherence(max(float(gained), 0.0)) * inverse
+        noise = _MARGIN**2 * max(self.inflation, 1.0) * self._coherence(theta + step, found) * inverse
         return np.asarray(found), np.asarray(noise + moved @ moved.T)
 
     def snapshot(self) -> dict[str, Any]:
