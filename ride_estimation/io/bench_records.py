@@ -34,7 +34,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "displacement": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "cm": 1e-2, "in": 0.0254},
-    "force": {"N": 1.0, "kN": 1e3, "daN": 10.0, "kgf": 9.80665, "lbf": 4.4482216152605},
+    "force": {"N": 1.0, "kN": 1e3, "daN": 10.0, "kgf": 9.80665, "lbf": 4.4482216152605, "kip": 4448.2216152605},
 }
 
 
@@ -239,6 +239,9 @@ def _csv_columns(path: Path) -> dict[str, Array]:
         rows = [[cell.replace(",", ".") for cell in row] for row in rows]
     header = [] if _is_numeric(rows[0]) else [cell.strip() for cell in rows[0]]
     body = rows[1:] if header else rows
+    if header and len(body) > 1 and not any(map(_is_filled_number, body[0])) and any(map(_is_filled_number, body[1])):
+        units, body = [cell.strip().strip("[]()") for cell in body[0]], body[1:]  # a line of units below the header
+        header = [f"{name} [{unit}]" if unit and not _split_unit(name)[1] else name for name, unit in zip(header, units)]
     width = len(header) if header else len(body[0]) if body else 0
     while header and header[-1] == "":
         header.pop()
@@ -250,6 +253,10 @@ def _csv_columns(path: Path) -> dict[str, Array]:
             f"the first at data row {wrong[0] + 1}: {body[wrong[0]]}"
         )
     return {name: _column(path, name, [row[i] for row in body]) for i, name in enumerate(names)}
+
+
+def _is_filled_number(cell: str) -> bool:
+    return bool(cell.strip()) and _is_numeric([cell])
 
 
 def _is_numeric(row: list[str]) -> bool:
@@ -329,6 +336,11 @@ def _split_unit(name: str) -> tuple[str, str]:
     for suffix in sorted(SUFFIXES, key=len, reverse=True):
         if lower.endswith(suffix) and len(lower) > len(suffix):
             return lower[: -len(suffix)], SUFFIXES[suffix][0]
+    # units that only records of others have (displacement_in, force_kip); a name before it that says nothing may be all name
+    base, _, unit = lower.rpartition("_")
+    for quantity, names in SYNONYMS.items():
+        if base in names and unit in UNITS[quantity]:
+            return base, unit
     return lower, ""
 
 

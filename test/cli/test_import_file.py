@@ -116,6 +116,7 @@ def test_tdms_and_rpc_files_of_their_own_libraries(tmp_path: Path) -> None:
         ("time,a,timestamp,b\n0,1,0,1\n1,1,2,1\n2,1,5,1\n", "two clocks in one table ('time', 'timestamp')"),
         ("time,a,timestamp,b\n0,1,0,1\n1,1,2,1\n2,1,4,1\n", "two clocks in one table ('time', 'timestamp')"),
         ("time,a\n0,1\n1,1\n,1\n,1\n", "the time 'time' has 2 values, other columns have 4"),
+        ("time,a,time2,b\n0,1,0,1\n1,1,2,1\n2,1,,\n", "two clocks in one table ('time', 'time2')"),
         ("time,a\n", "two rows"),
         ("", "empty"),
         ("time,cab_front_left.x [N],cab_front_left.y [N],cab_front_left.z [N]\n0,1,2,3\n1,2,3,4\n", "unit 'N'"),

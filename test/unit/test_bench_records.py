@@ -143,6 +143,23 @@ def test_units_come_from_column_names(tmp_path):
     assert record.step_s == pytest.approx(1e-3, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("header", "stroke", "force"),
+    [
+        ("time_s,displacement_in,force_lbf", 0.0254, 4.4482216152605), ("time_s,travel_in,load_kip", 0.0254, 4448.2216152605),
+        ("time,displacement,force\ns,mm,kN", 1e-3, 1e3), ("time,displacement [cm],force\n[s],,(daN)", 1e-2, 10.0),
+    ],
+)  # fmt: skip
+def test_units_of_other_countries_and_a_line_of_units(tmp_path, header, stroke, force):
+    t = np.arange(4000) / 1000.0
+    x, f = np.sin(12.0 * t) * 1e-3 / stroke, 200.0 * np.sin(12.0 * t + 0.1) / force
+    path = tmp_path / "record.csv"
+    path.write_text("\n".join([header, *(f"{a:.6f},{b:.9g},{c:.9g}" for a, b, c in zip(t, x, f))]))
+    record = read_bench_record(path)
+    assert record.displacement == pytest.approx(x * stroke, abs=1e-9)
+    assert record.force == pytest.approx(f * force, abs=1e-5)
+
+
 def test_units_in_brackets_semicolons_and_decimal_commas(tmp_path):
     lines = ["Time [s];Displacement [mm];Load (kN)"]
     lines += [f"{t:.4f};{1e3 * x:.9f};{1e-3 * f:.9f}".replace(".", ",") for t, x, f in zip(T, X, F, strict=True)]

@@ -197,7 +197,9 @@ def table_channels(
 def _time_unit(name: str, unit: str) -> str | None:
     """Return the unit of a column that by its name is a time (``Time``, ``time_ms``, ``t [us]``), None for another column."""
     plain = name.strip().lower()
-    if plain in _TIME_NAMES:
+    # time2, Time_1: the clocks of a table of several; a letter and a digit may be anything (t2 a temperature)
+    numbered = plain.rstrip("0123456789").rstrip("_ ")
+    if plain in _TIME_NAMES or (numbered in _TIME_NAMES and len(numbered) > 1):
         return unit.strip().lower()
     base, _, suffix = plain.replace(" ", "_").rpartition("_")
     return suffix if base in _TIME_NAMES and suffix in _TIME_FACTORS and unit.strip().lower() in ("", suffix) else None
