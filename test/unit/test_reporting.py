@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
+from ride_estimation.diagnosis.hypothesis import Reported
+from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.offline import OfflineRun
@@ -24,6 +26,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.reporting import numbers, replay_summary
 from ride_estimation.reporting import replay_sections as sections
 from ride_estimation.reporting.chart import chart_of
+from ride_estimation.reporting.diagnosis_report import Truth, large_loop, leading_port, write_diagnosis_report
 from ride_estimation.reporting.page import Digits, Page, png
 from ride_estimation.reporting.pdf import _wrapped, write_pdf
 from ride_estimation.reporting.replay_mounts import mount_curves, stiffness_by_amplitude
@@ -246,6 +249,38 @@ def test_a_load_that_is_not_known_is_not_called_the_most_damaging(run: OfflineRu
 
 def test_names_of_parameters_in_few_words() -> None:
     assert doctest.testmod(replay_summary)[0] == 0
+
+
+def test_a_diagnosis_shows_the_loop_of_its_cause_and_the_truth_of_a_simulated_run(tmp_path: Path) -> None:
+    time = np.arange(0.0, 6.0, 0.01)
+    x = 0.01 * np.sin(2.0 * np.pi * time)
+    linear = 5e4 * x
+    friction = linear + 120.0 * np.sign(np.gradient(x))
+    loops = {f"{m}.{a}": (x, linear, friction, friction) for m in ("left", "right") for a in "xz"}
+    ones, table = np.ones(50), np.full((1, 3), 0.1)
+    evidence = Evidence(
+        np.linspace(0.1, 40.0, 50), ones, ones, ones, ("cab.z",), table, (), np.arange(5.0), np.ones((5, 2)), loops,
+        {"cab.z": (time, x, x, x)},
+    )
+    cause = NamedCause(
+        "coulomb_friction", "right", "z", (Reported("friction level", 127.0, 9.0, "N"),), 0.96, (), "a ramp", "", "Does it slide?"
+    )
+    answer = Diagnosis(
+        "explained", "Friction 127 +- 9 N.", (cause,), None, {"words": "nothing"}, (), load_vehicle("truck_cab"),
+        parameters=(Calibration("right.z.stiffness", 5.1e4, 300.0, "N/m", 5.2e4),), evidence=evidence,
+    )
+    assert leading_port(answer, evidence) == "right.z"
+    figure = large_loop(evidence, "right.z")
+    lacks = np.asarray(figure.axes[1].lines[0].get_ydata())
+    assert np.allclose(np.abs(lacks[np.abs(lacks) > 1.0]), 120.0)  # the step a friction makes over the rate
+    truth = Truth("dry friction of 120 N", {"right.z.friction level": 120.0, "right.z.stiffness": 5.2e4})
+    for known in (truth, None):
+        write_diagnosis_report(answer, "run", tmp_path / "report.html", known)
+        text = (tmp_path / "report.html").read_text()
+        places = [text.index(w) for w in ("Friction 127 ± 9 N.", "<h3>Coulomb friction at right z", "right.z: force over")]
+        assert places == sorted(places)
+        assert ("dry friction of 120 N" in text) == (known is not None) == ('<td class="number">120</td>' in text)
+        assert '<td class="number">51.00</td><td class="number">0.30</td><td>N/mm</td>' in text
 
 
 def test_drawn_twice_a_picture_is_the_same(page: Page) -> None:

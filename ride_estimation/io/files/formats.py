@@ -16,7 +16,7 @@ from ride_estimation.io.files.lvm_file import read_lvm
 from ride_estimation.io.files.mdf_file import read_mdf, write_mdf
 from ride_estimation.io.files.parquet_file import read_parquet, write_parquet
 from ride_estimation.io.files.rpc_file import read_rpc, write_rpc
-from ride_estimation.io.files.suffixes import READ_SUFFIXES, WRITE_SUFFIXES
+from ride_estimation.io.files.suffixes import READ_SUFFIXES, RPC_SUFFIXES, WRITE_SUFFIXES
 from ride_estimation.io.files.tdms_file import read_tdms
 
 
@@ -53,7 +53,7 @@ def read_measurement_file(path: Path, time: TimeSource | None = None) -> Measure
             found = read_parquet(path, time or TimeSource())
         elif suffix == ".tdms":
             found = read_tdms(path, time or TimeSource())
-        elif suffix in (".rpc", ".rsp", ".drv"):
+        elif suffix in RPC_SUFFIXES:
             found = read_rpc(path)
         else:
             found = read_mdf(path)
@@ -98,7 +98,7 @@ def write_measurement_file(path: Path, groups: Sequence[Sequence[FileChannel]], 
         with replacing(path) as new:
             if suffix == ".mf4":
                 write_mdf(new, chosen, start_ns)
-            elif suffix == ".rpc":
+            elif suffix in RPC_SUFFIXES:
                 write_rpc(new, chosen[0])
             elif suffix == ".csv":
                 write_csv(new, chosen[0])
