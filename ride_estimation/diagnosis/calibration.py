@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, MeanTable, baseline_columns, mean_table, port_columns
 from ride_estimation.diagnosis.noise import temper_of
@@ -23,6 +24,8 @@ IntArray = NDArray[np.int64]
 _STEP_LIMITS = (0.4, 2.5)  # smallest and largest factor of one Gauss-Newton step
 _EXPLAINED = 1.5  # misfit per degree of freedom up to which CG and inertia are those of the body and not of a missing cause
 _LIMIT = 3.0  # standard deviations of a tolerance beyond which an error is a fault
+_OF_SENSORS = ("gain", "misalignment", "position", "delay")
+_BY_CHANCE = 0.01  # chance that some error of a good installation lies beyond the limit
 _HELD = 1e-3  # factor on the standard deviation of a coefficient that is held
 _DAMPED_STD = 0.02  # standard deviation of a damped step of ln k and ln c
 _DAMPED = 3  # largest number of damped steps in which errors of sensors, tilts and bodies are found
@@ -41,7 +44,7 @@ class Calibrated:
     fit
         Last solution on the fit blocks.
     held
-        CG coordinates at the limit of their tolerance, index of the adjustable -> coefficient there.
+        CG coordinates and errors of sensors at the limit of their tolerance, index of the adjustable -> coefficient there.
     """
 
     scene: Scene
@@ -186,22 +189,22 @@ def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: 
     )
 
 
-def with_held_cg(calibrated: Calibrated) -> Calibrated:
-    """Return the model whose CG lies no further from the file than three standard deviations.
+def with_held_faults(calibrated: Calibrated) -> Calibrated:
+    """Return the model whose CG and sensors are no further off than a good installation is.
 
-    A CG that lies beyond is a fault and not calibration; what the run says about it is then left in the residual, for causes to
-    explain. Only where the model explains the run: else what it misses bends the CG.
+    What lies beyond is a fault and not calibration; what the run says about it is then left in the residual, for causes to
+    explain. Only where the model explains the run: else what it misses bends the tolerances.
     """
     if not _explains(calibrated):
         return calibrated
     regression, used = calibrated.regression, calibrated.blocks
     dof = float(calibrated.scene.block_dof[used].sum())
     held: dict[int, float] = {}
-    for i, a in enumerate(calibrated.adjustables):
-        if a.kind == "cg":
-            off, std = float(calibrated.fit.coefficients[i]) - a.offset, float(np.sqrt(calibrated.fit.covariance[i, i]))
-            if abs(off) > _LIMIT * (a.prior_std + std):
-                held[i] = a.offset + float(np.copysign(_LIMIT * a.prior_std, off))
+    limits = _limits(calibrated.adjustables)
+    for i, (a, limit) in enumerate(zip(calibrated.adjustables, limits)):
+        off, std = float(calibrated.fit.coefficients[i]) - a.offset, float(np.sqrt(max(calibrated.fit.covariance[i, i], 0.0)))
+        if abs(off) > limit * (a.prior_std + std):
+            held[i] = a.offset + float(np.copysign(limit * a.prior_std, off))
     if not held:
         return calibrated
     temper = regression.temper
@@ -213,6 +216,17 @@ def with_held_cg(calibrated: Calibrated) -> Calibrated:
         misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
         temper = temper_of(misfit, calibrated.scene.inefficiency)
     return dataclasses.replace(calibrated, regression=regression, fit=fit, held=held)
+
+
+def _limits(adjustables: Sequence[Adjustable]) -> list[float]:
+    """Return the standard deviations beyond which each adjustable is a fault, infinite for what is none.
+
+    Of a hundred errors of good sensors one lies beyond three standard deviations in a fourth of all runs; the limit is where one
+    of all does so in a hundredth of them.
+    """
+    count = sum(a.kind in _OF_SENSORS for a in adjustables)
+    of_many = float(stats.norm.isf(0.5 * _BY_CHANCE / max(count, 1)))
+    return [_LIMIT if a.kind == "cg" else max(of_many, _LIMIT) if a.kind in _OF_SENSORS else np.inf for a in adjustables]
 
 
 def hold(std: Array, offset: Array, held: Mapping[int, float]) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.calibration import calibrate, file_parameters, with_held_cg
+from ride_estimation.diagnosis.calibration import calibrate, file_parameters, with_held_faults
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
@@ -119,7 +119,7 @@ def _diagnosed(
     """Return the diagnosis of one run, the others only judging."""
     try:
         plant, data, splits = _prepare(vehicle, run, settings)
-        calibrated = with_held_cg(calibrate(plant, data, settings, splits.train))
+        calibrated = with_held_faults(calibrate(plant, data, settings, splits.train))
         _check_excitation(calibrated.scene, settings)
     except InputDataError as error:
         return insufficient(vehicle, str(error))

@@ -11,7 +11,7 @@ import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_columns, mean_table
-from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters, with_held_cg
+from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters, with_held_faults
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import Sign
@@ -262,7 +262,7 @@ def test_a_cg_beyond_three_tolerances_is_left_in_the_residual(true, held):
     used = np.arange(blocks)
     fit = regression.fit(regression.grams, used)
     scene = types.SimpleNamespace(block_dof=np.full(blocks, float(rows)), inefficiency=1.0)
-    found = with_held_cg(Calibrated(scene, None, adjustables, regression, fit, used))
+    found = with_held_faults(Calibrated(scene, None, adjustables, regression, fit, used))
     # the data determine it to 1 / (200 sqrt(240)) = 0.3 mm
     assert found.fit.coefficients[0] == pytest.approx(-0.03 if held else true, abs=2e-3)
     # what 15 mm too little leave, (0.015 x 200)^2 = 9 noise powers, weakens 240 rows against the prior of the gain as 10 would
