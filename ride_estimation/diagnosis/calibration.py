@@ -200,7 +200,7 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
     regression, used = calibrated.regression, calibrated.blocks
     dof = float(calibrated.scene.block_dof[used].sum())
     held: dict[int, float] = {}
-    limits = _limits(calibrated.adjustables)
+    limits = tolerance_limits(calibrated.adjustables)
     for i, (a, limit) in enumerate(zip(calibrated.adjustables, limits)):
         off, std = float(calibrated.fit.coefficients[i]) - a.offset, float(np.sqrt(max(calibrated.fit.covariance[i, i], 0.0)))
         if abs(off) > limit * (a.prior_std + std):
@@ -218,7 +218,7 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
     return dataclasses.replace(calibrated, regression=regression, fit=fit, held=held)
 
 
-def _limits(adjustables: Sequence[Adjustable]) -> list[float]:
+def tolerance_limits(adjustables: Sequence[Adjustable]) -> list[float]:
     """Return the standard deviations beyond which each adjustable is a fault, infinite for what is none.
 
     Of a hundred errors of good sensors one lies beyond three standard deviations in a fourth of all runs; the limit is where one

@@ -11,7 +11,13 @@ import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_columns, mean_table
-from ride_estimation.diagnosis.calibration import Calibrated, calibrate, file_parameters, with_held_faults
+from ride_estimation.diagnosis.calibration import (
+    Calibrated,
+    calibrate,
+    file_parameters,
+    tolerance_limits,
+    with_held_faults,
+)
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import Sign
@@ -251,13 +257,14 @@ def test_a_run_without_base_motion_is_insufficient_data():
 
 
 
+@pytest.mark.parametrize("kind", ["cg", "delay"])
 @pytest.mark.parametrize(("true", "held"), [(0.025, False), (-0.045, True)])
-def test_a_cg_beyond_three_tolerances_is_left_in_the_residual(true, held):
+def test_an_error_beyond_three_tolerances_is_left_in_the_residual(true, held, kind):
     rng = np.random.default_rng(11)
     blocks, rows = 6, 40
     columns = np.stack([np.full((blocks, rows), 200.0), rng.standard_normal((blocks, rows))], axis=2)
     residual = columns @ np.array([true, 0.4]) + rng.standard_normal((blocks, rows))
-    adjustables = (Adjustable("cg", "cab", "z", 0.01), Adjustable("gain", "roof", "x", 0.1))
+    adjustables = (Adjustable(kind, "cab", "z", 0.01), Adjustable("gain", "roof", "x", 0.1))
     regression = Regression(residual, columns, np.zeros(0), np.zeros((0, 2)), np.array([0.01, 0.1]), np.zeros(2))
     used = np.arange(blocks)
     fit = regression.fit(regression.grams, used)
@@ -269,6 +276,13 @@ def test_a_cg_beyond_three_tolerances_is_left_in_the_residual(true, held):
     evidence = 240.0 / (10.0 if held else 1.0)
     assert found.fit.coefficients[1] == pytest.approx(0.4 * evidence / (evidence + 100.0), abs=0.08)
     assert dict(found.held) == ({0: pytest.approx(-0.03)} if held else {})
+
+
+def test_of_many_errors_more_is_chance():
+    """One of a hundred normal errors lies beyond 3.9 standard deviations in a hundredth of all runs."""
+    limits = tolerance_limits([Adjustable("gain", f"s{i}", "x", 0.1) for i in range(100)])
+    draws = np.abs(np.random.default_rng(5).standard_normal((20000, 100))).max(axis=1)
+    assert np.mean(draws > limits[0]) == pytest.approx(0.01, abs=0.002)  # three standard errors of a rate of 1 % in 20 000
 
 
 def test_stated_probability_counts_what_no_library_lists():

@@ -16,6 +16,7 @@ from worlds.hidden_cab import HIDDEN, SEED, Hidden, driven, effect_of, scene
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.result import EXPLAINED, Diagnosis
+from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -39,9 +40,10 @@ def case(hidden: Hidden | None) -> tuple[Vehicle, UniformRun, UniformRun]:
 
 
 def diagnosed(hidden: Hidden | None, without: str = "") -> Diagnosis:
-    """Return the diagnosis of a case, a cause taken out of the library."""
+    """Return the diagnosis of a case; where a cause is taken out of the library, of one round: no set of others is the one."""
     vehicle, fitted, other = case(hidden)
-    return diagnose(vehicle, fitted, [other], causes=set(library()) - {without})
+    settings = Settings(maximum_causes=1) if without else Settings()
+    return diagnose(vehicle, fitted, [other], settings, causes=set(library()) - {without})
 
 
 def require(answer: Diagnosis, hidden: Hidden) -> None:
