@@ -1,0 +1,74 @@
+# Copyright 2026 ride_estimation contributors
+"""Intervals of innovations: what is considered is found by Gauss-Newton; what no model explains does not average away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
+
+TRUE, OFFSET = np.array([0.03, -0.02, 0.01]), np.array([0.4, -0.2])
+PRIOR = np.full(3, 0.2)
+
+
+def memory(noise: float, offset: np.ndarray, missing: float = 0.0, hits: int = 0, seed: int = 1) -> IntervalMemory:
+    """Thirty intervals of six channels, linearised at zero; ``missing`` of a cubed signal is in no model, ``hits`` are broken."""
+    rng = np.random.default_rng(seed)
+    found = IntervalMemory(3, 2)
+    for n in range(30):
+        gradient = rng.standard_normal((50, 6, 5))
+        innovation = gradient[:, :, :3] @ TRUE + gradient[:, :, 3:] @ offset + noise * rng.standard_normal((50, 6))
+        innovation += missing * (gradient[:, :, 0] ** 3 - 3.0 * gradient[:, :, 0] * gradient[:, :, 1] ** 2)
+        if n < hits:
+            innovation += 20.0 * noise * rng.standard_normal((50, 6))
+        interval = Interval(3, 2)
+        interval.add(innovation, gradient, np.zeros((50, 6)), np.eye(6) / noise, 0.5)
+        found.add(interval, np.zeros(3))
+    found.inflation = 1.0
+    return found
+
+
+def stds(own: IntervalMemory) -> np.ndarray:
+    return own.standard_deviation(np.linalg.inv(own.total + np.diag(PRIOR**-2.0)), TRUE)
+
+
+def test_what_is_considered_is_found_with_its_covariance():
+    scores = []
+    for seed in range(20):
+        found, covariance = memory(0.5, OFFSET, seed=seed).estimate_considered(np.zeros(3), PRIOR, np.zeros(3))
+        scores.append((found - OFFSET) @ np.linalg.solve(covariance, found - OFFSET) / 2.0)
+    # squared error over variance of two numbers; the stated one holds a margin of 1.2 squared
+    assert 0.35 < np.mean(scores) < 1.3
+
+
+def test_parameters_that_differ_from_themselves_leave_what_is_considered_open():
+    own = memory(0.5, OFFSET)
+    sure, doubtful = (own.estimate_considered(np.zeros(3), PRIOR, spread)[1] for spread in (np.zeros(3), np.full(3, 5.0)))
+    assert np.all(np.diag(doubtful) > 2.0 * np.diag(sure))
+
+
+def test_what_no_model_explains_makes_parameters_as_uncertain_as_one_interval_leaves_them():
+    plain, missed = stds(memory(0.05, np.zeros(2))), stds(memory(0.05, np.zeros(2), missing=0.05))
+    # thirty intervals: five and a half times that of their mean, beside what the larger innovations scatter more
+    assert np.all(missed > 4.0 * plain)
+    values = [memory(0.05, np.zeros(2), missing=0.05, seed=seed) for seed in range(6)]
+    steps = [np.linalg.solve(own.total, own.scores(np.zeros(3))[1].sum(axis=0)) - TRUE for own in values]
+    assert np.all(np.abs(steps) < 2.0 * missed)
+
+
+def test_a_few_broken_intervals_are_no_missing_law():
+    # noise alone would make the scatter of the mean this much larger, and nothing more is added
+    own = memory(0.5, np.zeros(2), hits=5)
+    assert own._coherence(TRUE, np.zeros(2)) < 2.5
+    assert memory(0.05, np.zeros(2), missing=0.05)._coherence(TRUE, np.zeros(2)) > 10.0
+
+
+def test_an_offset_that_is_found_is_not_missing_in_the_model():
+    own = memory(0.05, OFFSET)
+    assert own._coherence(TRUE, np.zeros(2)) > 20.0
+    assert own._coherence(TRUE, OFFSET) == pytest.approx(1.0, abs=1.5)
+    again = IntervalMemory(3, 2)
+    again.load(own.snapshot())
+    for one, other in zip(again.estimate_considered(TRUE, PRIOR, PRIOR), own.estimate_considered(TRUE, PRIOR, PRIOR)):
+        np.testing.assert_array_equal(one, other)
