@@ -173,11 +173,11 @@ def test_lost_base_sensors_are_made_up_for_without_making_their_motion_larger(lo
     vehicle = load_vehicle(shared_path("config", "vehicles", "truck_cab.yaml"))
     rng = np.random.default_rng(4)
     moved = {
-        n: dataclasses.replace(s, position=s.position + [*rng.uniform(-0.03, 0.03, 2), 0.0]) if n.startswith("chassis_") else s
+        n: dataclasses.replace(s, position=s.position + rng.uniform(-0.03, 0.03, 3)) if n.startswith("chassis_") else s
         for n, s in vehicle.sensors.items()
     }
     a = arrange(dataclasses.replace(vehicle, sensors=moved))
-    read = rng.normal(size=(200, 4, 3)) + [0.0, 0.0, GRAVITY]
+    read = rng.normal(size=(200, 4, 3)) + np.array([0.0, 0.0, GRAVITY])
     ok = np.ones((200, 4), dtype=bool)
     ok[:, lost] = False
     read[:, lost] = 0.0
