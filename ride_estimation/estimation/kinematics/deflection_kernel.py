@@ -164,12 +164,13 @@ def deflection_block(
     fastest = travel / SHORTEST_TRAVEL
     for k in range(motion.shape[0]):
         _turn_against_brackets(state, dt, tilt_maps, swing[k], turn[k])
+        # what a guess of the motion of the body does is rigid: where all bases speak the deformation of the frame goes on
+        told = body_ok[k] or base_ok[k].all()
         for i in range(arms.shape[0]):
             _relative_acceleration(motion[k], rate[k], arms[i], turn[k, i], base[k, i], state[0, i], state[1, i], u)
             first_order[0], first_order[1] = turn[k, i, 1] * gravity, -turn[k, i, 0] * gravity
             for a in range(3):
-                # what a guess of the motion of the body does to it is rigid: the deformation of the frame goes on
-                relative[k, i, a] = u[a] - first_order[a] if base_ok[k, i] else 0.0
+                relative[k, i, a] = u[a] - first_order[a] if told and base_ok[k, i] else 0.0
             for a in range(3):
                 accel_variance, target, target_variance = noise[i, a, 0], drawn[k, i, a], noise[i, a, 2]
                 late = lag[i, a]
