@@ -8,10 +8,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+from ride_estimation.api.predicted import Addition, PredictedReplay, helpful_additions, predicted_replay
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.identification.sensitivities import Excitation
-from ride_estimation.identification.sensor_plan import SensorPlan
+from ride_estimation.identification.sensor_plan import SensorPlan, additions
 from ride_estimation.identification.sensor_plan import plan as plan_sensors
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -33,15 +34,28 @@ class Plan:
         The vehicle.
     result
         Bounds on the parameters, additions ranked.
+    replay
+        What the estimator will state, from simulated drives; None where only the bounds were asked for.
+    helpful
+        What further motion sensors bring the estimator, best first.
     """
 
     vehicle: Vehicle
     result: SensorPlan
+    replay: PredictedReplay | None = None
+    helpful: tuple[Addition, ...] = ()
 
     def to_dataframe(self) -> Any:
-        """Return the smallest relative standard deviation per parameter as ``pandas.DataFrame``; inf: not identifiable."""
+        """Return relative standard deviations per parameter as ``pandas.DataFrame``: the bound (inf: not identifiable) and, where
+        drives were simulated, what the estimator will state, with its status.
+        """
         present = self.result.present
-        return dataframe({"parameter": present.names, "relative_std": present.relative_std}, "parameter")
+        columns: dict[str, Any] = {"parameter": present.names, "bound": present.relative_std}
+        if self.replay is not None:
+            stated = {p.name: p for p in self.replay.parameters}
+            columns["replay_std"] = [stated[n].relative_std if n in stated else math.inf for n in present.names]
+            columns["replay_status"] = [stated[n].status if n in stated else "" for n in present.names]
+        return dataframe(columns, "parameter")
 
     def __repr__(self) -> str:
         present = self.result.present
@@ -65,6 +79,7 @@ def plan(
     rate: float = 200.0,
     rigid_frame: bool = False,
     unknown_mass: bool = False,
+    drives: bool = True,
 ) -> Plan:
     """Tell which parameters the sensors of a vehicle can identify and which addition would help most.
 
@@ -80,6 +95,9 @@ def plan(
         Assume that the frame does not twist.
     unknown_mass
         Ignore the force references of the vehicle file.
+    drives
+        Simulate drives and run the estimator on them, also with further sensors: tells what ``replay`` will state and which
+        addition helps it most, and takes half a minute. Otherwise the bounds alone.
 
     Raises
     ------
@@ -89,7 +107,7 @@ def plan(
     Examples
     --------
     >>> import ride_estimation as re
-    >>> re.plan("single_imu", unknown_mass=True)
+    >>> re.plan("single_imu", unknown_mass=True, drives=False)
     Plan(single_imu: rank 0 of 26 parameters)
     """
     known = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
@@ -109,4 +127,8 @@ def plan(
         rate_hz=rate,
         twist_share=0.0 if rigid_frame else 0.3,
     )
-    return Plan(known, plan_sensors(known, excitation, known=() if unknown_mass else None))
+    found = plan_sensors(known, excitation, known=() if unknown_mass else None)
+    if not drives:
+        return Plan(known, found)
+    driven = dataclasses.replace(known, force_references=()) if unknown_mass else known
+    return Plan(known, found, predicted_replay(driven, excitation), helpful_additions(driven, excitation, additions(driven)))

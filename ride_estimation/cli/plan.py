@@ -6,14 +6,17 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
+from collections.abc import Sequence
 
 from ride_estimation.api.planning import plan
+from ride_estimation.api.predicted import Addition, PredictedReplay
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.identification.fisher import Identifiability
 from ride_estimation.identification.sensor_plan import Option, SensorPlan
 from ride_estimation.vehicles.modes import NEUTRAL_HZ
 
 _SHOWN = 6  # null directions that are printed one by one
+_WORTH = 1.05  # times smaller standard deviations that are worth a sensor
 
 
 def run(options: argparse.Namespace) -> int:
@@ -21,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
     require_finite(options)
     found = plan(
         options.vehicle, road=options.road, speed=options.speed, duration=options.duration, rate=options.rate,
-        rigid_frame=options.rigid_frame, unknown_mass=options.unknown_mass,
+        rigid_frame=options.rigid_frame, unknown_mass=options.unknown_mass, drives=not options.bounds_only,
     )  # fmt: skip
     vehicle, result = found.vehicle, found.result
     print(
@@ -36,12 +39,14 @@ def run(options: argparse.Namespace) -> int:
         print(words)
     known = ", ".join(f"{n} ({100 * std:.2g} %)" if std else n for n, std in result.known.items())
     print(f"known beforehand: {known or 'nothing (forces are then ratios only)'}")
-    _print_bounds(result)
+    _print_bounds(result, found.replay)
     _print_options(result)
+    if found.replay is not None:
+        _print_prediction(found.replay, found.helpful)
     return 0
 
 
-def _print_bounds(result: SensorPlan) -> None:
+def _print_bounds(result: SensorPlan, replay: PredictedReplay | None) -> None:
     present = result.present
     print(f"rank {present.rank} of {len(present.names)} parameters")
     if result.ratio_to:
@@ -50,15 +55,18 @@ def _print_bounds(result: SensorPlan) -> None:
             f"ratios to {result.ratio_to} are told as well as the second column says"
         )
     if present.rank or result.ratio_to:
-        head = f"{'smallest std':>18}" + (f"{'of the ratio':>18}" if result.ratio_to else "")
+        stated = {p.name: p for p in replay.parameters} if replay is not None else {}
+        head = f"{'bound':>18}" + (f"{'of the ratio':>18}" if result.ratio_to else "")
+        head += f"{'replay std':>14}  status" if stated else ""
         print(f"\n{'parameter':<40}{head}")
         for name, std in zip(present.names, present.relative_std):
             ratio = _percent(result.ratios.get(name, math.inf)) if result.ratio_to and name != result.ratio_to else ""
-            print(f"{name:<40}{_percent(float(std)):>18}{ratio:>18}".rstrip())
-        print(
-            "(Cramer-Rao: white noise and a perfect model; errors of gain, place and alignment of the sensors come on top:\n"
-            "little along z, several times these bounds along x and y where the mounts are stiff)"
-        )
+            cells = f"{_percent(float(std)):>18}" + (f"{ratio:>18}" if result.ratio_to else "")
+            if name in stated:
+                cells += f"{_percent(stated[name].relative_std):>14}  {stated[name].status}"
+            print(f"{name:<40}{cells}".rstrip())
+        print("(bound: Cramer-Rao bound for white noise, a perfect model and a frame that deforms by a tenth of its motion;")
+        print(" replay std: what the estimator states after simulated drives with the installation errors of good sensors)")
     for words in present.null_directions[:_SHOWN]:
         print(f"not identifiable: {words}")
     if len(present.null_directions) > _SHOWN:
@@ -74,6 +82,24 @@ def _print_options(result: SensorPlan) -> None:
     useless = [name for name, words in worth.items() if not words]
     if useless:
         print(f"  no difference by itself: {'; '.join(useless)}")
+
+
+def _print_prediction(replay: PredictedReplay, helpful: Sequence[Addition]) -> None:
+    """Print what replay will state, what it will refuse, and which further motion sensor helps it most."""
+    if replay.refusal:
+        print(f"\nreplay will refuse: {replay.refusal}")
+    else:
+        valid = replay.of_status("valid")
+        print(
+            f"\nreplay will identify {len(valid)} of {len(replay.parameters)} parameters within {replay.duration_s:g} s"
+            + (f": {', '.join(valid)}" if valid else "")
+        )
+    now = len(replay.of_status("valid"))
+    worth = [a for a in helpful if a.valid > now or a.improvement > _WORTH]
+    for a in worth[:3]:
+        print(f"  with {a.name}: {a.valid} parameters valid, standard deviations {a.improvement:.2g} times smaller")
+    if not worth and helpful:
+        print("  no further motion sensor improves this noticeably")
 
 
 def _percent(std: float) -> str:

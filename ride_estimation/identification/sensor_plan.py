@@ -168,6 +168,13 @@ def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | 
     )  # fmt: skip
 
 
+def additions(vehicle: Vehicle) -> dict[str, tuple[Sensor, ...]]:
+    """Return the motion sensors that a plan proposes, by the words of its options."""
+    sensors = [s for s in vehicle.sensors.values() if s.kind in _RUN_SENSORS]
+    found = {c.name: c.sensors for c in _candidates(vehicle, sensors, known_parameters(vehicle))}
+    return {name: new for name, new in found.items() if new and all(s.kind in _RUN_SENSORS for s in new)}
+
+
 def _check_size(vehicle: Vehicle, everything: Sequence[Sensor]) -> None:
     """Refuse what would need more memory than a laptop has: every channel is differentiated by every parameter."""
     channels, parameters = sum(s.channels for s in everything), len(parameter_names(vehicle))

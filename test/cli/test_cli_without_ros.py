@@ -20,7 +20,7 @@ for name in {absent!r}:
 from ride_estimation.cli.main import main, verb_helps, work_of
 for verb in verb_helps():
     work_of(verb)
-sys.exit(main(["plan", "--vehicle", "truck_cab"]) or main(["calibrate", {run!r}, "--vehicle", "truck_cab"]))
+sys.exit(main(["plan", "--vehicle", "truck_cab", "--bounds-only"]) or main(["calibrate", {run!r}, "--vehicle", "truck_cab"]))
 """
 
 

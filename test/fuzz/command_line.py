@@ -168,7 +168,7 @@ def command_targets() -> dict[str, Target]:
     found = {
         "arguments": Target(".txt", lambda folder: arguments, _arguments, ARGUMENT_WORDS),
         "plan": Target(
-            ".yaml", files(("config", "vehicles", "single_imu.yaml")), _with("plan", "--vehicle", "FILE", "--duration", "10"),
+            ".yaml", files(("config", "vehicles", "single_imu.yaml")), _with("plan", "--vehicle", "FILE", "--bounds-only"),
             YAML_WORDS,
         ),
         "settings_option": Target(

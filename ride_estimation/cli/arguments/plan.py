@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-HELP = "tell which parameters a vehicle file's sensors can identify and which addition would help most"
+HELP = "predict which parameters a sensor layout can identify, and which additional sensor helps most"
 EXAMPLES = """\
   ride-estimation plan --vehicle truck_cab
   ride-estimation plan --vehicle truck_cab --unknown-mass --road B --speed 22 --duration 300       (a motorway, cab not weighed)
@@ -22,4 +22,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", default=60.0, type=float, help="usable driving [s] (default 60)")
     parser.add_argument("--rate", default=200.0, type=float, help="sample rate [Hz] (default 200)")
     parser.add_argument("--rigid-frame", action="store_true", help="assume that the frame does not twist")
+    parser.add_argument("--bounds-only", action="store_true", help="theoretical bounds only, without simulated drives (fast)")
     parser.add_argument("--unknown-mass", action="store_true", help="ignore the force references of the vehicle file")

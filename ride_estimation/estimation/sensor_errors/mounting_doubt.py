@@ -191,6 +191,8 @@ def _untold_share(place: Array) -> Array:
     place
         Horizontal places of the mounts from their middle, shape (M, 2).
     """
+    if not len(place):
+        return np.zeros(0)
     x, y = (p / max(float(np.sqrt(np.mean(p**2))), 1e-12) for p in place.T)
     told = np.column_stack([np.ones(len(place)), x, y, x * x, x * y, y * y])
     vectors, values, _ = np.linalg.svd(told, full_matrices=False)

@@ -1,0 +1,159 @@
+# Copyright 2026 ride_estimation contributors
+"""What a replay will state of a drive that has not taken place: the estimator itself, on a simulated drive."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+
+from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.offline import run_offline
+from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.identification.sensitivities import Excitation
+from ride_estimation.sensors.measurement import SensorErrors
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.simulation.field_run import run_scenario
+from ride_estimation.simulation.scenario import RoadSpec, Scenario
+from ride_estimation.vehicles.two_axle_truck import TruckData
+from ride_estimation.vehicles.vehicle import Vehicle
+
+#: longer drives are predicted by their first minute [s]: the estimator has converged, and a plan answers in seconds
+LONGEST_S = 60.0
+#: accelerometers faster than this gain nothing in the band of the ride [Hz]
+_FASTEST_HZ = 400.0
+#: installation errors of the simulated sensors: half a per cent of gain as limit, a tenth of a degree, 1 mg
+_INSTALLED = SensorErrors(gain_std=0.005 / math.sqrt(3.0), misalignment_std=math.radians(0.1), bias_std=0.01)
+#: a frame that hardly twists: stiffness over that of the truck
+_STIFF_FRAME = 30.0
+#: road, noise and installation of the drives: what one drive happens to show differs by half from the next
+_SEEDS = (20, 21, 22)
+
+
+@dataclasses.dataclass(frozen=True)
+class PredictedParameter:
+    """What the estimator will state of a parameter.
+
+    Attributes
+    ----------
+    name
+        As in ``result.json``.
+    relative_std
+        Standard deviation over the value, geometric mean over the drives.
+    status
+        The one most drives end with.
+    """
+
+    name: str
+    relative_std: float
+    status: str
+
+
+@dataclasses.dataclass(frozen=True)
+class PredictedReplay:
+    """What the estimator states after a simulated drive with these sensors.
+
+    Attributes
+    ----------
+    duration_s
+        Of a simulated drive [s].
+    parameters
+        Empty where the estimator refuses the layout.
+    refusal
+        Why it refuses, else empty.
+    """
+
+    duration_s: float
+    parameters: tuple[PredictedParameter, ...]
+    refusal: str = ""
+
+    def of_status(self, *status: str) -> tuple[str, ...]:
+        """Return the names of the parameters that end with one of some statuses."""
+        return tuple(p.name for p in self.parameters if p.status in status)
+
+
+@dataclasses.dataclass(frozen=True)
+class Addition:
+    """What the estimator will state with further sensors.
+
+    Attributes
+    ----------
+    name
+        What is added.
+    valid
+        Parameters that end ``valid``.
+    improvement
+        By how much the standard deviations fall: geometric mean over the parameters, 1 for no difference.
+    """
+
+    name: str
+    valid: int
+    improvement: float
+
+
+def helpful_additions(
+    vehicle: Vehicle, excitation: Excitation, proposed: Mapping[str, Sequence[Sensor]]
+) -> tuple[Addition, ...]:
+    """Return what further sensors bring the estimator on one simulated drive, the most helpful first.
+
+    Parameters
+    ----------
+    vehicle, excitation
+        As of :func:`predicted_replay`.
+    proposed
+        Sensors by the name of the addition.
+    """
+    present = {p.name: p for p in predicted_replay(vehicle, excitation, _SEEDS[:1]).parameters}
+    found = []
+    for name, new in proposed.items():
+        more = dataclasses.replace(vehicle, sensors={**vehicle.sensors, **{s.name: s for s in new}})
+        after = predicted_replay(more, excitation, _SEEDS[:1])
+        both = [(present[p.name].relative_std, p.relative_std) for p in after.parameters if p.name in present]
+        known = [math.log(before / now) for before, now in both if 0.0 < now < math.inf and 0.0 < before < math.inf]
+        found.append(Addition(name, len(after.of_status("valid")), math.exp(statistics.fmean(known)) if known else 1.0))
+    return tuple(sorted(found, key=lambda a: (-a.valid, -a.improvement)))
+
+
+def predicted_replay(vehicle: Vehicle, excitation: Excitation, seeds: Sequence[int] = _SEEDS) -> PredictedReplay:
+    """Simulate drives of a two-axle truck that carries the vehicle, and run the estimator on what its sensors read.
+
+    The vehicle is the one of its file; the sensors have the installation errors of good workshop practice. What comes out
+    obeys the estimator's own tolerances, rules of status and refusals.
+
+    Parameters
+    ----------
+    vehicle
+        Bodies, mounts, sensors.
+    excitation
+        Road, speed, duration, sample rate; ``twist_share`` 0 stands for a frame that does not twist.
+    seeds
+        One drive each.
+    """
+    duration = min(excitation.duration_s, LONGEST_S)
+    usual = TruckData()
+    stiffer = 1.0 if excitation.twist_share > 0.0 else _STIFF_FRAME
+    truck = dataclasses.replace(
+        usual, torsion_stiffness=stiffer * usual.torsion_stiffness, bending_stiffness=stiffer * usual.bending_stiffness
+    )
+    errors = dataclasses.replace(_INSTALLED, rate=min(excitation.rate_hz, _FASTEST_HZ))
+    drives: list[tuple[Estimate, ...]] = []
+    for seed in seeds:
+        scenario = Scenario(
+            name="plan", seed=seed, vehicle_file="", duration=duration, speed=((0.0, excitation.speed),),
+            road=RoadSpec(excitation.roughness), sensor_errors=errors, truck=truck,
+        )  # fmt: skip
+        try:
+            drives.append(run_offline(run_scenario(scenario, vehicle).recording, Pipeline(vehicle), smoothing=False).parameters)
+        except RideEstimationError as error:
+            return PredictedReplay(duration, (), str(error))
+    return PredictedReplay(duration, tuple(_of(same) for same in zip(*drives, strict=True)))
+
+
+def _of(same: tuple[Estimate, ...]) -> PredictedParameter:
+    """Return what several drives state of one parameter."""
+    shares = [p.std / abs(p.value) for p in same if p.value and math.isfinite(p.std)]
+    relative = math.exp(sum(math.log(s) for s in shares) / len(shares)) if shares and min(shares) > 0.0 else math.inf
+    status = statistics.mode(sorted(p.status.value for p in same))
+    return PredictedParameter(same[0].name, relative, status)
