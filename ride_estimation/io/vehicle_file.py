@@ -253,6 +253,12 @@ def _sensor_mapping(sensor: Sensor) -> dict[str, Any]:
     for key, values, neutral in (("gain", correction.gain, 1.0), (f"bias_{unit}", correction.bias, 0.0)):
         if any(v != neutral for v in values):
             mapping[key] = [float(v) for v in values] if len(values) > 1 else float(values[0])
+    left = sensor.installation
+    if left is not None:
+        own = {"zero_m": left.travel_zero} if sensor.kind == "displacement" else {
+            "bias_m_per_s2": left.bias, "misalignment_rad": left.misalignment, "position_m": left.position,
+        }  # fmt: skip
+        mapping["installation"] = {key: float(v) for key, v in (own | {"gain": left.gain, "delay_s": left.delay}).items()}
     return mapping
 
 

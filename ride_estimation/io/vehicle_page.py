@@ -57,6 +57,11 @@ _SENSORS = {
     "force": "Load cell at a mount: force on the body by the mount.",
 }
 
+_INSTALLATION = (
+    "How well a sensor is installed: one standard deviation per kind of error. It is the prior of `calibrate --drive`, which\n"
+    "writes here what it leaves uncertain. `zero` is for transducers only, which else have `gain` and `delay`."
+)
+
 
 def page() -> str:
     """Return the page: one table per kind of entry, one row per key."""
@@ -100,6 +105,7 @@ def groups(
     for kind in SENSOR_KINDS:
         names = "|".join(name for name, entry in document["sensors"].items() if entry["kind"] == kind)
         found.append((f"## `sensors` of kind `{kind}`", _SENSORS[kind], _of(fields, rf"sensors\.({names})")))
+    found.append(("### `installation` of a sensor", _INSTALLATION, _of(fields, rf"sensors\.{_ENTRY}\.installation")))
     for index, entry in enumerate(document["force_references"]):
         kind = entry["kind"]
         text = _REFERENCES[kind] + (f" Default of `relative_std`: {DEFAULT_STD[kind]:g}." if kind in DEFAULT_STD else "")

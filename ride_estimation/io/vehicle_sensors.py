@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ride_estimation.frames import AXES, rotation_from_rpy
 from ride_estimation.io.document import Section, as_number, shown
 from ride_estimation.io.vehicle_mechanics import FARTHEST
+from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
 from ride_estimation.signals.correction import Correction
 from ride_estimation.vehicles.vehicle import ForceReference, Mount
@@ -128,7 +129,30 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
             "trust_despite_minus_one", False, meaning="use messages whose covariance[0] is -1, which means: not provided"
         ),
         correction=_read_correction(section, kind, unit),
+        installation=_read_installation(section, kind),
     )
+
+
+def _read_installation(section: Section, kind: str) -> Installation | None:
+    """Return how well a sensor is installed, None where the file says nothing or the kind has no such errors."""
+    if kind not in ("accelerometer", "imu", "displacement"):
+        return None
+    part = section.section("installation", meaning="one standard deviation of its errors: a mapping, see `installation`")
+    if part is None:
+        return None
+    usual, found = USUAL, {}
+    if kind == "displacement":
+        found["travel_zero"] = part.number_or("zero", "m", usual.travel_zero, lower=0.0, upper=0.5, meaning="zero at rest")
+    else:
+        found["bias"] = part.number_or("bias", "m/s^2", usual.bias, lower=0.0, upper=50.0, meaning="zero error of one axis")
+        found["misalignment"] = part.number_or(
+            "misalignment", "rad", usual.misalignment, lower=0.0, upper=1.0, meaning="angle about one axis"
+        )
+        found["position"] = part.number_or("position", "m", usual.position, lower=0.0, upper=1.0, meaning="along one axis")
+    found["delay"] = part.number_or("delay", "s", usual.delay, lower=0.0, upper=LONGEST_DELAY, meaning="how late it may be")
+    gain = part.plain("gain", lower=0.0, upper=1.0, meaning=f"relative error of one axis; default {usual.gain:g}")
+    part.finish()
+    return Installation(**found, gain=usual.gain if gain is None else gain)
 
 
 def _read_correction(section: Section, kind: str, unit: str) -> Correction:

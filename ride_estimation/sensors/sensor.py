@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.sensors.installation import Installation
 from ride_estimation.signals.correction import NO_CORRECTION, Correction
 
 Array = NDArray[np.float64]
@@ -67,6 +68,8 @@ class Sensor:
         What is known to be wrong with the readings: delay, gain, bias.
     noise_slope
         Power of the angular frequency that the noise grows with: 2 for an acceleration that was made of a deflection.
+    installation
+        How well it is installed, None where the vehicle file states nothing of it.
     """
 
     name: str
@@ -85,6 +88,7 @@ class Sensor:
     trust_despite_minus_one: bool = False
     correction: Correction = NO_CORRECTION
     noise_slope: int = 0
+    installation: Installation | None = None
 
     @property
     def channels(self) -> int:

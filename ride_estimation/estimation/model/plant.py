@@ -1,0 +1,205 @@
+# Copyright 2026 ride_estimation contributors
+"""What does not change during a run: geometry of body, mounts, base and sensors, prior of the constants."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg as sl
+from numpy.typing import NDArray
+
+from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.common.arrangement import USUAL_SHARES, Arrangement, arrange, relative_tilt_maps
+from ride_estimation.estimation.model.states import FastStates, SlowStates, slow_states
+from ride_estimation.frames import AXES, point_motion_matrix
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.tangent import tangent
+from ride_estimation.vehicles.vehicle import Mount, Vehicle
+
+Array = NDArray[np.float64]
+
+#: standard deviation of shares and shifts of bracket tilt [-, m]: brackets follow the twist of a frame about half way
+_SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
+#: standard deviation of ln k and ln c where the vehicle file states none
+_STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
+#: standard deviation of the CG [m] and of the inertia where the vehicle file states none
+_CG_STD, _INERTIA_STD = 0.01, 0.05
+#: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
+#: take from gravity, g theta^2 / 2
+_MEAN_STD = np.array([0.3, 0.3, 0.01])
+#: corners of the deformation of a truck frame on a road, horizontal and vertical [Hz], unmodelled share of a reading, and the
+#: standard deviation of the logarithms of these and of all levels: next to nothing is known before the run
+_CORNERS, _MODEL, _LEVEL_STD = np.array([1.5, 0.3]), 0.003, 1.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Constants:
+    """The slow states of body, mounts and base in physical units.
+
+    Attributes
+    ----------
+    stiffness, damping
+        Per mount and axis, shape (3 M,) [N/m, N s/m].
+    tilt
+        T, shape (3 M, 3 M): from the stacked deflections to the rotation of the body against each bracket.
+    mass, cg, inertia
+        [kg], [m] shape (3,), [kg m^2] shape (3, 3).
+    points
+        P, shape (3 M, 6): from rigid motion at the CG to the motion of the mounts.
+    static
+        Force of the mounts on the body at rest, shape (M, 3) [N].
+    mean
+        Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
+    rigid, deforming
+        Rms of the accelerations that drive the base and its patterns, shapes (6,) and (n,) [m/s^2, rad/s^2].
+    corners
+        Below these the base does not deform, horizontally and vertically [Hz].
+    model
+        Unmodelled white part of the readings over their moving rms [-].
+    """
+
+    stiffness: Array
+    damping: Array
+    tilt: Array
+    mass: float
+    cg: Array
+    inertia: Array
+    points: Array
+    static: Array
+    mean: Array
+    rigid: Array
+    deforming: Array
+    corners: Array
+    model: float
+
+    @property
+    def mobility(self) -> Array:
+        """Return the inverse of the mass matrix at the CG, shape (6, 6)."""
+        return np.asarray(sl.block_diag(np.eye(3) / self.mass, np.linalg.inv(self.inertia)))
+
+
+class Plant:
+    """Body, mounts, base and sensors of one vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        One body free in six coordinates on three or more mounts, each with an accelerometer on its base; three or more
+        accelerometers on the body that are not on one line.
+
+    Attributes
+    ----------
+    patterns
+        U, shape (3 M, n): orthonormal deformations of the base that leave its rigid motion zero, horizontal ones first.
+    vertical
+        Which patterns are vertical, shape (n,) bool.
+    sensors
+        Accelerometers of the body, of the bases, displacement transducers: the order of the readings.
+    base_of
+        Name of a base sensor -> index of its mount.
+
+    Raises
+    ------
+    ConfigurationError
+        The vehicle is none of that kind.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        a = arrange(vehicle)
+        _check(a)
+        self.arrangement, self.mounts, self.gravity = a, a.mounts, vehicle.gravity
+        self.base_sensors = tuple(s for s in a.base_sensors if s is not None)
+        self.base_of = {s.name: i for i, s in enumerate(self.base_sensors)}
+        self.transducers = tuple(s for s in a.transducers if s.axis in AXES)
+        self.sensors: tuple[Sensor, ...] = (*a.body_sensors, *self.base_sensors, *self.transducers)
+        count = len(a.mounts)
+        maps = [relative_tilt_maps(a.mounts, e).reshape(3 * count, 3 * count) for e in np.eye(5)[:, :4]]
+        self._tilt, self._tilt_slopes = maps[4], [m - maps[4] for m in maps[:4]]
+        points = self.points(a.body.cg)
+        values, vectors = np.linalg.eigh(np.eye(3 * count) - points @ np.linalg.pinv(points))
+        patterns = vectors[:, values > 0.5]
+        values, vectors = np.linalg.eigh(patterns[2::3].T @ patterns[2::3])
+        self.patterns, self.vertical = patterns @ vectors, values > 0.5
+        self.states = FastStates.of(self.patterns.shape[1])
+        self.slow = self._slow()
+
+    def _slow(self) -> SlowStates:
+        a, body = self.arrangement, self.arrangement.body
+        pairs = {"stiffness": [], "damping": []}  # type: dict[str, list[tuple[float, float]]]
+        for mount in self.mounts:
+            for axis in AXES:
+                for part, found in zip(pairs, _law(mount, axis)):
+                    pairs[part].append(found)
+        k, c = (np.array(p).T for p in pairs.values())
+        known = any(r.kind == "known_mass" and r.body == body.name for r in a.vehicle.force_references)
+        mass_std = 0.0 if known else (body.mass.std or 0.0) / body.mass.value
+        cg_std = np.full(3, _CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        spread = _INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
+        return slow_states(
+            [
+                (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
+                (np.array([np.log(a.file_mass)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
+                (np.zeros(3), np.full(3, spread)), (np.zeros(3), _MEAN_STD), (np.zeros(6), np.full(6, _LEVEL_STD)),
+                (np.zeros(self.patterns.shape[1]), np.full(self.patterns.shape[1], _LEVEL_STD)),
+                (np.log(_CORNERS), np.full(2, _LEVEL_STD)), (np.log([_MODEL]), np.array([_LEVEL_STD])),
+            ],
+            self.sensors,
+        )  # fmt: skip
+
+    def points(self, cg: Array) -> Array:
+        """Return the map from rigid motion at a CG to the motion of the mounts, shape (3 M, 6)."""
+        return np.vstack([point_motion_matrix(m.position - cg) for m in self.mounts])
+
+    def constants(self, theta: Array) -> Constants:
+        """Return the constants of a vector of slow states in physical units.
+
+        Every mount carries its share of the weight as vertical springs share it, or what the vehicle file states.
+        """
+        s, body = self.slow, self.arrangement.body
+        k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
+        root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
+        inertia = root @ body.inertia @ root * mass / self.arrangement.file_mass
+        points = self.points(cg)
+        vertical = points[2::3][:, [2, 3, 4]]
+        weight = np.array([mass * self.gravity, 0.0, 0.0])
+        static = np.zeros((len(self.mounts), 3))
+        static[:, 2] = k[2::3] * (vertical @ np.linalg.solve(vertical.T @ (k[2::3, None] * vertical), weight))
+        for i, mount in enumerate(self.mounts):
+            if mount.static_load is not None:
+                static[i, 2] = mount.static_load.value
+        tilt = self._tilt + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
+        rigid, deforming, corners = (np.exp(theta[part]) for part in (s.log_rigid, s.log_deforming, s.log_corners))
+        model = float(np.exp(theta[s.log_model][0]))
+        c, mean = np.exp(theta[s.log_damping]), theta[s.mean_accel]
+        return Constants(k, c, tilt, mass, cg, inertia, points, static, mean, rigid, deforming, corners, model)
+
+
+def _law(mount: Mount, axis: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return (value, std of its logarithm) of stiffness and damping of one axis: the law linearised at rest."""
+    found = []
+    for name, value, usual in zip(("stiffness", "damping"), tangent(mount.elements[axis]), (_STIFFNESS_STD, _DAMPING_STD)):
+        prior = mount.priors.get((axis, name))
+        std = usual if prior is None or prior.std is None else float(np.sqrt(np.log1p((prior.std / prior.value) ** 2)))
+        found.append((max(value, 1e-3), std))
+    return found[0], found[1]
+
+
+def _check(a: Arrangement) -> None:
+    problems = []
+    if not a.free.all():
+        problems.append(f"body {a.body.name!r} must be free in six coordinates")
+    if a.carried is not None:
+        problems.append(f"body {a.body.name!r} carries another body")
+    if len(a.mounts) < 3:
+        problems.append(f"body {a.body.name!r} has {len(a.mounts)} mounts on a measured base; at least 3 are needed")
+    short = [m.name for m in a.mounts if any(axis not in m.elements for axis in AXES)]
+    if short:
+        problems.append(f"mounts without a force element along x, y and z: {', '.join(short)}")
+    bare = [m.name for m, s in zip(a.mounts, a.base_sensors) if s is None]
+    if bare:
+        problems.append(f"mounts without an accelerometer on their base: {', '.join(bare)}")
+    if len(a.body_sensors) < 3:
+        problems.append(f"body {a.body.name!r} has {len(a.body_sensors)} triaxial accelerometers; at least 3 are needed")
+    if problems:
+        raise ConfigurationError(problems, where=a.vehicle.name or "vehicle")

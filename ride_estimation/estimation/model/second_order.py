@@ -1,0 +1,95 @@
+# Copyright 2026 ride_estimation contributors
+"""Second order of the kinematics, computed from the last smoothed states and added as known inputs.
+
+Centripetal terms at sensors and mounts, rotation of the moving forces and of the body's specific force into bracket axes,
+Coriolis and Euler terms of the deflection, the arc of a finite rotation as a deflection of the law, the gyroscopic moment.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.model.dynamics import Dynamics
+from ride_estimation.estimation.model.plant import Constants, Plant
+from ride_estimation.estimation.model.readings import axes
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class SecondOrder:
+    """Known corrections of one segment.
+
+    Attributes
+    ----------
+    readings
+        Added to the readings, shape (T, C).
+    force
+        Added to the mount forces, shape (T, 3 M) [N].
+    accel
+        Added to the specific force and angular acceleration of the body, shape (T, 6).
+    """
+
+    readings: Array
+    force: Array
+    accel: Array
+
+
+def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array) -> SecondOrder:
+    """Return the corrections that follow from states x, shape (T, N)."""
+    s, count = plant.states, len(plant.mounts)
+    relative_rate = x[:, s.relative_rate]
+    rate = x[:, s.base_velocity][:, 3:] + relative_rate[:, 3:]
+    speed = relative_rate @ m.points.T + x[:, s.deformation_rate] @ plant.patterns.T
+    bracket_rate = rate[:, None] - (speed @ m.tilt.T).reshape(-1, count, 3)
+    bracket_accel = (x @ d.spin.T).reshape(-1, count, 3)
+    speed = speed.reshape(-1, count, 3)
+    deflection = (x @ d.deflection.T).reshape(-1, count, 3)
+    force = (x @ d.force.T).reshape(-1, count, 3)
+    turn = (x @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
+    point = (x @ (m.points @ d.accel).T).reshape(-1, count, 3)
+    upright = np.array([0.0, 0.0, plant.gravity])
+
+    # a finite rotation moves the mount along an arc: the law feels it, the high-pass of the deformation would eat its mean
+    angle, speed_of, accel_of = x[:, s.relative][:, 3:], relative_rate[:, 3:], (x @ d.A[s.relative_rate].T)[:, 3:]
+    arms = [p.position - m.cg for p in plant.mounts]
+    arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
+    arc_rate = np.stack([0.5 * (_twice(speed_of, angle, r) + _twice(angle, speed_of, r)) for r in arms], axis=1)
+    arc_accel = np.stack(
+        [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
+    )
+    extra = 0.5 * np.cross(turn, np.cross(turn, m.static)) - np.cross(turn, force)
+    extra -= m.stiffness.reshape(-1, 3) * arc + m.damping.reshape(-1, 3) * arc_rate
+
+    parts = []
+    for sensor in plant.sensors:
+        i = plant.base_of.get(sensor.name)
+        if sensor.kind == "displacement":
+            mount = next(j for j, p in enumerate(plant.mounts) if p.name == sensor.mount)
+            part = arc[:, mount, ["xyz".index(sensor.axis)]]
+        else:
+            turned = axes(sensor, theta[plant.slow.sensors[sensor.name]["misalignment"]])
+            if i is None:
+                part = _turned_twice(rate, sensor.position - m.cg) @ turned
+            else:
+                part = _turned_twice(rate, arms[i]) + np.cross(turn[:, i], point[:, i] + 0.5 * np.cross(turn[:, i], upright))
+                part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
+                part = (part - np.cross(bracket_accel[:, i], deflection[:, i])) @ turned
+        parts.append(part)
+    extra = extra.reshape(len(x), -1)
+    load = extra @ m.points
+    load[:, 3:] -= np.cross(rate, rate @ m.inertia)
+    return SecondOrder(np.hstack(parts), extra, load @ m.mobility)
+
+
+def _turned_twice(rate: Array, arm: Array) -> Array:
+    """Return ``w x (w x r)``."""
+    return _twice(rate, rate, arm)
+
+
+def _twice(first: Array, second: Array, arm: Array) -> Array:
+    """Return ``a x (b x r)``."""
+    return np.asarray(np.cross(first, np.cross(second, arm)))
