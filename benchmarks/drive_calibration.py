@@ -4,10 +4,11 @@
     python benchmarks/drive_calibration.py --seeds 20
     python benchmarks/drive_calibration.py --foreign FOLDER
 
-A world is a random cab over a random road for 60 s, 200 Hz, noise 1 % of the signal; bias, gain, misalignment, position and delay of
-every sensor are drawn from the usual installation. Printed per kind of error: 95th percentile of the error, share within two
+A world is a random cab over a random road for 60 s, 200 Hz, noise 1 % of the signal; bias, gain, misalignment, position and
+delay of every sensor are drawn from the usual installation. Printed per kind of error: 95th percentile, share within two
 standard deviations, share of the values the drive determines (standard deviation below half the prior) and the same for those.
-Delays are compared without what all sensors have in common: nothing can show that. Installed errors of a foreign run are those of
+Drives that calibration calls unfit to use (conflicts) are left out of the table. Delays are compared without
+what all sensors have in common: nothing can show that. Installed errors of a foreign run are those of
 its ``truth.json``, its priors the tolerances of its ``vehicle.json`` (two standard deviations).
 """
 
@@ -108,6 +109,10 @@ def scores(found: DriveCalibration, truth: Errors) -> dict[str, list[tuple[float
     return rows
 
 
+def figures(error: np.ndarray, std: np.ndarray) -> str:
+    return f"{np.percentile(np.abs(error), 95):9.3f}{np.mean(np.abs(error) < 2.0 * std):9.1%}"
+
+
 def table(rows: dict[str, list[tuple[float, float, bool]]]) -> None:
     print(f"{'error':<20}{'unit':<7}{'p95':>9}{'inside':>9}{'determined':>12}{'p95':>9}{'inside':>9}")
     for kind in sorted({k.split()[1] for k in rows}):
@@ -115,10 +120,9 @@ def table(rows: dict[str, list[tuple[float, float, bool]]]) -> None:
         for place, values in {**{k.split()[0]: v for k, v in rows.items() if k.endswith(kind)}, **merged}.items():
             factor, unit = UNITS.get(kind, (1.0, "m/s^2"))
             error, std, known = (np.array(column) for column in zip(*values))
-            cells = f"{factor * np.percentile(np.abs(error), 95):9.3f}{np.mean(np.abs(error) < 2.0 * std):9.1%}{known.mean():12.0%}"
+            cells = figures(factor * error, factor * std) + f"{known.mean():12.0%}"
             if known.any():
-                e, s = error[known], std[known]
-                cells += f"{factor * np.percentile(np.abs(e), 95):9.3f}{np.mean(np.abs(e) < 2.0 * s):9.1%}"
+                cells += figures(factor * error[known], factor * std[known])
             print(f"{place + ' ' + kind:<20}{unit:<7}{cells}", flush=True)
 
 
@@ -143,7 +147,10 @@ def main() -> None:
         rows = scores(found, truth)
         inside = np.mean([abs(e) < 2.0 * s for values in rows.values() for e, s, _ in values])
         spent = time.process_time() - began
-        print(f"{getattr(case, 'name', case)}: NIS {found.nis:.2f}, inside {inside:.0%}, {spent:.0f} s", flush=True)
+        said = f", conflicts {len(found.conflicts)}" if found.conflicts else ""
+        print(f"{getattr(case, 'name', case)}: NIS {found.nis:.2f}, inside {inside:.0%}, {spent:.0f} s{said}", flush=True)
+        if found.conflicts:
+            continue
         for kind, values in rows.items():
             total.setdefault(kind, []).extend(values)
     table(total)

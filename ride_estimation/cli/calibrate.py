@@ -25,10 +25,14 @@ def run(options: argparse.Namespace) -> int:
     if options.drive:
         drive = calibrate_drive(recording, vehicle)
         lines, calibrated = summary_lines(drive), drive.vehicle(vehicle)
+        refused = bool(drive.conflicts)
     else:
         standstill = calibrate(recording, vehicle)
         lines, calibrated = standstill_lines(standstill), standstill.vehicle(vehicle)
+        refused = False
     print("\n".join(lines))
+    if options.out is not None and refused:
+        raise InputDataError(f"{options.out}: not written, the model does not describe this drive well enough")
     if options.out is not None:
         output_folder(options.out.parent)
         try:

@@ -79,6 +79,7 @@ def dynamics(plant: Plant, m: Constants) -> Dynamics:
     square, damp = np.diag(corner**2), np.diag(2.0 * ZETA * corner)
     for row in (s.deformation_rate, s.shaping_rate):
         A[row, s.deformation_drive], A[row, s.shaping_rate], A[row, s.shaping] = ones, -damp, -square
+        A[row, s.base_accel] = m.coupling
     A[s.deformation_rate, s.deformation_rate], A[s.deformation_rate, s.deformation] = -damp, -square
     A[s.deformation, s.deformation_rate] = A[s.shaping, s.shaping_rate] = ones
     A[s.deformation_drive, s.deformation_drive_rate] = ones

@@ -89,10 +89,13 @@ def stationary(F: Array, H: Array, Q: Array, R: Array) -> Filter:
         g, a = g + a @ w[:, n:], a @ w[:, :n]
         h = h + 0.5 * (step + step.T)
         if np.abs(step).max() <= 1e-12 * np.abs(h).max():
-            S = H @ h @ H.T + R
-            S = 0.5 * (S + S.T)
-            return Filter(F, H, np.linalg.solve(S, H @ h).T, np.asarray(S, dtype=float), h)
+            return _filter(F, H, H @ h @ H.T + R, h)
     raise InputDataError("the Kalman gain of this vehicle and noise has no stationary value; check masses, stiffness and noise")
+
+
+def _filter(F: Array, H: Array, S: Array, P: Array) -> Filter:
+    symmetric = np.asarray(0.5 * (S + S.T), dtype=np.float64)
+    return Filter(F, H, np.asarray(np.linalg.solve(symmetric, H @ P).T, dtype=np.float64), symmetric, P)
 
 
 def run(f: Filter, y: Array, known: Array | None = None) -> tuple[Array, Array]:

@@ -25,6 +25,9 @@ _SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
 _STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
 #: standard deviation of the CG [m] and of the inertia where the vehicle file states none
 _CG_STD, _INERTIA_STD = 0.01, 0.05
+#: standard deviation of the coupling of deformation and rigid motion of the base: the wheels that move a frame bend it too. Where
+#: it is held at zero, gains of base sensors explain what a frame does (a truck frame with elastic bending: gains off by 3 %)
+_COUPLING_STD = 0.3
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
 #: take from gravity, g theta^2 / 2
 _MEAN_STD = np.array([0.3, 0.3, 0.01])
@@ -49,6 +52,8 @@ class Constants:
         P, shape (3 M, 6): from rigid motion at the CG to the motion of the mounts.
     static
         Force of the mounts on the body at rest, shape (M, 3) [N].
+    coupling
+        Deformation acceleration per rigid acceleration of the base, shape (n, 6) [-, m].
     mean
         Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
     rigid, deforming
@@ -67,6 +72,7 @@ class Constants:
     inertia: Array
     points: Array
     static: Array
+    coupling: Array
     mean: Array
     rigid: Array
     deforming: Array
@@ -140,7 +146,9 @@ class Plant:
             [
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
                 (np.array([np.log(a.file_mass)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
-                (np.zeros(3), np.full(3, spread)), (np.zeros(3), _MEAN_STD), (np.zeros(6), np.full(6, _LEVEL_STD)),
+                (np.zeros(3), np.full(3, spread)),
+                (np.zeros(6 * self.patterns.shape[1]), np.full(6 * self.patterns.shape[1], _COUPLING_STD)),
+                (np.zeros(3), _MEAN_STD), (np.zeros(6), np.full(6, _LEVEL_STD)),
                 (np.zeros(self.patterns.shape[1]), np.full(self.patterns.shape[1], _LEVEL_STD)),
                 (np.log(_CORNERS), np.full(2, _LEVEL_STD)), (np.log([_MODEL]), np.array([_LEVEL_STD])),
             ],
@@ -171,8 +179,8 @@ class Plant:
         tilt = self._tilt + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
         rigid, deforming, corners = (np.exp(theta[part]) for part in (s.log_rigid, s.log_deforming, s.log_corners))
         model = float(np.exp(theta[s.log_model][0]))
-        c, mean = np.exp(theta[s.log_damping]), theta[s.mean_accel]
-        return Constants(k, c, tilt, mass, cg, inertia, points, static, mean, rigid, deforming, corners, model)
+        c, mean, coupling = np.exp(theta[s.log_damping]), theta[s.mean_accel], theta[s.coupling].reshape(-1, 6)
+        return Constants(k, c, tilt, mass, cg, inertia, points, static, coupling, mean, rigid, deforming, corners, model)
 
 
 def _law(mount: Mount, axis: str) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -61,7 +61,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array
     arc_accel = np.stack(
         [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
     )
-    extra = 0.5 * np.cross(turn, np.cross(turn, m.static)) - np.cross(turn, force)
+    extra = 0.5 * np.cross(turn, np.cross(turn, m.static + force)) - np.cross(turn, force)
     extra -= m.stiffness.reshape(-1, 3) * arc + m.damping.reshape(-1, 3) * arc_rate
 
     parts = []
@@ -75,7 +75,9 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array
             if i is None:
                 part = _turned_twice(rate, sensor.position - m.cg) @ turned
             else:
-                part = _turned_twice(rate, arms[i]) + np.cross(turn[:, i], point[:, i] + 0.5 * np.cross(turn[:, i], upright))
+                centripetal = _turned_twice(rate, arms[i])
+                part = centripetal + np.cross(turn[:, i], point[:, i] + centripetal)
+                part += 0.5 * np.cross(turn[:, i], np.cross(turn[:, i], point[:, i] + upright))
                 part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
                 part = (part - np.cross(bracket_accel[:, i], deflection[:, i])) @ turned
         parts.append(part)

@@ -79,6 +79,8 @@ class SlowStates:
         How brackets roll and pitch with the twist of the base: two shares [-] and two shifts [m].
     log_mass, cg, log_inertia
         Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
+    coupling
+        How far the base deforms along with its rigid acceleration: patterns (n) by directions (6), row by row [-, m].
     mean_accel
         Mean specific force of base and body beyond gravity: slope of the road, correlation of motion and attitude [m/s^2].
     log_rigid, log_deforming
@@ -99,6 +101,7 @@ class SlowStates:
     log_mass: slice
     cg: slice
     log_inertia: slice
+    coupling: slice
     mean_accel: slice
     log_rigid: slice
     log_deforming: slice
