@@ -130,10 +130,11 @@ def test_a_frame_the_model_does_not_describe_is_said_and_nothing_is_written(
 
 @pytest.mark.slow
 def test_the_command_writes_a_vehicle_file_that_loads(
-    vehicle: Vehicle, found: DriveCalibration, data: Measurement, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    vehicle: Vehicle, found: DriveCalibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save_vehicle(vehicle, tmp_path / "v.yaml")
-    monkeypatch.setattr(command, "read_part", lambda *_: recording(data))
+    monkeypatch.setattr(command, "read_part", lambda *_: None)
+    monkeypatch.setattr(command, "calibrate_drive", lambda *_: found)
     out = tmp_path / "calibrated.yaml"
     assert main(["calibrate", "--drive", "run", "--vehicle", str(tmp_path / "v.yaml"), "--out", str(out)]) == 0
     sensors = load_vehicle(out).sensors

@@ -13,8 +13,8 @@ EXAMPLES = """\
   ride-estimation calibrate bags/standing/bag --vehicle truck_cab --out truck_calibrated.yaml
   ride-estimation calibrate --drive minute_of_rough_road --vehicle my_truck.yaml --out my_truck_calibrated.yaml
 
-Standstill: park, engine off, nobody in the cab, ten seconds or more. One standstill cannot tell a bias across gravity from a mounting
-angle: up to 0.15 m/s^2 it is taken for bias, above for an angle. Heading of a sensor cannot be seen at rest.
+Standstill: park, engine off, nobody in the cab, ten seconds or more. One standstill cannot tell a bias across gravity from
+a mounting angle: up to 0.15 m/s^2 it is taken for bias, above for an angle. Heading of a sensor cannot be seen at rest.
 --drive: a minute over a rough road with accelerometers on the body and at the base of every mount. Gain, misalignment,
 position, delay and bias of every sensor are estimated together with stiffness and damping; in brackets what the drive does not
 determine. Priors: `installation` of every sensor in the vehicle file. A drive that the model does not describe writes nothing.
@@ -23,7 +23,7 @@ determine. Priors: `installation` of every sensor in the vehicle file. A drive t
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("recording", metavar="RUN", help=f"recording of the standing vehicle, or with --drive of a drive: {RUN_HELP}")
+    parser.add_argument("recording", metavar="RUN", help=f"recording of the standing vehicle, or of a drive: {RUN_HELP}")
     parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file, or the name of a bundled one")
     parser.add_argument("--drive", action="store_true", help="RUN is a drive: gain, misalignment, position, delay and bias")
     add_channels_argument(parser)
