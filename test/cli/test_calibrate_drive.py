@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from worlds.adapters import believed_vehicle, recording
+from worlds.adapters import believed_vehicle, recording, vehicle_of_text
 from worlds.cab import Measurement, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
+from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.cli import calibrate as command
 from ride_estimation.cli.main import main
@@ -19,14 +20,15 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.drive_calibration import DriveCalibration, calibrate_drive, summary_lines
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.sensors.installation import Installation
-from ride_estimation.signals.recording import Recording
+from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 TURN, MOVED = np.array([0.0, 0.0, np.radians(1.0)]), np.array([0.0, 0.02, 0.0])
 
 
-def driven(seconds: float, roughness: float = 256e-6) -> Measurement:
+@pytest.fixture(scope="module")
+def data() -> Measurement:
     """A rough road; one sensor with a gain, one turned, one misplaced, one late."""
     rng = np.random.default_rng(7)
     cab = random_vehicle(rng, "air")
@@ -35,13 +37,8 @@ def driven(seconds: float, roughness: float = 256e-6) -> Measurement:
     sensors[1] = dataclasses.replace(sensors[1], true_rotation=Rotation.from_rotvec(TURN).as_matrix())
     sensors[2] = dataclasses.replace(sensors[2], true_position=sensors[2].position + MOVED)
     sensors[5] = dataclasses.replace(sensors[5], delay_s=0.001)
-    run = drive(cab, Road(roughness=roughness, follow=(0.6, 0.6)), seconds, 7)
-    return measure(run, tuple(sensors), 200.0, 7, noise_share=0.01 if roughness else None, anti_alias=0.0)
-
-
-@pytest.fixture(scope="module")
-def data() -> Measurement:
-    return driven(22.0)
+    run = drive(cab, Road(follow=(0.6, 0.6)), 22.0, 7)
+    return measure(run, tuple(sensors), 200.0, 7, noise_share=0.01, anti_alias=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -83,38 +80,50 @@ def test_what_was_found_is_not_found_again(data: Measurement, vehicle: Vehicle, 
             assert np.all(np.abs(c.errors[kind]) < 2.0 * found.sensors[name].stds[kind] + 1e-12), (name, kind)
 
 
-def test_a_calibrated_vehicle_is_written_and_read(vehicle: Vehicle, tmp_path: Path) -> None:
-    save_vehicle(vehicle, tmp_path / "v.yaml")
+@pytest.fixture(scope="module")
+def plain() -> Vehicle:
+    """A vehicle that nobody drove."""
+    rng = np.random.default_rng(8)
+    cab = random_vehicle(rng, "air")
+    found = vehicle_of_text(vehicle_yaml(cab, random_sensors(cab, rng)))
+    gains = np.linspace(0.01, 0.02, len(found.sensors)).tolist()
+    stated = {n: dataclasses.replace(s, installation=Installation(gain=g)) for (n, s), g in zip(found.sensors.items(), gains)}
+    return dataclasses.replace(found, sensors=stated)
+
+
+def shaken(vehicle: Vehicle, size: float = 1.0) -> Recording:
+    """All sensors shake at random for 22 s, 200 Hz."""
+    rng = np.random.default_rng(9)
+    stamps = 10**18 + np.arange(4400) * 5_000_000
+    return Recording("shaken", {n: Channel(n, stamps, size * rng.normal(size=(4400, 3)), stamps) for n in vehicle.sensors})
+
+
+def test_a_calibrated_vehicle_is_written_and_read(plain: Vehicle, tmp_path: Path) -> None:
+    save_vehicle(plain, tmp_path / "v.yaml")
     again = load_vehicle(tmp_path / "v.yaml")
-    assert {n: s.installation for n, s in again.sensors.items()} == {n: s.installation for n, s in vehicle.sensors.items()}
+    assert {n: s.installation for n, s in again.sensors.items()} == {n: s.installation for n, s in plain.sensors.items()}
 
 
-def refused(samples: Recording, vehicle: Vehicle, words: str) -> None:
+def lost(channel: Channel, keep: np.ndarray | slice) -> Channel:
+    values, stamps = channel.values[keep], channel.stamp_ns[keep]
+    return dataclasses.replace(channel, values=values, stamp_ns=stamps, arrival_ns=stamps)
+
+
+def refused(channels: dict[str, Channel], vehicle: Vehicle, words: str) -> None:
     with pytest.raises(InputDataError, match=words) as caught:
-        calibrate_drive(samples, vehicle)
+        calibrate_drive(Recording("drive", channels), vehicle)
     assert "\n" not in str(caught.value)
 
 
-def test_a_recording_that_cannot_be_used_is_refused_in_one_line(data: Measurement, vehicle: Vehicle) -> None:
-    samples = recording(data)
-
-    def changed(change) -> Recording:
-        return dataclasses.replace(samples, channels={n: change(n, c) for n, c in samples.channels.items()})
-
-    def part(c, keep):
-        values, stamps = c.values[keep], c.stamp_ns[keep]
-        return dataclasses.replace(c, values=values, stamp_ns=stamps, arrival_ns=c.arrival_ns[keep])
-
-    refused(changed(lambda n, c: part(c, slice(0, 2000))), vehicle, "at least 20 s are needed")
-    without = dataclasses.replace(samples, channels={n: c for n, c in samples.channels.items() if n != "cab_roof"} | {})
-    del without.channels["cab_front_left"]  # type: ignore[attr-defined]
-    refused(without, vehicle, "no samples of cab_front_left")
-    gaps = np.arange(len(data.time)) % 800 > 100
-    refused(changed(lambda n, c: part(c, gaps) if n == "cab_rear_left" else c), vehicle, "without a gap")
-    broken = changed(lambda n, c: dataclasses.replace(c, values=np.full_like(c.values, np.nan)) if n == "cab_rear_left" else c)
-    refused(broken, vehicle, "cab_rear_left|without a gap")
-    calm = changed(lambda n, c: dataclasses.replace(c, values=c.values.mean(axis=0) + 0.001 * (c.values - c.values.mean(axis=0))))
-    refused(calm, vehicle, "times its noise")
+def test_a_recording_that_cannot_be_used_is_refused_in_one_line(plain: Vehicle) -> None:
+    good = dict(shaken(plain).channels)
+    refused({n: lost(c, slice(0, 2000)) for n, c in good.items()}, plain, "at least 20 s are needed")
+    refused({n: c for n, c in good.items() if n != "cab_front_left"}, plain, "no samples of cab_front_left")
+    worn = good["cab_rear_left"]
+    refused({**good, "cab_rear_left": lost(worn, np.arange(4400) % 800 > 100)}, plain, "without a gap")
+    broken = dataclasses.replace(worn, values=np.full((4400, 3), np.nan))
+    refused({**good, "cab_rear_left": broken}, plain, "cab_rear_left has 0 good samples")
+    refused(dict(shaken(plain, 0.02).channels), plain, "times its noise")
 
 
 @pytest.mark.slow

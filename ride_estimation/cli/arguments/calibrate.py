@@ -11,7 +11,6 @@ from ride_estimation.cli.arguments.parts import RUN_HELP, add_channels_argument,
 HELP = "noise, bias and orientation of the sensors at standstill, or all their errors from a drive, to a vehicle file"
 EXAMPLES = """\
   ride-estimation calibrate bags/standing/bag --vehicle truck_cab --out truck_calibrated.yaml
-  ride-estimation calibrate --drive minute_of_rough_road --vehicle my_truck.yaml --out my_truck_calibrated.yaml
 
 Standstill: park, engine off, nobody in the cab, ten seconds or more. One standstill cannot tell a bias across gravity from
 a mounting angle: up to 0.15 m/s^2 it is taken for bias, above for an angle. Heading of a sensor cannot be seen at rest.
