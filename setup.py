@@ -7,7 +7,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "ride_estimation"
-#: what is installed below share/ride_estimation as it is; of the bundled runs only the recipes, from which `demo` simulates them again
+#: what is installed below share/ride_estimation as it is; of the bundled runs only the recipes: `demo` simulates them from these
 SHARED_FILES = ("launch/**/*", "config/**/*", "bags/*/recipe.yaml")
 
 

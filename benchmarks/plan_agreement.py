@@ -69,7 +69,8 @@ def agreement(layouts: int, seed: int) -> Agreement:
         }  # fmt: skip
         drive = Scenario(
             "other", 900 + 31 * seed + number, "", DURATION_S, speed=((0.0, excitation.speed),),
-            road=RoadSpec(excitation.roughness), true_factors=factors, sensor_errors=SensorErrors(gain_std=0.003, misalignment_std=0.0017, bias_std=0.01),
+            road=RoadSpec(excitation.roughness), true_factors=factors,
+            sensor_errors=SensorErrors(gain_std=0.003, misalignment_std=0.0017, bias_std=0.01),
         )  # fmt: skip
         try:
             found = run_offline(run_scenario(drive, vehicle).recording, Pipeline(vehicle), smoothing=False).parameters

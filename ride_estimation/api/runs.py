@@ -50,7 +50,7 @@ class Run:
         """
         channel = self.recording.channels.get(sensor)
         if channel is None:
-            raise ConfigurationError(f"{sensor!r} is no sensor of the run; there are {', '.join(self.recording.channels)}")
+            raise ConfigurationError(f"{sensor!r} is not a sensor of the run; there are {', '.join(self.recording.channels)}")
         names = ("x", "y", "z", "rate_x", "rate_y", "rate_z") if channel.values.shape[1] > 1 else ("value",)
         columns = {name: channel.values[:, i] for i, name in enumerate(names[: channel.values.shape[1]])}
         return dataframe({"time_s": (channel.stamp_ns - self.recording.start_ns) * 1e-9, **columns}, "time_s")

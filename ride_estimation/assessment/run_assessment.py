@@ -143,7 +143,7 @@ def _damages(
         notes.append("no damage: fewer than two valid ticks")
         return ()
     if samples < len(valid):
-        notes.append(f"ticks that are not valid and took no part in the damage: {len(valid) - samples} of {len(valid)}")
+        notes.append(f"invalid samples excluded from the damage: {len(valid) - samples} of {len(valid)}")
     found = []
     for m, mount in enumerate(names):
         for i, axis in enumerate(AXES):

@@ -14,7 +14,7 @@ from ride_estimation.io.results import output_folder
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay what is not replayed yet, write the page and print which runs stand out."""
+    """Replay what is not replayed yet, write the page and print which runs are outliers."""
     folder = output_folder(options.out)
     finished = [Path(given) for given in options.runs]
     missing = [str(path) for path in finished if not path.exists()]
@@ -35,8 +35,8 @@ def run(options: argparse.Namespace) -> int:
 
     page, findings = runs_page(runs)
     written = write_page(page, folder, options.format)
-    few = f"which run stands out is told from {LEAST_RUNS} runs on"
-    print("\n".join(findings) or (f"no run stands out among {len(runs)}" if len(runs) >= LEAST_RUNS else few))
+    few = f"outlier detection needs at least {LEAST_RUNS} runs"
+    print("\n".join(findings) or (f"no outlier among {len(runs)} runs" if len(runs) >= LEAST_RUNS else few))
     print(f"written to {folder}: {', '.join(written)}")
     return 0
 

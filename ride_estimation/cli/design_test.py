@@ -162,5 +162,5 @@ def _jounce(options: argparse.Namespace) -> list[DriveSignal]:
         "sweep for the cells; add recorded roads to them. Its law is found by the tests, so no accuracy can be promised"
     )
     beyond = f"travel beyond {1e3 * reference:.4g} mm"
-    print(f"what it cannot tell: {beyond}, the hysteresis height near it, relaxation slower than the rests")
+    print(f"not identifiable: {beyond}, the hysteresis height near it, relaxation slower than the rests")
     return [DriveSignal(part.name, part.time_s, -part.travel) for part in parts]

@@ -36,7 +36,7 @@ A first day, on the recordings that come with the package:
   ride-estimation plan --vehicle truck_cab                              what a sensor set will be able to tell
   ride-estimation replay bags/nominal/bag --vehicle truck_cab --out out/nominal
                                                                         then open out/nominal/report.html
-'ride-estimation VERB --help' says what a verb needs and gives; exit code 0 is success, 2 bad input with one message.
+Run 'ride-estimation COMMAND --help' for details; exit code 0 is success, 2 bad input with one message.
 """
 
 
@@ -91,11 +91,11 @@ def build_parser(only: Iterable[str] | None = None) -> argparse.ArgumentParser:
     helps = verb_helps()
     wanted = set(helps if only is None else only)
     parser = _Parser(
-        prog="ride-estimation", description=_overview(helps), epilog=EPILOG, usage="%(prog)s [-h] [--version] VERB ...",
+        prog="ride-estimation", description=_overview(helps), epilog=EPILOG, usage="%(prog)s [-h] [--version] COMMAND ...",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"ride_estimation {ride_estimation.__version__}")
-    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB", prog=parser.prog, help="one of the above")
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND", prog=parser.prog, help="one of the above")
     for name, text in helps.items():
         if name not in wanted:
             commands.add_parser(name, description=text)

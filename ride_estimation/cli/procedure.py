@@ -148,14 +148,14 @@ def _peaks(options: argparse.Namespace) -> None:
     if options.vehicle is not None:
         natural += [m.frequency_hz for m in undamped_modes(linearise(assemble(load_vehicle(options.vehicle))))]
     if not natural:
-        raise InputDataError("give --vehicle or --modes-hz: without natural frequencies no peak can be told from a mode")
+        raise InputDataError("give --vehicle or --modes-hz: without natural frequencies no peak is known to be a mode")
     spectra = [welch_spectrum(table.column(n), rate, options.block) for n in (options.output, options.input)]
     print(spectra[0].describe())
     found = label_peaks(spectra[0], spectra[1], natural)
     for peak in found:
         print(f"  {peak.frequency_hz:8.3f} Hz  {peak.label:<12}{peak.explained_by}")
     if not found:
-        print("  no peak stands out of its neighbourhood")
+        print("  no peak above its neighbourhood")
 
 
 def _spectrum(options: argparse.Namespace) -> None:

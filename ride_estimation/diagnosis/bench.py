@@ -226,8 +226,8 @@ def diagnose_bench(
     warnings, remarks = answer.warnings, answer.remarks + _channel_remarks(answer)
     if tone and answer.verdict != INSUFFICIENT:
         words = (
-            f"{sample.name} is driven at one frequency: {' and '.join(_NEED_TWO_FREQUENCIES)} cannot be told from a stiffness "
-            "and a damping on it; what separates them: a test at a second frequency"
+            f"{sample.name} is driven at one frequency: {' and '.join(_NEED_TWO_FREQUENCIES)} look like a stiffness and a "
+            "damping there; what separates them: a test at a second frequency"
         )
         answer = dataclasses.replace(answer, isolability=(*answer.isolability, words))
         warnings += (words,)

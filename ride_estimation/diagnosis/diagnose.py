@@ -177,7 +177,7 @@ def insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
     """Return the answer that the data cannot tell, with the reason; the vehicle stays as it is."""
     return Diagnosis(
         INSUFFICIENT,
-        f"The data cannot tell whether the model is right: {reason}.",
+        f"The data do not show whether the model is right: {reason}.",
         (),
         None,
         {"words": reason},

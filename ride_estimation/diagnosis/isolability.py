@@ -55,14 +55,14 @@ class Confusion:
 
     @property
     def claim(self) -> str:
-        """Return what cannot be told apart on this run."""
-        how = "cannot be told apart" if self.deficit < _ALIKE else "can hardly be told apart"
+        """Return what cannot be distinguished on this run."""
+        how = "cannot be distinguished" if self.deficit < _ALIKE else "can hardly be distinguished"
         first, second = self.first.replace("_", " "), self.second.replace("_", " ")
         return f"{first} and {second} {how} on this run"
 
     @property
     def words(self) -> str:
-        """Return what cannot be told apart, how far that goes, and what would separate it."""
+        """Return what cannot be distinguished, how far that goes, and what would separate it."""
         return f"{self.claim} ({self.deficit:.1f} nat); what separates them: {self.separable_by}"
 
 

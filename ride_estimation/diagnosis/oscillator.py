@@ -282,7 +282,7 @@ def _unit_mass(element: ForceElement) -> Vehicle:
 
 
 def _insufficient(reason: str) -> Diagnosis:
-    sentence = f"The data cannot tell whether the model is right: {reason}."
+    sentence = f"The data do not show whether the model is right: {reason}."
     return Diagnosis(
         INSUFFICIENT, sentence, (), None, {"words": reason}, (reason,), _unit_mass(KelvinVoigt((2.0 * np.pi) ** 2, 0.0))
     )

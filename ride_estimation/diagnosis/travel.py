@@ -51,8 +51,8 @@ CAUSES = (
     "parameter_drift", "mass_change", "one_soft_mount", "sensor_delay", "harmonic_disturbance",
 )  # fmt: skip
 REMARK = (
-    "judged on heave, roll and pitch against the measured vertical deflections: sideways forces are taken from the sideways "
-    "motion of the body; sideways mounts, a wrong gain, place or angle of a sensor, the CG and the body itself are not tested; "
+    "judged on heave, roll and pitch against the measured vertical deflections: lateral forces are taken from the lateral "
+    "motion of the body; lateral mounts, a wrong gain, place or angle of a sensor, the CG and the body itself are not tested; "
     "the gain of a transducer is in the stiffness of its mount, and a CG that is off along x or y in how the mounts share it, by "
     "about the share of the error in their distance. Accelerometers at the mount bases would show all of that"
 )
@@ -230,8 +230,8 @@ def _maps(
     if len(values) < len(free) or values[-1] < _WEAK * values[0]:
         lost = COORDINATES[free[int(np.argmax(np.abs(directions[-1])))]]
         raise InputDataError(
-            f"no base motion was measured, and the accelerometers of {body.name} do not show its {lost}: the sideways forces of "
-            f"the mounts cannot be told from the vertical ones; add an accelerometer away from the line of the others, {instead}"
+            f"no base motion was measured, and the accelerometers of {body.name} do not show its {lost}: lateral and vertical "
+            f"forces of the mounts cannot be distinguished; add an accelerometer away from the line of the others, {instead}"
         )
     motion = np.linalg.pinv(scaled) / noise[None, :]
     full = np.zeros((6, 6))
@@ -442,12 +442,12 @@ def _in_real_units(
         )
     if balance.heights > _SAME_HEIGHT:
         warnings.append(
-            f"the mounts are not at one height ({1000 * balance.heights:.0f} mm apart): what their sideways forces do to roll "
-            "and pitch rests on the sideways stiffnesses of the vehicle file"
+            f"the mounts are not at one height ({1000 * balance.heights:.0f} mm apart): the effect of lateral forces on roll and "
+            "pitch relies on the lateral stiffnesses of the vehicle file"
         )
     blind = [s.name for s in balance.sensors if s.coupling != "dc"]
     if blind:
-        warnings.append(f"{', '.join(blind)}: ac-coupled; sideways forces are those without the gravity that tilt brings in")
+        warnings.append(f"{', '.join(blind)}: ac-coupled; lateral forces exclude the gravity component of tilt")
     evidence = None if answer.evidence is None else _light_evidence(answer.evidence)
     return dataclasses.replace(
         answer, sentence=sentence, causes=causes, remarks=tuple(remarks), warnings=tuple(warnings), evidence=evidence,

@@ -222,7 +222,7 @@ def _missed(run: ValidationGain) -> float:
 def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float, law: FreeLaw = NO_LAW) -> str:
     """Return the verdict in words, numbers first."""
     if verdict == INSUFFICIENT or gain is None:
-        return "The data cannot tell whether the model is right."
+        return "The data do not show whether the model is right."
     judged, where = gain.validation[0], run_title(gain.validation[0].run)
     floor = 100.0 * judged.noise_floor
     if verdict == NO_DISCREPANCY:

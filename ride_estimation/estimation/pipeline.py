@@ -495,7 +495,7 @@ class Pipeline:
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
         messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._anchor.notes(), *self.tilting.notes()]
         if self._copies.taken:
-            messages.append(f"{self._copies.taken} times what was learned in the last seconds was taken back for a faulty sensor")
+            messages.append(f"{self._copies.taken} times updates of the last seconds were rolled back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,

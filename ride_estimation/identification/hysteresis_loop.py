@@ -150,7 +150,7 @@ def viscous_check(loops: list[LoopResult]) -> str:
         Empty where c is the same within 20 %, else the warning.
     """
     if len(loops) < 2:
-        return "one frequency only: viscous damping and friction cannot be told apart; repeat at ride frequency"
+        return "one frequency only: viscous damping and friction cannot be distinguished; repeat at ride frequency"
     ordered = sorted(loops, key=lambda r: r.omega)
     low, high = ordered[0], ordered[-1]
     if low.damping <= 0.0 or high.damping <= 0.0:

@@ -103,7 +103,7 @@ def _result_problems(result: Mapping[str, Any]) -> list[str]:
         fields: dict[str, Any] = parameter if isinstance(parameter, dict) else {}
         texts = all(isinstance(fields.get(key), str) for key in ("name", "unit", "status"))
         if not (texts and _is(fields.get("value"), _NUMBER) and (fields.get("std") is None or _is(fields["std"], _NUMBER))):
-            problems.append(f"parameters[{number}] is no parameter with name, value, std, unit and status")
+            problems.append(f"parameters[{number}] is not a parameter with name, value, std, unit and status")
     return problems
 
 

@@ -96,7 +96,7 @@ def vehicle_template(template: Template) -> str:
     for index, place in enumerate(_sensor_places(template.sensors, 0.4 * size), 1):
         lines.append(_sensor(f"{template.body}_{index}", f"/{template.body}/accel_{index}", template.body, place))
     if template.base_sensors:
-        lines.append("  # one at the base of every mount: without them mounts and forces cannot be told apart")
+        lines.append("  # one at the base of every mount: without them mounts and forces cannot be identified")
         for name, place in mounts.items():
             lines.append(_sensor(f"chassis_{name}", f"/chassis/{name}/accel", f"chassis, mount: {name}", place))
     lines += [

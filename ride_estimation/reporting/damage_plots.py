@@ -65,7 +65,7 @@ def range_pair_plot(damages: Sequence[MountDamage]) -> Figure:
             low, high = (1e-3 * ranges * max(1.0 + sign * error, 0.0) for sign in (-1.0, 1.0))
             axes.fill_between(counts, low, high, color=f"C{i % 10}", alpha=0.15, lw=0.0)
             axes.semilogx(counts, 1e-3 * ranges, lw=1.0, color=f"C{i % 10}", label=f"{damage.mount} {damage.axis}")
-    axes.set_xlabel("cumulated cycles [-]")
+    axes.set_xlabel("cumulative cycles [-]")
     axes.set_ylabel("range [kN]")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, ncols=2)

@@ -107,7 +107,7 @@ def _answer(page: Page, diagnosis: Diagnosis, truth: Mapping[str, float]) -> Non
     if parts:
         page.beside(parts)
     if diagnosis.gain is not None and diagnosis.gain.validation:
-        page.beside({"Error on data that neither fitted nor selected [%]": (
+        page.beside({"Error on validation data [%]": (
             ["run", "linear", "extended", "noise floor", "gain, 95 % interval"],
             [
                 [
@@ -137,7 +137,7 @@ def _rivals(page: Page, diagnosis: Diagnosis) -> None:
 def _isolability(page: Page, diagnosis: Diagnosis) -> None:
     if not diagnosis.causes and not diagnosis.isolability:
         return
-    page.heading("What this run cannot tell apart")
+    page.heading("What this run cannot distinguish")
     for words in diagnosis.isolability:
         page.text(f"{words[0].upper()}{words[1:]}.")
     if not diagnosis.isolability:
@@ -173,7 +173,7 @@ def _ladder(page: Page, diagnosis: Diagnosis) -> None:
     if all(math.isfinite(s.misfit_per_degree) for s in diagnosis.ladder):
         page.text(
             "Misfit is the mean squared residual over the noise (1 = down to the noise). The gain in evidence is the penalised "
-            "log-likelihood over the model without the last cause of the row: 3 are worth a word, 10 leave little doubt."
+            "log-likelihood over the model without the last cause of the row: 3 = weak evidence, 10 = strong evidence."
         )
         header, values = "misfit", [f"{s.misfit_per_degree:.2f}" for s in diagnosis.ladder]
     else:
@@ -242,7 +242,7 @@ def _evidence(page: Page, diagnosis: Diagnosis, evidence: Evidence) -> None:
         residual_spectrum(evidence), "Spectrum of the residual against the spectrum that sensor noise predicts", tight=False
     )
     page.figure(
-        cumulated_periodogram(evidence), "Cumulated periodogram of the residual over the noise; straight for a right model",
+        cumulated_periodogram(evidence), "Cumulative periodogram of the residual over the noise; straight for a right model",
         tight=False,
     )
     page.figure(residual_over_time(evidence), "Misfit over the run; 1 = down to the noise", tight=False)
@@ -296,7 +296,7 @@ def cumulated_periodogram(evidence: Evidence) -> Figure:
         axes.plot(evidence.frequency_hz, np.cumsum(values / noise) / len(noise), style, label=label)
     axes.plot(evidence.frequency_hz, np.arange(len(noise)) / len(noise), "k--", label="noise alone")
     axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("cumulated share [-]")
+    axes.set_ylabel("cumulative share [-]")
     legend_above(axes)
     axes.grid(alpha=0.3)
     figure.subplots_adjust(left=0.08, right=0.99, bottom=0.16, top=0.92)

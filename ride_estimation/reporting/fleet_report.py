@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""The summary of a fleet: what failed, how the numbers spread over the runs, which runs stand out."""
+"""The summary of a fleet: what failed, how the numbers spread over the runs, which runs are outliers."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
     good = [(row.name, run_metrics(row.result)) for row in rows if row.result]
     outliers = find_outliers(good)
     page.verdict(
-        f"{len(good)} of {len(rows)} runs evaluated, {counts['failed']} failed, {len({o.run for o in outliers})} stand out."
+        f"{len(good)} of {len(rows)} runs evaluated, {counts['failed']} failed, {len({o.run for o in outliers})} outliers."
     )
     if counts["failed"]:
         page.heading("Failed runs")
@@ -73,7 +73,7 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
         return page
     page.heading("Runs")
     page.table(*_runs(rows, {outlier.run for outlier in outliers}))
-    page.heading("Runs that stand out")
+    page.heading("Outliers")
     by_run: dict[str, list[Outlier]] = {}
     for outlier in outliers:
         by_run.setdefault(outlier.run, []).append(outlier)
@@ -101,7 +101,7 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
     shown = [name for name in names if _varies(name, good)][:_PANELS]
     if shown:
         page.heading("Pictures")
-        caption = "Every run by its row in the table of the fleet; runs that stand out in red"
+        caption = "Every run by its row in the table of the fleet; outliers in red"
         numbers = [place for place, row in enumerate(rows, start=1) if row.result]
         page.figure(_strips(shown, good, numbers, outliers), caption, tight=False)
     return page
@@ -116,7 +116,7 @@ def _runs(rows: Sequence[Row], odd: Collection[str]) -> tuple[list[str], list[li
         numbers = [metrics[name].value if name in metrics else "" for name in ("duration", "valid ticks", "warnings")]
         known = sum(p.get("status") == "valid" for p in row.result.get("parameters", ()))
         name: object = Link(row.name, row.report) if row.report else row.name
-        what = "stands out" if row.name in odd else row.status
+        what = "outlier" if row.name in odd else row.status
         lines.append([name, *(row.labels.get(label, "") for label in labels), what, *numbers, known if row.result else ""])
     return ["run", *labels, "status", "duration [s]", "valid [%]", "warnings", "parameters valid"], lines
 

@@ -255,7 +255,7 @@ def parameter_convergence(run: OfflineRun, names: Sequence[str], label: str) -> 
     """
     history, prior = run.history, {p.name: p.prior for p in run.parameters}
     time = (history.stamp_ns - run.stamp_ns[0]) * 1e-9
-    # one panel per axis of the mounts: twelve curves and their bands in one cannot be told apart
+    # one panel per axis of the mounts: twelve curves and their bands in one cannot be distinguished
     panels: dict[str, list[str]] = {}
     for name in names:
         parts = name.split(".")

@@ -29,8 +29,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _STATUS_WORDS = {
-    "starting": "has not begun", "estimating": "is on its way", "valid": "settled", "suspect": "is doubtful",
-    "not_identifiable": "cannot be told from these data", "invalid": "is invalid",
+    "starting": "has not begun", "estimating": "is converging", "valid": "converged", "suspect": "is doubtful",
+    "not_identifiable": "not identifiable from these data", "invalid": "is invalid",
 }
 
 
@@ -122,7 +122,7 @@ def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.heading("Measured against model, channel by channel")
     page.text(
         "The model is one rigid body that moves so that all accelerometers agree best. NRMSE is the error in percent of the "
-        "standard deviation of the measurement. A sensor that stands out is mounted, turned or placed otherwise than the "
+        "standard deviation of the measurement. An outlier indicates a sensor whose position or orientation differs from the "
         "vehicle file says, or the body is not rigid there."
     )
     rows = []
@@ -132,7 +132,7 @@ def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.table(["sensor", *(f"NRMSE {axis} [%]" for axis in AXES)], rows)
     test = run.health.residual
     page.text(
-        f"Squared difference over what the stated noise of the sensors lets expect: {plain(test.ratio, 3)}; noise alone gives 1, "
+        f"Normalised squared residual (chi-square per degree of freedom): {plain(test.ratio, 3)}; noise alone gives 1, "
         f"and more than {plain(test.limit, 3)} once in a thousand runs."
     )
     for sensor in run.measured:
@@ -154,7 +154,7 @@ def _signal_table(page: Page, run: OfflineRun) -> None:
                     Digits(plain(float(np.median(std[:, i])), 2)),
                 ])  # fmt: skip
     page.table(["signal", "mean", "rms", "min", "max", "crest factor [-]", "kurtosis [-]", "std of the estimate"], rows)
-    page.text("Crest factor: largest value over rms. Kurtosis: 3 for a Gaussian signal, more where single events stand out.")
+    page.text("Crest factor: largest value over rms. Kurtosis: 3 for a Gaussian signal, more with isolated events.")
 
 
 def _kurtosis(values: Array) -> object:
@@ -208,7 +208,7 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
     if run.health.innovation_ratio > 0.0:
         page.text(
-            f"Squared innovations over what the stated uncertainty lets expect (NIS), last intervals: "
+            f"Normalised innovation squared (NIS), last intervals: "
             f"{plain(run.health.innovation_ratio, 3)}; 1 where mounts and uncertainty are as stated, less where the "
             "uncertainty is cautious, more where the mounts do not follow their law."
         )
@@ -216,7 +216,7 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
         names = [p.name for p in run.parameters if p.name.rsplit(".", 1)[-1] == kind]
         if any(p.status.value != "valid" or p.value != p.prior for p in run.parameters if p.name in names):
             page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
-    page.heading("What these data can and cannot tell")
+    page.heading("What these data can and cannot identify")
     page.table(["", "what", "why"], list(_told(run, result["identifiability"])))
 
 

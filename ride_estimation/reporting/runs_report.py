@@ -34,8 +34,8 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
     metrics = [(run.name, run_metrics(run.result)) for run in runs]
     outliers = find_outliers(metrics)
     findings = [said] if said else [outlier.sentence() for outlier in outliers]
-    none = "No run stands out." if len(runs) >= LEAST_RUNS else f"Which run stands out is told from {LEAST_RUNS} runs on."
-    page.verdict(said or (f"{len({o.run for o in outliers})} of {len(runs)} runs stand out." if outliers else none))
+    none = "No outlier." if len(runs) >= LEAST_RUNS else f"Outlier detection needs at least {LEAST_RUNS} runs."
+    page.verdict(said or (f"{len({o.run for o in outliers})} of {len(runs)} runs are outliers." if outliers else none))
     for name in dict.fromkeys(o.run for o in outliers):
         page.warning(run_sentence(name, [o for o in outliers if o.run == name], len(outliers)))
     page.heading("Runs")

@@ -57,7 +57,7 @@ def test_uncertain_unidentified_and_hardly_different_values_do_not_stand_out(
     folders = [finished(tmp_path / f"r{i}", 5e4 + 50.0 * i) for i in range(4)]
     odd = finished(tmp_path / "odd", value, std, status)
     assert main(["compare", *map(str, folders), str(odd), "--out", str(tmp_path / "out")]) == 0
-    assert "no run stands out" in capsys.readouterr().out
+    assert "no outlier" in capsys.readouterr().out
 
 
 def test_a_warning_that_one_run_has_is_shown_and_is_no_outlier(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,7 +65,7 @@ def test_a_warning_that_one_run_has_is_shown_and_is_no_outlier(tmp_path: Path, c
     result = json.loads((folders[2] / "result.json").read_text())
     (folders[2] / "result.json").write_text(json.dumps(result | {"warnings": ["gyro <none>"]}))
     assert main(["compare", *map(str, folders), "--out", str(tmp_path / "out")]) == 0
-    assert "no run stands out" in capsys.readouterr().out
+    assert "no outlier" in capsys.readouterr().out
     assert "<td>r2</td><td>gyro &lt;none&gt;</td>" in (tmp_path / "out" / "report.html").read_text()
 
 

@@ -54,7 +54,7 @@ def test_examples_of_help_are_commands_that_parse() -> None:
     for line in lines:
         # what stands behind two blanks is an explanation
         words = line.split("  ")[0].partition(">")[0].split()[1:]
-        if words[0] != "VERB":
+        if words[0] != "COMMAND":
             parser.parse_args(words)
 
 

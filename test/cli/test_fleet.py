@@ -182,7 +182,7 @@ def test_the_summary_says_per_run_what_stands_out() -> None:
     rows += [Row("odd", "done", "", result(2.0), {"tags": "loaded"}), Row("bad", "failed", "why it failed", {}, {})]
     page = fleet_page("folder", rows)
     texts = [b.text for b in page.blocks if isinstance(b, Text)]
-    assert any(t.startswith("6 of 7 runs evaluated, 1 failed, 1 stand out") for t in texts)
+    assert any(t.startswith("6 of 7 runs evaluated, 1 failed, 1 outliers") for t in texts)
     (by_tag,) = [b for b in page.blocks if isinstance(b, Table) and "empty (5)" in b.headers]
     (line,) = [row for row in by_tag.rows if row[0] == "p0"]
     assert line[2:] == pytest.approx((10.02, 20.0))

@@ -12,8 +12,8 @@ HELP = "noise, bias and orientation of the sensors at standstill, or all their e
 EXAMPLES = """\
   ride-estimation calibrate bags/standing/bag --vehicle truck_cab --out truck_calibrated.yaml
 
-Standstill: park, engine off, nobody in the cab, ten seconds or more. One standstill cannot tell a bias across gravity from
-a mounting angle: up to 0.15 m/s^2 it is taken for bias, above for an angle. Heading of a sensor cannot be seen at rest.
+Standstill: park, engine off, nobody in the cab, ten seconds or more. One standstill cannot distinguish a bias across gravity
+from a mounting angle: up to 0.15 m/s^2 it is taken for bias, above for an angle. Heading of a sensor cannot be seen at rest.
 --drive: a minute over a rough road with accelerometers on the body and at the base of every mount. Gain, misalignment,
 position, delay and bias of every sensor are estimated together with stiffness and damping; in brackets what the drive does not
 determine. Priors: `installation` of every sensor in the vehicle file. A drive that the model does not describe writes nothing.

@@ -7,7 +7,7 @@ import argparse
 
 from ride_estimation.cli.arguments.replay import add_replay_arguments
 
-HELP = "several runs side by side, which stands out; of two runs or two diagnoses what changed, in standard deviations"
+HELP = "several runs side by side, with outliers; of two runs or two diagnoses what changed, in standard deviations"
 EXAMPLES = """\
   ride-estimation compare out/run1 out/run2 out/run3 --out out/comparison            (folders of finished replays)
   ride-estimation compare out/before out/after --out out/change                      (two replays, or two diagnoses)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-HELP = "print the completion of this command for a shell: verbs, options and files by the tab key"
+HELP = "print tab completion of commands, options and files for a shell"
 SHELLS = ("bash", "zsh", "tcsh")
 EXAMPLES = """\
   eval "$(ride-estimation completion bash)"                                            for this terminal

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
-        help="further runs that neither fit nor select: the gain is measured on them",
+        help="independent validation runs (not used for fitting or model selection)",
     )
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html"

@@ -15,7 +15,7 @@ EXAMPLES = """\
   ride-estimation import-file run.csv --vehicle my_truck.yaml --out run_bag     (columns named cab_front_left.x [m/s^2], ...)
 
 CSV: comma, semicolon or tab; decimal comma beside the latter two; "name [unit]" or a second line of units; lines above the
-header and columns of text are passed over. Time: a column called time, t, timestamp, ... with its unit in the heading or the
+header and text columns are skipped. Time: a column called time, t, timestamp, ... with its unit in the heading or the
 name (Time_ms), seconds where that says nothing.
 
 a channel map says which channel is which component of which sensor:

@@ -52,7 +52,7 @@ def add_estimation_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-smoothing", "--no-hindsight", action="store_true", help="causal forces only, without the smoothed ones (faster)"
     )
     parser.add_argument("--salvage", action="store_true", help="use what is readable of a truncated or damaged file")
-    parser.add_argument("--slope", type=float, metavar="K", help="of the damage line [-] (default 5)")
+    parser.add_argument("--slope", type=float, metavar="K", help="S-N (Woehler) slope for pseudo-damage [-] (default 5)")
     parser.add_argument(
         "--daily-hours", type=float, default=8.0, metavar="H", help="hours a day of this vibration, for A(8) and VDV (default 8)"
     )

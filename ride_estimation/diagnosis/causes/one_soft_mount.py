@@ -19,7 +19,7 @@ class OneSoftMount(Cause):
 
     ID = "one_soft_mount"
     QUESTION = "Is one mount much softer than its vehicle file, relative to the others?"
-    NEEDS = "two or more mounts whose stiffness the run can tell"
+    NEEDS = "two or more mounts whose stiffness the run identifies"
     RIVALS = ("cg_offset", "backlash", "parameter_drift")
     WOULD_REFUTE = "a static ride height at that mount that is as designed"
     MEASURE_NEXT = "ride height and visual inspection of that mount; swap two mounts and repeat"

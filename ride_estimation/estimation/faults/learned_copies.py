@@ -44,7 +44,7 @@ class LearnedCopies:
         if now >= self._next:
             self._next, found = now + _DISTANCE, learned()
             if not all_finite(found):
-                raise FloatingPointError("what was learned is not finite")
+                raise FloatingPointError("the estimates are not finite")
             self._kept = [*(c for c in self._kept if c[0] > now - _DEPTH), (now, found, deflections())]
 
     def take(self, now: float, spoiled: float) -> tuple[dict[str, Any], dict[str, Any]] | None:

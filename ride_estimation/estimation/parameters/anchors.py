@@ -331,7 +331,7 @@ class MassAnchor:
         if not self._references:
             return (
                 Status.NOT_IDENTIFIABLE,
-                f"nothing anchors forces in absolute terms; {NULL_DIRECTION}; the file's mass is used as given",
+                f"no force reference sets the absolute scale; {NULL_DIRECTION}; the file's mass is used as given",
             )
         if not self._found:
             kinds = ", ".join(sorted({r.kind for r in self._references}))

@@ -134,7 +134,7 @@ def _source(name: str, entry: Any, unit: str, problems: list[str]) -> Source | N
     if given:
         found = unit_factor(given)
         if found is None or found[0] != unit:
-            problems.append(f"channels.{name}.unit: {shown(given)} is no unit for {unit}")
+            problems.append(f"channels.{name}.unit: {shown(given)} is not a valid unit for {unit}")
     if len(problems) > before or channel is None:
         return None
     return Source(channel, given, 1.0 if factor is None else factor, 0.0 if offset is None else offset)

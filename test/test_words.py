@@ -1,0 +1,77 @@
+# Copyright 2026 ride_estimation contributors
+"""Text that users read keeps to the terms of docs/conventions.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from ride_estimation.cli.main import build_parser
+
+ROOT = Path(__file__).resolve().parents[1]
+RETIRED = re.compile(
+    r"\b(hindsight|second look|overtaken|passed over|stands? out|(?:took|takes?) no part|neither fit(?:ted)? nor select(?:ed)?|"
+    r"cumulated|damage line|what was learn(?:ed|t)|is taken back|taken back|swamps?|smells?|can(?:not)? tell|could tell|"
+    r"be told apart|told from|sideways|verbs?|comes? aboard|came aboard|anchors?|anchored|lets expect|of it (?:equilibrium|the)|"
+    r"worth a word|leave little doubt|is no (?:unit|model|column|sensor|mount|parameter)|on its way|beside its place)\b",
+    re.IGNORECASE,
+)
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "gallery").glob("*.md")])
+
+
+def found(text: str) -> list[str]:
+    """Return the retired words of a text, each with what stands around it; code in backticks is not text."""
+    plain = re.sub(r"```.*?```|`[^`]*`|\]\([^)]*\)|--[\w-]+", " ", text, flags=re.DOTALL)
+    return [" ".join(plain[max(m.start() - 30, 0) : m.end() + 30].split()) for m in RETIRED.finditer(plain)]
+
+
+def literals(path: Path) -> list[str]:
+    """Return the texts in the code of a file that are no docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    documents = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and node.body and isinstance(node.body[0], ast.Expr)
+    }
+    return [
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value and id(node) not in documents
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_keep_to_the_terms(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert not found(text.partition("## Words")[0])
+
+
+def test_help_keeps_to_the_terms() -> None:
+    parser = build_parser()
+    helps = {"": parser.format_help()}
+    assert parser._subparsers is not None  # argparse has no public way to its commands
+    for action in parser._subparsers._group_actions:
+        helps |= {name: command.format_help() for name, command in action.choices.items()}  # type: ignore[union-attr]
+    assert len(helps) > 15
+    assert not {name: found(text) for name, text in helps.items() if found(text)}
+
+
+FOLDERS = ["cli", "reporting", "io", "assessment", "api", "diagnosis", "estimation", "nodes", "vehicles"]
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_messages_and_reports_keep_to_the_terms(folder: str) -> None:
+    told = {
+        f"{path.name}": words
+        for path in sorted((ROOT / "ride_estimation" / folder).rglob("*.py"))
+        if (words := [word for text in literals(path) for word in found(text)])
+    }
+    assert not told
+
+
+def test_the_check_finds_what_it_is_for() -> None:
+    assert found("Forces with hindsight; see `mount_force_hindsight`.") == ["Forces with hindsight; see ."]
+    assert found("which run stands out, and what was learned") and not found("the outlier is rejected")
