@@ -26,9 +26,9 @@ def test_a_standing_run_is_called_insufficient_and_everything_is_written(tmp_pat
     assert document["causes"] == []
     assert set(document) >= {"verdict", "causes", "gain", "residual", "warnings"}
     assert load_vehicle(tmp_path / "vehicle_extended.yaml").name == "truck_cab"
-    assert "cannot tell" in (tmp_path / "report.html").read_text()
+    assert "do not show whether" in (tmp_path / "report.html").read_text()
     said = capsys.readouterr().out
-    assert "cannot tell" in said
+    assert "do not show whether" in said
     assert "vehicle_extended.yaml (as given" in said
 
 

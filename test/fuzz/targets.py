@@ -333,7 +333,7 @@ def _page(file: Path, folder: Path) -> None:
 
 
 def page_tags(text: str, folder: Path) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the tags, with the names of their attributes, of a report with ``text`` in every part."""
+    """Return the tags, with the names of their attributes, of a report with ``text`` in every part; numbers have a class."""
     from html.parser import HTMLParser
 
     page = Page(text)
@@ -345,7 +345,7 @@ def page_tags(text: str, folder: Path) -> list[tuple[str, tuple[str, ...]]]:
     page.write(folder / "page.html")
     tags: list[tuple[str, tuple[str, ...]]] = []
     parser = HTMLParser()
-    parser.handle_starttag = lambda tag, attrs: tags.append((tag, tuple(k for k, _ in attrs)))  # type: ignore[method-assign]
+    parser.handle_starttag = lambda tag, attrs: tags.append((tag, tuple(k for k, _ in attrs if k != "class")))  # type: ignore[method-assign]
     parser.feed((folder / "page.html").read_text(encoding="utf-8"))
     return tags
 

@@ -68,6 +68,7 @@ def test_the_spring_of_the_silverbox_is_named_from_the_command_line(real_data, t
     assert "tiffness nonlinearity" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_spring_of_the_silverbox_is_named(real_data):
     folder = real_data("silverbox_duffing_benchmark")
     rate = 1e7 / 2**14  # Hz, a known fact of the benchmark

@@ -31,10 +31,6 @@ def check(found: list[Verdict]) -> None:
     assert len(late) <= LATE * len(found), [(v.kind, v.error, v.allowed) for v in late]
 
 
-def test_forces_stay_bounded_honest_and_recover_after_random_losses():
-    check(verdicts("air, 4 + 4 accelerometers, 100 Hz", 3, 60.0, 14))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_forces_stay_bounded_honest_and_recover_on_every_layout(name):

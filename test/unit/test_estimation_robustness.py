@@ -86,7 +86,7 @@ def test_good_sensors_are_all_used(seed):
     text = " ".join(pipeline.health().messages)
     assert "not used" not in text
     assert "doubt" not in text
-    assert "taken back" not in text
+    assert "rolled back" not in text
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_a_body_sensor_that_runs_late_stops_learning():
     run(pipeline, broken(data, "cab_rear_right", "late"))
     text = " ".join(pipeline.health().messages)
     assert "in doubt" in text or "cab_rear_right was not used" in text
-    assert "taken back" in text
+    assert "rolled back" in text
 
 
 def test_a_base_sensor_that_runs_late_for_a_while_is_named():

@@ -81,7 +81,7 @@ def test_a_hidden_cause_is_named_at_its_place_and_pays_on_the_other_road(hidden)
     require(diagnosed(hidden), hidden)
 
 
-@pytest.mark.parametrize("hidden", slow_but(FAST[-1]))
+@pytest.mark.parametrize("hidden", slow_but())
 def test_a_library_without_the_cause_does_not_meet_the_requirement(hidden):
     with pytest.raises(AssertionError):
         require(diagnosed(hidden, without=hidden.cause), hidden)

@@ -171,6 +171,7 @@ def test_mount_forces_balance_the_inertial_load_and_stand_still_at_rest() -> Non
     assert np.allclose(run.rotation, attitude(run), atol=1e-14)
 
 
+@pytest.mark.slow
 def test_halving_the_step_changes_a_sixteenth() -> None:
     rng = np.random.default_rng(6)
     vehicle, road = random_vehicle(rng, "air"), Road.random(rng, "rough")
