@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.dynamics import Dynamics, diffusion, discretise, dynamics, transition
 from ride_estimation.estimation.model.kalman import (
     CHUNK,
@@ -47,6 +48,8 @@ _FIRST_MODEL = 0.05
 _FIRST_S = 15.0
 #: scoring steps at most; converged when the largest step is this share of its standard deviation
 _STEPS, _CONVERGED = 15, 0.1
+#: how often the second order is computed anew before the whole run is fitted
+_FIRST_RENEWALS = 3
 #: times a step is halved at most while it does not lower the cost by more than its rounding
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
 #: length of the blocks whose scores state the covariance [s]
@@ -176,18 +179,28 @@ class JointEstimate:
         self._segments = [_liveliest(whole, round(_FIRST_S / self.dt))]
         self._iterate()
         self._segments, self._second = whole, None
-        self._renew()
+        # states without the second order are poor in lively parts: what follows from them first is too
+        for _ in range(_FIRST_RENEWALS):
+            self._renew()
         self._iterate()
         self.covariance = self._covariance()
 
     def _iterate(self) -> None:
-        """Repeat scoring steps until they are small against their standard deviation."""
+        """Repeat scoring steps until they are small against their standard deviation.
+
+        Raises
+        ------
+        InputDataError
+            The numbers left what can be computed.
+        """
         slow, free = self.plant.slow, self.plant.slow.free
         laws = free < slow.log_damping.stop
         noise = (free >= slow.log_rigid.start) & (free < slow.system)
         for _ in range(_STEPS):
             model = self.model()
             information, gradient = self.normal_equations(model)
+            if not (np.all(np.isfinite(information)) and np.all(np.isfinite(gradient))):
+                raise InputDataError("the errors of the sensors cannot be estimated: the vehicle file does not fit this drive")
             change = -np.linalg.solve(information, gradient)
             scale = min(1.0, _LARGEST_STEP / max(float(np.abs(change[laws]).max()), 1e-12))
             change = np.where(noise, np.clip(change, -_LARGEST_NOISE_STEP, _LARGEST_NOISE_STEP), scale * change)
@@ -197,6 +210,8 @@ class JointEstimate:
                 self.theta[free] += 0.5**halved * change
                 if self.cost(self.model()) < before + _NOISE_OF_COST:
                     break
+            else:
+                self.theta = start
             moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(np.linalg.inv(information)))
             if scale == 1.0 and moved[~noise].max() < _CONVERGED:
                 break
@@ -323,7 +338,7 @@ class JointEstimate:
         found = []
         for i in range(len(self._segments)):
             x = smooth(model.filter, *self.innovations(model, i))
-            found.append(second_order(self.plant, model.constants, model.dynamics, self.theta, x))
+            found.append(second_order(self.plant, model.constants, model.dynamics, self.theta, x, self.dt))
         self._second = found
 
 

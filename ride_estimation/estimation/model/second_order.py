@@ -11,12 +11,16 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from ride_estimation.estimation.model.dynamics import Dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
 from ride_estimation.estimation.model.readings import axes
 
 Array = NDArray[np.float64]
+
+#: angular rates slower than this are left out of the second order [Hz]
+_RATE_CORNER = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,11 +42,11 @@ class SecondOrder:
     accel: Array
 
 
-def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array) -> SecondOrder:
+def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array, dt: float) -> SecondOrder:
     """Return the corrections that follow from states x, shape (T, N)."""
     s, count = plant.states, len(plant.mounts)
     relative_rate = x[:, s.relative_rate]
-    rate = x[:, s.base_velocity][:, 3:] + relative_rate[:, 3:]
+    rate = _without_drift(x[:, s.base_velocity][:, 3:], dt) + relative_rate[:, 3:]
     speed = relative_rate @ m.points.T + x[:, s.deformation_rate] @ plant.patterns.T
     bracket_rate = rate[:, None] - (speed @ m.tilt.T).reshape(-1, count, 3)
     bracket_accel = (x @ d.spin.T).reshape(-1, count, 3)
@@ -85,6 +89,16 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array
     load = extra @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
     return SecondOrder(np.hstack(parts), extra, load @ m.mobility)
+
+
+def _without_drift(rate: Array, dt: float) -> Array:
+    """Return angular rates without what is slower than the corner, forwards and backwards.
+
+    A slow error of the rate changes the centripetal terms, they the angular acceleration, and that, integrated, the rate: with a
+    gain of twice the rate over the angular frequency. In lively drives the terms ran away.
+    """
+    b, a = signal.butter(1, _RATE_CORNER, "high", fs=1.0 / dt)
+    return np.asarray(signal.filtfilt(b, a, rate, axis=0))
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:
