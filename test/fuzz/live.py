@@ -38,7 +38,6 @@ def _seeds(folder: Path) -> list[bytes]:
 
 def _consumer() -> Callable[[Path, Path], None]:
     from ride_estimation.estimation.common.settings import PipelineSettings
-    from ride_estimation.nodes.publishers import finite
     from ride_estimation.nodes.session import Session
 
     kept: list[Session] = []
@@ -57,7 +56,7 @@ def _consumer() -> Callable[[Path, Path], None]:
         for topic in topics:
             payload = file.read_bytes() if topic == bad else imu_payload(stamp, np.array([0.0, 0.0, 9.81]) + rng.normal(size=3))
             for block in session.receive(topic, "sensor_msgs/msg/Imu", payload):
-                usable = block.valid & finite(block)
+                usable = block.publishable()
                 assert np.isfinite(block.mount_force[usable]).all()
         if count[0] % 200 == 0:
             for _ in session.statuses():
