@@ -327,9 +327,9 @@ def _state_reader() -> Callable[[Path, Path], None]:
 
 
 def _page(file: Path, folder: Path) -> None:
-    """Put what the file holds into every part of a report: it stays text, the tags are those of harmless words, short or long."""
+    """Put what the file holds into every part of a report: it must stay text, so the tags are those of a harmless text."""
     tags = page_tags(file.read_bytes().decode("utf-8", "replace"), folder)
-    assert tags in [page_tags(words, folder) for words in ("harmless", 100 * "harmless ")], tags
+    assert tags == page_tags("harmless", folder), tags
 
 
 def page_tags(text: str, folder: Path) -> list[tuple[str, tuple[str, ...]]]:
