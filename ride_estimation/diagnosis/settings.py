@@ -5,17 +5,16 @@ from __future__ import annotations
 
 import dataclasses
 
+from ride_estimation.sensors.installation import USUAL
+
 
 @dataclasses.dataclass(frozen=True)
 class Tolerances:
     """One-sigma tolerances of a good installation; what stays within them is calibration, not a cause.
 
-    Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation. The values are what
-    workshop practice reaches: a calibration certificate (gain, usually 0.5 to 1 % for two standard deviations), a machined
-    pad and a square (rotation, 0.2 degrees), a tape measure (position), one clock for converters that read their channels one
-    after the other (delay, anywhere within 0.3 ms: 0.3 / sqrt 3), a CAD model or a swing test (inertia), zeroing on a level
-    floor and the drift with temperature since then (bias, 2 mg), zeroing at rest (travel_zero). An installation that is worse
-    is found as a cause; who knows it beforehand states it here.
+    Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation. Those of sensors are
+    :data:`ride_estimation.sensors.installation.USUAL`; inertia is that of a CAD model or a swing test. An installation that is
+    worse is found as a cause; who knows it beforehand states it here.
 
     Attributes
     ----------
@@ -41,13 +40,13 @@ class Tolerances:
         Standard deviation of the natural logarithm where the vehicle file states no prior [-].
     """
 
-    gain: float = 0.003
-    misalignment: float = 0.004
-    position: float = 0.004
-    delay: float = 1.7e-4
+    gain: float = USUAL.gain
+    misalignment: float = USUAL.misalignment
+    position: float = USUAL.position
+    delay: float = USUAL.delay
     bandwidth: float = 0.15
-    bias: float = 0.02
-    travel_zero: float = 0.001
+    bias: float = USUAL.bias
+    travel_zero: float = USUAL.travel_zero
     cg: float = 0.01
     inertia: float = 0.05
     stiffness: float = 0.5
