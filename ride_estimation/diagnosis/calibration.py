@@ -44,7 +44,7 @@ class Calibrated:
     fit
         Last solution on the fit blocks.
     held
-        CG coordinates and errors of sensors at the limit of their tolerance, index of the adjustable -> coefficient there.
+        CG coordinates at the limit of their tolerance and errors of sensors beyond it at none, index of the adjustable -> coefficient.
     """
 
     scene: Scene
@@ -204,7 +204,8 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
     for i, (a, limit) in enumerate(zip(calibrated.adjustables, limits)):
         off, std = float(calibrated.fit.coefficients[i]) - a.offset, float(np.sqrt(max(calibrated.fit.covariance[i, i], 0.0)))
         if abs(off) > limit * (a.prior_std + std):
-            held[i] = a.offset + float(np.copysign(limit * a.prior_std, off))
+            # a CG stays at its limit, from which its cause counts; the cause of a sensor states the whole error
+            held[i] = a.offset + (0.0 if a.kind in _OF_SENSORS else float(np.copysign(limit * a.prior_std, off)))
     if not held:
         return calibrated
     temper = regression.temper
