@@ -44,7 +44,8 @@ class Calibrated:
     fit
         Last solution on the fit blocks.
     held
-        CG coordinates at the limit of their tolerance and errors of sensors beyond it at none, index of the adjustable -> coefficient.
+        CG coordinates at the limit of their tolerance, errors of sensors beyond it at none: index of the adjustable ->
+        coefficient.
     """
 
     scene: Scene
