@@ -131,4 +131,5 @@ def plan(
     if not drives:
         return Plan(known, found)
     driven = dataclasses.replace(known, force_references=()) if unknown_mass else known
-    return Plan(known, found, predicted_replay(driven, excitation), helpful_additions(driven, excitation, additions(driven)))
+    replay = predicted_replay(driven, excitation)
+    return Plan(known, found, replay, helpful_additions(driven, excitation, additions(driven), replay))

@@ -59,15 +59,20 @@ class PredictedReplay:
     ----------
     duration_s
         Of a simulated drive [s].
-    parameters
-        Empty where the estimator refuses the layout.
+    drives
+        What the estimator states after each drive; empty where it refuses the layout.
     refusal
         Why it refuses, else empty.
     """
 
     duration_s: float
-    parameters: tuple[PredictedParameter, ...]
+    drives: tuple[tuple[Estimate, ...], ...]
     refusal: str = ""
+
+    @property
+    def parameters(self) -> tuple[PredictedParameter, ...]:
+        """Return what all drives together predict; empty where the estimator refuses the layout."""
+        return tuple(_of(same) for same in zip(*self.drives, strict=True))
 
     def of_status(self, *status: str) -> tuple[str, ...]:
         """Return the names of the parameters that end with one of some statuses."""
@@ -94,7 +99,7 @@ class Addition:
 
 
 def helpful_additions(
-    vehicle: Vehicle, excitation: Excitation, proposed: Mapping[str, Sequence[Sensor]]
+    vehicle: Vehicle, excitation: Excitation, proposed: Mapping[str, Sequence[Sensor]], present: PredictedReplay
 ) -> tuple[Addition, ...]:
     """Return what further sensors bring the estimator on one simulated drive, the most helpful first.
 
@@ -104,13 +109,15 @@ def helpful_additions(
         As of :func:`predicted_replay`.
     proposed
         Sensors by the name of the addition.
+    present
+        What is predicted without them; its first drive is the one that is repeated.
     """
-    present = {p.name: p for p in predicted_replay(vehicle, excitation, _SEEDS[:1]).parameters}
+    without = {p.name: p for p in dataclasses.replace(present, drives=present.drives[:1]).parameters}
     found = []
     for name, new in proposed.items():
         more = dataclasses.replace(vehicle, sensors={**vehicle.sensors, **{s.name: s for s in new}})
         after = predicted_replay(more, excitation, _SEEDS[:1])
-        both = [(present[p.name].relative_std, p.relative_std) for p in after.parameters if p.name in present]
+        both = [(without[p.name].relative_std, p.relative_std) for p in after.parameters if p.name in without]
         known = [math.log(before / now) for before, now in both if 0.0 < now < math.inf and 0.0 < before < math.inf]
         found.append(Addition(name, len(after.of_status("valid")), math.exp(statistics.fmean(known)) if known else 1.0))
     return tuple(sorted(found, key=lambda a: (-a.valid, -a.improvement)))
@@ -148,7 +155,7 @@ def predicted_replay(vehicle: Vehicle, excitation: Excitation, seeds: Sequence[i
             drives.append(run_offline(run_scenario(scenario, vehicle).recording, Pipeline(vehicle), smoothing=False).parameters)
         except RideEstimationError as error:
             return PredictedReplay(duration, (), str(error))
-    return PredictedReplay(duration, tuple(_of(same) for same in zip(*drives, strict=True)))
+    return PredictedReplay(duration, tuple(drives))
 
 
 def _of(same: tuple[Estimate, ...]) -> PredictedParameter:
