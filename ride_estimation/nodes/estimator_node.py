@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Unpack
 
@@ -86,7 +86,8 @@ class EstimatorNode(LifecycleNode):
         self._load_said = LoadLevel.KEEPS_UP
         declare(self, TABLE)
         pipeline_settings(values(self, TABLE))
-        self._intake = Intake(self._load, stamp_of_payload, int(self.get_parameter("input_depth").value))
+        depth = int(self.get_parameter("input_depth").value)
+        self._intake = Intake(self._load, stamp_of_payload, depth, self._follow_load)
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self._diagnostics = Diagnostics(self)
@@ -104,6 +105,12 @@ class EstimatorNode(LifecycleNode):
     def session(self) -> Session | None:
         """Return what was built by configure, None before."""
         return self._session
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Return what the executor waits for: no inputs while the node is behind, they are looked for then."""
+        ours = [s for _, s in self._subscriptions_by_topic.values()] if self._intake.behind else []
+        return (s for s in super().subscriptions if s not in ours)
 
     @property
     def fault(self) -> str:
@@ -358,8 +365,14 @@ class EstimatorNode(LifecycleNode):
         now = time.monotonic()
         passed, self._looked_s = now - self._looked_s, now
         limit = float(self.get_parameter("input_timeout").value)
-        turned = self._session is not None and self._active and self._session.look(passed, limit)
-        if turned or self._load.level != self._load_said:
+        if self._session is not None and self._active and self._session.look(passed, limit):
+            self._publish_diagnostics()
+
+    def _follow_load(self) -> None:
+        """Tell the executor for what to wait, and at once how the node keeps up: no other callback comes before."""
+        if self.executor is not None:
+            self.executor.wake()
+        if self._load.level != self._load_said:
             self._load_said = self._load.level
             self._publish_diagnostics()
 

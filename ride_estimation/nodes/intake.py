@@ -3,9 +3,11 @@
 
 The executor calls back for one message at a time. When the estimator is slower than its inputs, messages pile up in the queues
 of the middleware, which overwrite the oldest without a word, and the events executor keeps an entry for each of them, without
-limit. Here every call may take all that is waiting: the entries of the executor then find nothing and are gone, what has to
-wait waits in one queue with a limit, and whatever is left out is counted. The middleware numbers the messages of a publisher; a
-number that is missing is a message that was sent and lost on the way, which a sensor that stops sending is not.
+limit and in line with timers and services. Here every call may take all that is waiting, what has to wait waits in one queue
+with a limit, and whatever is left out is counted. A node that is behind takes its inputs away from the executor until it has
+caught up (:attr:`Intake.behind`): a timer looks for messages then, and nothing is in line before it. The middleware numbers the
+messages of a publisher; a number that is missing is a message that was sent and lost on the way, which a sensor that stops
+sending is not.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from ride_estimation.nodes.backpressure import Load
 #: longest time between two looks whether messages are waiting [s]: far less than any queue of the middleware lasts
 LOOK_S = 0.02
 #: longest stay in one call, so that services and timers have their turn, and longest time without a look that finds nothing
-#: before the executor is given the time to come through its entries [s]
+#: before the node counts as behind [s]
 STAY_S = 0.1
 #: looks in one call beside those that are due: of messages sent together one is in hand and the others wait, which is no backlog
 _LOOKS = 3
@@ -63,19 +65,35 @@ class Intake:
         Reads the stamp of a payload.
     limit
         Messages per topic that may wait here; the oldest are left out beyond it.
+    turned
+        Is called when the node falls behind or has caught up, and when it keeps up better or worse than before.
     clock
         Steady time [s].
     """
 
-    def __init__(self, load: Load, stamp_of: StampOf, limit: int, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        load: Load,
+        stamp_of: StampOf,
+        limit: int,
+        turned: Callable[[], object] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._load = load
         self._stamp_of = stamp_of
         self._limit = limit
+        self._turned = turned
         self._clock = clock
         self._sources: dict[str, _Source] = {}
         self._looked = self._caught_up = clock() - LOOK_S
         self._backlog = False
         self._behind = False
+        self._told = False, load.level
+
+    @property
+    def behind(self) -> bool:
+        """Return whether the node is behind: the executor must not wait for messages then, see :meth:`work`."""
+        return self._behind
 
     def open(self, topic: str, take: Take, handle: Handle) -> None:
         """Begin with a topic whose waiting messages ``take`` returns and ``handle`` uses."""
@@ -102,8 +120,7 @@ class Intake:
     def arrived(self, topic: str, payload: bytes) -> None:
         """Take a message from the executor; it and all that waits is handed on, as far as time allows.
 
-        While the node is behind the message only joins the queue and the timer of the node does the work: the executor has to
-        come through its entries before.
+        What the executor still has in line when the node falls behind only joins the queue.
         """
         source = self._sources.get(topic)
         if source is None:
@@ -112,8 +129,6 @@ class Intake:
         now = self._clock()
         if self._behind:
             self._put(topic, source, payload)
-            if now - self._looked >= LOOK_S:
-                self._look(now)  # taking is cheaper here than in the executor
         elif self._backlog or now - self._looked >= LOOK_S:
             self._put(topic, source, payload)
             self.work()
@@ -123,8 +138,20 @@ class Intake:
     def work(self) -> None:
         """Hand on what waits, oldest stamp first, until nothing does or the time for one call is over.
 
-        Called ten times a second too, so that nothing waits for a message that does not come.
+        Called ten times a second too: nothing waits for a message that does not come, and while the node is behind nobody else
+        takes messages.
         """
+        self._behind = not self._caught_up_in_time()
+        self._tell()
+
+    def _tell(self) -> None:
+        state = self._behind, self._load.level
+        if state != self._told:
+            self._told = state
+            self._turned()
+
+    def _caught_up_in_time(self) -> bool:
+        """Hand on what waits; return whether nothing waited a short time ago."""
         began = now = self._clock()
         looks = 0
         while now - began < STAY_S:
@@ -132,19 +159,21 @@ class Intake:
                 self._look(now)
                 looks += 1
                 if not self._backlog:
-                    self._caught_up, self._behind = now, False
+                    self._caught_up = now
                     self._load.caught_up(now)
-                    return
+                    return True
             if not self._backlog:
                 break
             _, topic = min((s.waiting[0][0], topic) for topic, s in self._sources.items() if s.waiting)
             source = self._sources[topic]
             stamp, payload = source.waiting.popleft()
             self._backlog = any(s.waiting for s in self._sources.values())
-            if not self._hand_on(topic, source, stamp, payload, now):
+            used = self._hand_on(topic, source, stamp, payload, now)
+            self._tell()  # before the messages that wait are taken, which may take long
+            if not used:
                 self._leave_out_all(now)
             now = self._clock()
-        self._behind = now - self._caught_up > STAY_S
+        return now - self._caught_up <= STAY_S
 
     def _look(self, now: float) -> None:
         """Take over the messages that wait in the middleware, of every topic as many as may wait here."""

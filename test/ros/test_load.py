@@ -50,6 +50,30 @@ def test_messages_far_behind_are_left_out_and_counted(node: EstimatorNode, monke
     assert float(next(v.value for v in found.values if v.key == "largest behind_s")) > DROP_S
 
 
+def test_a_node_that_is_behind_takes_its_inputs_from_the_executor_and_gives_them_back(
+    node: EstimatorNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An executor that keeps an entry per message must not be told of messages that nobody can use in time."""
+    assert node.session is not None
+    clock = [0.0]
+    monkeypatch.setattr(node._intake, "_clock", lambda: clock[0])
+    monkeypatch.setattr(node._intake, "_looked", 0.0)
+    monkeypatch.setattr(node._intake, "_caught_up", -1.0)  # nothing was found waiting, but long ago
+    served = set(node.subscriptions)
+    inputs = {s for s in served if s.topic_name in node.session.topics}
+    assert len(inputs) == 8
+    message = next(iter(drive(node.session.vehicle, 0.1)))
+    clock[0] = 0.019
+    node._intake._put(message.topic, node._intake._sources[message.topic], message.payload)
+    monkeypatch.setattr(node._intake, "_hand_on", lambda *_: clock.__setitem__(0, clock[0] + 0.2) or True)
+    node.look()
+    assert node._intake.behind
+    assert set(node.subscriptions) == served - inputs
+    node.look()
+    assert not node._intake.behind
+    assert set(node.subscriptions) == served
+
+
 def test_messages_that_the_middleware_overwrote_are_counted_and_said_to_be_no_fault_of_the_sensors(ros: Ros) -> None:
     """The node does not run for three seconds of messages; its queues hold two."""
     overrides = [Parameter("input_depth", value=200)]

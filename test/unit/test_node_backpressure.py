@@ -2,7 +2,7 @@
 """Load and intake on a simulated machine: publishers, queues of the middleware, an executor of one thread, no real time.
 
 A message costs time in the handler and time in the executor, which the node cannot see. The executor keeps one entry per arrived
-message, also of those that the middleware has overwritten, as the events executor of rclpy does.
+message of what it serves, also of those that the middleware has overwritten, as the events executor of rclpy does.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ class Machine:
         What the last of ten messages of every sensor costs besides.
     limit
         Of the intake.
+    share
+        Of the time that this process may run.
     """
 
     rate_hz: float = 500.0
@@ -59,6 +61,7 @@ class Machine:
     step_s: float = 0.0
     block_s: float = 0.0
     limit: int = DEPTH
+    share: float = 1.0
 
     def __post_init__(self) -> None:
         self.now, self.load = 0.0, Load()
@@ -72,12 +75,13 @@ class Machine:
         self.said: float | None = None
         self.lost_at: float | None = None
         self.quiet_while_losing = 0
-        self.intake = Intake(self.load, int, self.limit, lambda: self.now)
+        self.intake = Intake(self.load, int, self.limit, self.turned, lambda: self.now)
+        self.served = True
         for k in range(SENSORS):
             self.intake.open(str(k), functools.partial(self.take, k), functools.partial(self.handle, str(k)))
 
     def pass_time(self, seconds: float) -> None:
-        self.now += seconds
+        self.now += seconds / self.share
         if self.left_stalls and self.now >= self.left_stalls[0][0]:
             self.now += self.left_stalls.pop(0)[1]
         for k in range(SENSORS):
@@ -93,6 +97,15 @@ class Machine:
                     self.flush()
                     self.send(k, payload)
 
+    def turned(self) -> None:
+        """The executor serves no input of a node that is behind; of what waits when it does again it hears at once."""
+        if self.said is None and self.load.words():
+            self.said = self.now
+        if self.intake.behind == self.served:
+            self.served = not self.served
+            if self.served:
+                self.entries.extend(k for k in range(SENSORS) for _ in self.queues[k])
+
     def flush(self) -> None:
         for k, payloads in enumerate(self.kept):
             for payload in payloads:
@@ -106,7 +119,8 @@ class Machine:
             self.overwritten += 1
             self.lost_at = self.now if self.lost_at is None else self.lost_at
         self.queues[k].append((payload, self.numbers[k]))
-        self.entries.append(k)
+        if self.served:
+            self.entries.append(k)
         self.most_entries = max(self.most_entries, len(self.entries))
 
     def take(self, k: int) -> tuple[bytes, int] | None:
@@ -135,8 +149,6 @@ class Machine:
                     self.pass_time(NOTHING_S)
             else:
                 self.pass_time(1e-4)
-            if self.load.words() and self.said is None:
-                self.said = self.now
 
     @property
     def unaccounted(self) -> int:
@@ -189,6 +201,17 @@ def test_overload_is_said_within_two_seconds_and_every_message_is_counted(handle
         assert machine.said < 2.0
         assert machine.load.level >= LoadLevel.LATE
         assert "cannot keep up" in machine.load.words()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.1, 0.05])
+def test_a_process_that_hardly_runs_keeps_the_line_of_the_executor_short_and_says_so_in_two_seconds(share: float) -> None:
+    """Entries that find nothing cost as much as the process may run: they must not be made."""
+    machine = Machine(share=share, handler_s=95e-6, block_s=3e-3, executor_s=30e-6)
+    machine.work(20.0)
+    assert machine.most_entries < 4000 * 0.5
+    assert machine.said is not None
+    assert machine.said < 2.0
+    assert machine.unaccounted == 0
 
 
 def test_load_is_never_said_to_be_fine_while_messages_are_lost_and_it_is_afterwards() -> None:
