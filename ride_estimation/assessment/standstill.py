@@ -169,7 +169,7 @@ def _gravity_direction(recording: Recording, vehicle: Vehicle, stats: Mapping[st
     directions = []
     for name, s in stats.items():
         sensor = vehicle.sensors[name]
-        if sensor.kind not in ("accelerometer", "imu") or sensor.coupling != "dc":
+        if sensor.kind not in ("accelerometer", "imu") or sensor.coupling != "dc" or not sensor.triaxial:
             continue
         reading = sensor.rotation @ s.mean[:3]
         size = float(np.linalg.norm(reading))
@@ -188,10 +188,13 @@ def _calibrated(sensor: Sensor, s: _Statistics, gravity: Array | None, g: float)
     findings: list[str] = []
     motion = sensor.kind in ("accelerometer", "imu")
     axes = 3 if sensor.channels >= 3 else 1
-    noise = _noise(s.std[:axes], s.floor[:axes], findings)
+    measured = np.flatnonzero(sensor.measured[:axes])
+    noise = _noise(s.std[measured], s.floor[measured], findings)
     gyro_noise = _noise(s.std[3:6], s.floor[3:6], findings) if sensor.kind == "imu" else None
     bias, angle, rotation = np.zeros(axes), 0.0, sensor.rotation
-    if motion and gravity is not None and sensor.coupling == "dc":
+    if motion and gravity is not None and sensor.coupling == "dc" and not sensor.triaxial:
+        bias = _zero(sensor, s.mean[:3], g * gravity, findings)
+    elif motion and gravity is not None and sensor.coupling == "dc":
         bias, angle, rotation = _orientation(sensor, s.mean[:3], gravity, g, findings)
     elif sensor.kind == "displacement":
         # deflection counts from static equilibrium, where the vehicle stands
@@ -224,6 +227,19 @@ def _noise(std: Array, floor: Array, findings: list[str]) -> float:
         )
         return float(np.sqrt(np.mean(floor**2)))
     return float(np.sqrt(np.mean(std**2)))
+
+
+def _zero(sensor: Sensor, mean: Array, gravity: Array, findings: list[str]) -> Array:
+    """Return the bias of an accelerometer that does not measure all axes, in sensor axes: how it leans it does not show."""
+    away = sensor.only_measured(mean - sensor.rotation.T @ gravity)
+    if float(np.abs(away).max()) > _LARGEST_ANGLE * float(np.linalg.norm(gravity)):
+        raise InputDataError(
+            f"{sensor.name} reads {float(np.abs(away).max()):.2g} m/s^2 beside what gravity is along its axes: its rotation in "
+            "the vehicle file is another one, or unit, range or fault"
+        )
+    named = ", ".join(sensor.axes)
+    findings.append(f"measures {named} only: what it reads at rest is taken as bias, an angle would read the same")
+    return np.asarray(away)
 
 
 def _orientation(

@@ -23,6 +23,12 @@ def run(options: argparse.Namespace) -> int:
         raise InputDataError(f"{options.out}: is the vehicle file that is read; its comments would be lost: write another file")
     recording = read_part(options.recording, vehicle, options)
     if options.drive:
+        single = [s.name for s in vehicle.sensors.values() if not s.triaxial]
+        if single:
+            raise InputDataError(
+                "calibrate --drive needs triaxial accelerometers; some axes only are measured by "
+                f"{', '.join(single)}: calibrate at standstill without --drive"
+            )
         drive = calibrate_drive(recording, vehicle)
         lines, calibrated = summary_lines(drive), drive.vehicle(vehicle)
         refused = bool(drive.conflicts)

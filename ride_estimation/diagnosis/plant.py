@@ -356,6 +356,12 @@ def build_plant(
     mounts = tuple(m for m in vehicle.mounts if vehicle.mounts[m].body in bodies)
     bases = {vehicle.mounts[m].base for m in mounts} - set(bodies)
     in_sensors = [s for s in sensors.values() if s.kind in _ACCELERATION_KINDS and s.body in bases]
+    single = [s.name for s in in_sensors if not s.triaxial]
+    if single:
+        raise InputDataError(
+            f"{', '.join(single)} {'does' if len(single) == 1 else 'do'} not measure all three axes of the base motion, which is "
+            "the input of the model: triaxial accelerometers at the mount bases are needed"
+        )
     if not bodies or not in_sensors:
         raise InputDataError(
             "no base motion was measured: accelerometers on the chassis side of the mounts, or a vertical displacement "
@@ -430,7 +436,7 @@ def _outputs(
         t_map = s.rotation.T @ tilt @ body_rows(vehicle, coordinates, s.body) if s.coupling == "dc" else np.zeros((3, n))
         own = np.array([b == s.body for b, _ in coordinates])
         for i in range(3):
-            if not np.any(np.abs(a_map[i, own]) > 1e-9):
+            if not s.measured[i] or not np.any(np.abs(a_map[i, own]) > 1e-9):
                 continue
             signals.append(Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc"))
             acc.append(a_map[i])

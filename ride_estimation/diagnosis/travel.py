@@ -214,6 +214,12 @@ def _balance(vehicle: Vehicle, run: UniformRun, raised: float = 0.0) -> _Balance
             f"deflection: the frame twists, the others do not tell it; add a vertical displacement transducer there, {instead}"
         )
     sensors = tuple(s for s in spoke if s.kind in _ACCELERATION_KINDS and s.body == body.name)
+    single = [s.name for s in sensors if not s.triaxial]
+    if single:
+        raise InputDataError(
+            f"no base motion was measured, and without it the accelerometers of {body.name} must measure all three axes; "
+            f"{', '.join(single)} {'does' if len(single) == 1 else 'do'} not"
+        )
     return _maps(body, mounts, upright, tuple(by_mount[m.name] for m in upright), sensors, instead)
 
 

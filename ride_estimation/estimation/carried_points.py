@@ -99,7 +99,7 @@ def carried_points(recording: Recording, pipeline: Pipeline, run: OfflineRun) ->
         cg = arrangement.carried.bodies[body].cg
         std = np.hypot(spread[:, :3], s["cg_accel_std"][:, :3])
         point = CarriedPoint(body, "", moved[:, :3], std)
-        sensors = [v for v in vehicle.sensors.values() if v.body == body and v.kind in ("accelerometer", "imu")]
+        sensors = [v for v in vehicle.sensors.values() if v.body == body and v.kind in ("accelerometer", "imu") and v.triaxial]
         here = []
         for sensor in sensors:
             values = channel_at(recording.channels[sensor.name], run.stamp_ns) if sensor.name in recording.channels else None

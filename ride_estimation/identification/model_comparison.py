@@ -23,6 +23,7 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.maxwell import Maxwell
 from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.errors import InputDataError
+from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.simulation.base_motion import BaseMotion, high_passed
 from ride_estimation.simulation.simulate import CompiledModel
@@ -186,10 +187,10 @@ class MeasuredRun:
         self.base = BaseMotion.from_acceleration(acceleration, run.rate_hz, corner_hz=CORNER_HZ)
         self.sensors = tuple(
             s.name for s in vehicle.sensors.values() if s.kind in ("accelerometer", "imu") and s.body in vehicle.bodies
-            and s.name in run.data
+            and s.name in run.data and _measures_vertical(s)
         )
         if not self.sensors:
-            raise InputDataError(f"{run.name}: no accelerometer on a body of the vehicle file")
+            raise InputDataError(f"{run.name}: no accelerometer that measures the vertical axis on a body of the vehicle file")
         rotations = {n: vehicle.sensors[n].rotation for n in self.sensors}
         measured = np.column_stack([(run.data[n][:, :3] @ rotations[n].T)[:, 2] for n in self.sensors])
         edge = round(_SETTLING_S * run.rate_hz)
@@ -201,16 +202,21 @@ class MeasuredRun:
     @staticmethod
     def _base(vehicle: Vehicle, run: UniformRun, mount: str) -> Array:
         for sensor in vehicle.sensors.values():
-            if sensor.mount == mount and sensor.kind in ("accelerometer", "imu") and sensor.name in run.data:
+            if sensor.mount == mount and sensor.kind in ("accelerometer", "imu") and sensor.triaxial and sensor.name in run.data:
                 reading = run.data[sensor.name][:, :3] @ sensor.rotation.T
                 return np.asarray(reading - reading.mean(axis=0))
-        raise InputDataError(f"{run.name}: no accelerometer at the base of mount {mount}: the model has no input there")
+        raise InputDataError(f"{run.name}: no triaxial accelerometer at the base of mount {mount}: the model has no input there")
 
     def modelled(self, model: CompiledModel, elements: Mapping[tuple[str, str], ForceElement]) -> Array:
         """Return the vertical accelerations of a model, compared band, shape as ``measured``."""
         response = model.run(elements)
         vertical = np.column_stack([(response.specific_force(n)[:, :3] @ self._rotations[n].T)[:, 2] for n in self.sensors])
         return np.asarray(vertical - vertical.mean(axis=0))[self.kept]
+
+
+def _measures_vertical(sensor: Sensor) -> bool:
+    """Return whether the axes that an accelerometer measures make up the vertical axis."""
+    return bool(np.all(np.abs(sensor.rotation[2, ~sensor.measured[:3]]) < 1e-3))
 
 
 def _without_gaps(vehicle: Vehicle, run: UniformRun) -> tuple[UniformRun, tuple[float, float]]:

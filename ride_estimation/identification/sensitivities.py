@@ -161,7 +161,7 @@ def _noise_density(vehicle: Vehicle, sensor: Sensor, rate_hz: float) -> Array:
 def _width(vehicle: Vehicle, sensor: Sensor) -> int:
     if sensor.kind == "imu" and sensor.body in vehicle.bodies:
         return 6
-    return 3 if sensor.kind in ("accelerometer", "imu", "force") else 1
+    return 3 if sensor.kind == "imu" else int(np.count_nonzero(sensor.measured))
 
 
 def _base_map(assembly: Assembly, excitation: Excitation) -> ComplexArray:
@@ -277,9 +277,9 @@ def _reading(
         felt = sensor.rotation.T @ (squared * point[:, :3] + tilt)
         if sensor.kind == "imu":
             felt = np.concatenate([felt, sensor.rotation.T @ (1j * omega[:, None, None] * point[:, 3:])], axis=1)
-        return np.asarray(felt)
+        return np.asarray(felt[:, sensor.measured])
     at_base = np.zeros((3, count))
     for number, (mount, axis) in enumerate(assembly.components):
         if mount == sensor.mount and axis in AXES:
             at_base[AXES.index(axis)] = base[number]
-    return np.asarray((squared * (sensor.rotation.T @ at_base)).astype(complex))
+    return np.asarray((squared * (sensor.rotation.T @ at_base)[sensor.measured[:3]]).astype(complex))

@@ -179,6 +179,7 @@ def _bulk_channel(
             keep &= ~mask
     else:
         values = fields[:, : sensor.channels]
+    values = sensor.only_measured(values)
     return Channel(
         name=sensor.name,
         stamp_ns=decoded.stamp_ns[keep],

@@ -129,7 +129,7 @@ def guess_channels(channels: Sequence[FileChannel], sensors: Mapping[str, Sensor
     once = {c.name: c for c in channels if sum(other.name == c.name for other in channels) == 1}
     for sensor in sensors.values():
         own: dict[str, Guess] = {}
-        for i, (name, unit) in enumerate(components(sensor)):
+        for i, (name, unit) in zip(np.flatnonzero(sensor.measured).tolist(), components(sensor)):
             axis = name.rpartition(".")[2].rpartition("_")[2] if "." in name else sensor.axis
             fitting = {c.name: words_of(c.name) - set(_AXES) for c in once.values() if _fits(c, sensor, unit, axis)}
             exact = [c for c in fitting if c == name]
@@ -168,7 +168,8 @@ def _fits(channel: FileChannel, sensor: Sensor, unit: str, axis: str) -> bool:
     elif unit in kinds and not own & kinds[unit]:
         return False  # neither unit nor name says what it is
     axes = own & set(_AXES)
-    return axes == {axis} if axis and sensor.channels > 1 else not axes or axes == {axis}
+    several = len(components(sensor)) > 1
+    return axes == {axis} if axis and several else not axes or axes == {axis}
 
 
 def _guess(channel: FileChannel, unit: str, up: float, gravity: float) -> Guess:

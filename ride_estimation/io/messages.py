@@ -78,9 +78,17 @@ def judge_covariance(covariance: Any, trusted: bool, noise_variance: float) -> t
     return (first or noise_variance, second or noise_variance, third or noise_variance), ""
 
 
+def _measured(sensor: Sensor) -> Callable[[tuple[float, float, float]], tuple[float, ...]]:
+    """Return what puts zero for the axes that a sensor does not measure, see :attr:`Sensor.axes`."""
+    if sensor.triaxial:
+        return lambda values: values
+    x, y, z = sensor.measured[:3].tolist()
+    return lambda values: (values[0] if x else 0.0, values[1] if y else 0.0, values[2] if z else 0.0)
+
+
 def _imu(sensor: Sensor) -> Converter:
     name, trusted, noise, gyro_noise = sensor.name, sensor.trust_despite_minus_one, sensor.noise_std**2, sensor.gyro_noise_std**2
-    with_gyro = sensor.kind == "imu"
+    with_gyro, measured = sensor.kind == "imu", _measured(sensor)
 
     def convert(message: Any) -> Sequence[Sample]:
         stamp = stamp_of(message)
@@ -89,7 +97,7 @@ def _imu(sensor: Sensor) -> Converter:
             return (Sample(name, stamp, (), None, reason),)
         a = message.linear_acceleration
         if not with_gyro:
-            return (Sample(name, stamp, (float(a.x), float(a.y), float(a.z)), variance, ""),)
+            return (Sample(name, stamp, measured((float(a.x), float(a.y), float(a.z))), variance, ""),)
         spread, reason = judge_covariance(message.angular_velocity_covariance, trusted, gyro_noise)
         if reason:
             return (Sample(name, stamp, (), None, GYRO_NOT_PROVIDED if reason == NOT_PROVIDED else reason),)
@@ -104,11 +112,11 @@ def _imu(sensor: Sensor) -> Converter:
 
 
 def _three(sensor: Sensor, pick: Callable[[Any], Any]) -> Converter:
-    name = sensor.name
+    name, measured = sensor.name, _measured(sensor)
 
     def convert(message: Any) -> Sequence[Sample]:
         v = pick(message)
-        return (Sample(name, stamp_of(message), (float(v.x), float(v.y), float(v.z)), None, ""),)
+        return (Sample(name, stamp_of(message), measured((float(v.x), float(v.y), float(v.z))), None, ""),)
 
     return convert
 

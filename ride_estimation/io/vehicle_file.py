@@ -239,6 +239,8 @@ def _sensor_mapping(sensor: Sensor) -> dict[str, Any]:
     mapping["position_m"] = [float(v) for v in sensor.position]
     if not np.array_equal(sensor.rotation, np.eye(3)):
         mapping["rotation_matrix"] = [[float(v) for v in row] for row in sensor.rotation]
+    if not sensor.triaxial:
+        mapping["axes"] = list(sensor.axes)
     mapping[f"noise_{unit}"] = float(sensor.noise_std)
     if sensor.kind == "imu":
         mapping["gyro_noise_rad_per_s"] = float(sensor.gyro_noise_std)

@@ -111,6 +111,7 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
         "coupling", "dc", allowed=("dc", "ac"), meaning="dc: gravity is in the signal; ac: the mean is removed in the sensor"
     )
     fallback = mount.position if mount is not None else np.zeros(3)
+    axes = _read_axes(section) if kind == "accelerometer" else AXES
     return Sensor(
         name=name,
         kind=kind,
@@ -128,9 +129,21 @@ def _read_sensor(name: str, section: Section, names: Names) -> Sensor | None:
         trust_despite_minus_one=section.flag(
             "trust_despite_minus_one", False, meaning="use messages whose covariance[0] is -1, which means: not provided"
         ),
-        correction=_read_correction(section, kind, unit),
+        correction=_read_correction(section, kind, unit).only(axes),
+        axes=axes,
         installation=_read_installation(section, kind),
     )
+
+
+def _read_axes(section: Section) -> tuple[str, ...]:
+    """Return the axes that an accelerometer measures, in the order x, y, z."""
+    named = section.raw("axes", meaning="sensor axes it measures: a list of x, y, z; default all three")
+    if named is None:
+        return AXES
+    if not isinstance(named, list) or not named or any(a not in AXES for a in named) or len(set(named)) < len(named):
+        section.note("axes", f"{shown(named)} is not a list of one to three of x, y, z")
+        return AXES
+    return tuple(a for a in AXES if a in named)
 
 
 def _read_installation(section: Section, kind: str) -> Installation | None:

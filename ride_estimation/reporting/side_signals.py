@@ -67,7 +67,8 @@ def side_signals(
         channel = recording.channels.get(sensor.name)
         if mount is None or channel is None or sensor.mount not in run.mount_names:
             continue
-        on_base = sensor.kind in ("accelerometer", "imu") and sensor.body == mount.base
+        # what is drawn is a vector in the axes of the body
+        on_base = sensor.kind in ("accelerometer", "imu") and sensor.triaxial and sensor.body == mount.base
         if on_base or sensor.kind == "force":
             values = channel_at(channel, run.stamp_ns)
             if values is not None:
@@ -76,7 +77,7 @@ def side_signals(
     for name, measured in run.measured.items():
         sensor = vehicle.sensors[name]
         values = measured.astype(float)
-        if np.all(np.isfinite(values)):
+        if sensor.triaxial and np.all(np.isfinite(values)):
             accelerations[place_of(name, sensor.body)] = values @ sensor.rotation.T
     for point in carried:
         accelerations[f"{point.body}, simulated from the motion below it"] = point.simulated

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.sensors.layout import motion_rows
+from ride_estimation.sensors.layout import measured_channels, motion_rows
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 
@@ -45,14 +45,15 @@ def consistency_findings(recording: Recording, body: Sequence[Sensor], others: S
     body = [s for s in body if s.name in recording.channels and s.coupling == "dc"]
     others = [s for s in others if s.name in recording.channels and s.coupling == "dc"]
     rows = motion_rows(body, cg)
-    spare = len(rows) - int(np.linalg.matrix_rank(rows)) if len(rows) else 0
+    measured = measured_channels(body)
+    spare = int(measured.sum()) - int(np.linalg.matrix_rank(rows)) if len(rows) else 0
     if spare < 3:
         return []
     moments = _second_moments([recording.channels[s.name] for s in (*body, *others)])
     if moments is None:
         return []
     own = 3 * len(body)
-    projector = np.eye(own) - rows @ np.linalg.pinv(rows)
+    projector = np.diag(measured.astype(float)) - rows @ np.linalg.pinv(rows)
     noise = np.repeat([s.noise_std**2 for s in body], 3)
     expected = float(np.diag(projector) @ noise)
     present = float(np.trace(projector @ moments[:own, :own]))
@@ -95,11 +96,11 @@ def _hypotheses(body: Sequence[Sensor], others: Sequence[Sensor]) -> Iterator[tu
     everyone = [*body, *others]
     size = 3 * len(everyone)
     for i in range(len(body)):
-        for j in range(i + 1, len(everyone)):
+        for j in (j for j in range(i + 1, len(everyone)) if everyone[j].axes == everyone[i].axes):
             order = np.arange(size)
             order[3 * i : 3 * i + 3], order[3 * j : 3 * j + 3] = np.arange(3 * j, 3 * j + 3), np.arange(3 * i, 3 * i + 3)
             yield np.eye(size)[order], f"exchanged topics of {everyone[i].name} and {everyone[j].name}"
-        for turn, words in _signed_permutations():
+        for turn, words in _signed_permutations() if everyone[i].triaxial else ():
             matrix = np.eye(size)
             matrix[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turn
             yield matrix, f"axes of {everyone[i].name} that are really {words}"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.frames import COORDINATES, point_motion_matrix
+from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ class LayoutCheck:
             return (
                 f"the {self.channels} accelerometer channels on body {body!r} determine {self.rank_with_gyro} of {needed} "
                 f"motion components; not determined: {', '.join(self.undetermined)}. Six components need at least three "
-                "triaxial accelerometers that are not on one line (or one with gyro, kind imu)"
+                "triaxial accelerometers that are not on one line (or one with gyro, kind imu), or as many single axes"
             )
         if not self.accelerometers_suffice:
             return (
@@ -93,8 +93,15 @@ class LayoutCheck:
         return text
 
 
+def measured_channels(sensors: Iterable[Sensor]) -> NDArray[np.bool_]:
+    """Return which of three channels per accelerometer are measured, shape (3 S,)."""
+    return np.array([axis in sensor.axes for sensor in sensors for axis in AXES], dtype=bool)
+
+
 def motion_rows(sensors: Iterable[Sensor], cg: Array) -> Array:
     """Return the rows that map (a_cg, alpha) to the accelerometer samples in sensor axes, shape (3 S, 6).
+
+    Rows of axes that are not measured are zero.
 
     Parameters
     ----------
@@ -103,7 +110,9 @@ def motion_rows(sensors: Iterable[Sensor], cg: Array) -> Array:
     cg
         Centre of gravity [m], shape (3,).
     """
-    rows = [sensor.rotation.T @ point_motion_matrix(sensor.position - cg) for sensor in sensors]
+    rows = [
+        sensor.measured[:3, None] * (sensor.rotation.T @ point_motion_matrix(sensor.position - cg)) for sensor in sensors
+    ]
     return np.vstack(rows) if rows else np.zeros((0, 6))
 
 
@@ -140,7 +149,8 @@ def check_layout(sensors: Sequence[Sensor], cg: Array, coordinates: Sequence[str
     rank_all = int(np.sum(singular_all > 1e-6 * singular_all[0])) if singular_all[0] > 0.0 else 0
     undetermined = tuple(_direction_words(directions[i] * scale, coordinates) for i in range(rank_all, len(columns)))
     condition = float(singular[0] / singular[-1]) if rank == len(columns) else float("inf")
-    return LayoutCheck(tuple(coordinates), 3 * len(accelerometers), rank, rank_all, condition, length, undetermined)
+    channels = int(np.count_nonzero(measured_channels(accelerometers)))
+    return LayoutCheck(tuple(coordinates), channels, rank, rank_all, condition, length, undetermined)
 
 
 def _direction_words(direction: Array, coordinates: Sequence[str]) -> str:

@@ -213,6 +213,7 @@ def measure(
     values = np.clip(values, -sensor.full_scale, sensor.full_scale) if math.isfinite(sensor.full_scale) else values
     if errors.quantisation > 0.0:
         values[:, :3] = np.round(values[:, :3] / errors.quantisation) * errors.quantisation
+    values = sensor.only_measured(values)
     stamps = time if errors.stamp_error_std == 0.0 else time + errors.stamp_error_std * generator.standard_normal(len(time))
     stamp_ns = start_ns + np.round(stamps * 1e9).astype(np.int64)
     way = errors.latency * (0.5 + generator.exponential(0.5, len(time)))

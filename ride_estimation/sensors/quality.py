@@ -53,13 +53,14 @@ def judge_sensors(
     twins = _twins(recording.channels)
     spans = _span_findings(recording.channels)
     peers = _peer_findings(recording.channels, sensors)
-    for name, channel in recording.channels.items():
+    for name, whole in recording.channels.items():
         sensor = sensors[name]
+        channel = _measured_part(whole, sensor)
         quality = judge_channel(
-            channel, sensor.full_scale, None if left_out is None else left_out.get(name), largest=sensor.largest
+            channel, sensor.full_scale, None if left_out is None else left_out.get(name), largest=_largest(sensor)
         )
         extra = [*spans[name], *twins.get(name, ())]
-        finite = channel.values[np.all(np.abs(channel.values) <= sensor.largest[: channel.values.shape[1]], axis=1)]
+        finite = channel.values[np.all(np.abs(channel.values) <= _largest(sensor)[: channel.values.shape[1]], axis=1)]
         extra += plausibility_findings(sensor.kind, quality.rate_hz, finite, weight)
         if sensor.kind != "speed":  # which is of one sign and slow
             extra += unipolar_findings(finite)
@@ -68,7 +69,7 @@ def judge_sensors(
         if sensor.kind in ("accelerometer", "imu") and SLOWEST_HZ <= quality.rate_hz < LOW_RATE_HZ:
             seen = 0.4 * quality.rate_hz
             extra.append(f"{quality.rate_hz:.3g} Hz shows motion below {seen:.2g} Hz only; wheel hop is at 10 to 15 Hz")
-        if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and quality.samples:
+        if sensor.kind in ("accelerometer", "imu") and sensor.coupling == "dc" and sensor.triaxial and quality.samples:
             extra += gravity_findings(sensor.rotation @ quality.mean[:3], gravity)
         extra += peers.get(name, ())
         judged[name] = dataclasses.replace(quality, findings=(*quality.findings, *(with_action(f, NOTHING) for f in extra)))
@@ -83,19 +84,29 @@ def judge_sensors(
     return judged
 
 
+def _measured_part(channel: Channel, sensor: Sensor) -> Channel:
+    """Return the values that a sensor measures: what it does not measure has no quality."""
+    return channel if sensor.triaxial else dataclasses.replace(channel, values=channel.values[:, sensor.measured])
+
+
+def _largest(sensor: Sensor) -> tuple[float, ...]:
+    return tuple(itertools.compress(sensor.largest, sensor.measured.tolist()))
+
+
 def _peer_findings(channels: Mapping[str, Channel], sensors: Mapping[str, Sensor]) -> dict[str, list[str]]:
     """Return a finding for accelerometers that are far quieter or louder than the others on the same body.
 
     On a rigid body readings differ by place, but by less than tenfold in all axes together; the spread of the peers counts too.
     """
-    groups: dict[str, dict[str, float]] = {}
+    groups: dict[tuple[str, tuple[str, ...]], dict[str, float]] = {}
     for name, channel in channels.items():
         sensor = sensors[name]
         values = channel.values[np.all(np.abs(channel.values) <= sensor.largest[: channel.values.shape[1]], axis=1), :3]
         if sensor.kind in ("accelerometer", "imu") and len(values) > 1:
-            groups.setdefault(sensor.body, {})[name] = float(np.sqrt(np.sum(np.var(values, axis=0)) + 1e-24))
+            # a body shakes up and down more than sideways: only sensors of the same axes compare
+            groups.setdefault((sensor.body, sensor.axes), {})[name] = float(np.sqrt(np.sum(np.var(values, axis=0)) + 1e-24))
     found: dict[str, list[str]] = {}
-    for body, sizes in groups.items():
+    for (body, _), sizes in groups.items():
         noise = max(sensors[name].noise_std for name in sizes)
         levels = {name: float(np.log(size)) for name, size in sizes.items()}
         middle = float(np.median(list(levels.values())))

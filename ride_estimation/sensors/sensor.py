@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.frames import AXES
 from ride_estimation.sensors.installation import Installation
 from ride_estimation.signals.correction import NO_CORRECTION, Correction
 
@@ -70,6 +71,9 @@ class Sensor:
         Power of the angular frequency that the noise grows with: 2 for an acceleration that was made of a deflection.
     installation
         How well it is installed, None where the vehicle file states nothing of it.
+    axes
+        Axes that an accelerometer measures. A sample has three values all the same; that of an axis it does not measure is zero
+        and is a reading of nothing: no row of any equation.
     """
 
     name: str
@@ -89,11 +93,29 @@ class Sensor:
     correction: Correction = NO_CORRECTION
     noise_slope: int = 0
     installation: Installation | None = None
+    axes: tuple[str, ...] = AXES
 
     @property
     def channels(self) -> int:
         """Return the number of values in one sample."""
         return SENSOR_KINDS[self.kind][0]
+
+    @property
+    def triaxial(self) -> bool:
+        """Return whether all values of a sample are measured."""
+        return len(self.axes) == len(AXES)
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Return which values of a sample are measured, shape (C,)."""
+        found = np.ones(self.channels, dtype=bool)
+        if not self.triaxial:
+            found[: len(AXES)] = [axis in self.axes for axis in AXES]
+        return found
+
+    def only_measured(self, values: Array) -> Array:
+        """Return samples, shape (..., C), with zero for the axes that are not measured, whatever a message says of them."""
+        return values if self.triaxial else np.where(self.measured, values, 0.0)
 
     @property
     def largest(self) -> tuple[float, ...]:

@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
@@ -75,6 +78,16 @@ class Correction:
         values = bool(np.any(gain != 1.0) or np.any(bias != 0.0))
         return Correction(
             self.delay + found.delay, tuple(gain.tolist()) if values else (), tuple(bias.tolist()) if values else ()
+        )
+
+    def only(self, axes: Sequence[str]) -> Correction:
+        """Return the correction with gain and bias of the axes x, y, z that are measured; the others read nothing."""
+        if not self.changes_values or len(axes) == len(AXES):
+            return self
+        measured = [axis in axes for axis in AXES]
+        gain = tuple(g if m else 1.0 for g, m in zip(self.gains(len(AXES)).tolist(), measured))
+        return Correction(
+            self.delay, gain, tuple(b if m else 0.0 for b, m in zip(self.biases(len(AXES)).tolist(), measured))
         )
 
     def reach(self, full_scale: float) -> float:

@@ -83,8 +83,8 @@ class Arrangement:
 
     @property
     def has_base_motion(self) -> bool:
-        """Return whether every mount has an accelerometer on its base."""
-        return bool(self.mounts) and all(s is not None for s in self.base_sensors)
+        """Return whether every mount has a triaxial accelerometer on its base."""
+        return bool(self.mounts) and all(s is not None and s.triaxial for s in self.base_sensors)
 
     @property
     def mount_names(self) -> tuple[str, ...]:
@@ -217,9 +217,9 @@ def _base_sensor(vehicle: Vehicle, mount: Mount) -> Sensor | None:
 def channel_geometry(sensors: Sequence[Sensor], cg: Array) -> tuple[Array, Array]:
     """Return directions e in body axes and points r from the CG of accelerometer channels, shapes (C, 3).
 
-    Their rows of B are :func:`ride_estimation.sensors.layout.motion_rows`.
+    Their rows of B are :func:`ride_estimation.sensors.layout.motion_rows`; channels that are not measured have no direction.
     """
-    directions = np.vstack([s.rotation.T for s in sensors])
+    directions = np.vstack([s.measured[:3, None] * s.rotation.T for s in sensors])
     points = np.vstack([np.tile(s.position - cg, (3, 1)) for s in sensors])
     return directions, points
 

@@ -95,7 +95,8 @@ class BaseBalance:
         sensors = [s for s in a.base_sensors if s is not None]
         vertical = [m.elements.get(AXES[2]) for m in a.mounts]
         prior = np.array([tangent(e) if e is not None else (0.0, 0.0) for e in vertical]).reshape(count, 2).T.ravel()
-        self.possible = 3 <= count == len(sensors) and bool(np.all(prior > 0.0) and np.all(a.free[[2, 3, 4]]))
+        triaxial = all(s.triaxial for s in sensors)
+        self.possible = triaxial and 3 <= count == len(sensors) and bool(np.all(prior > 0.0) and np.all(a.free[[2, 3, 4]]))
         #: mounts whose sensors are left out, with what is said of each
         self.refused: dict[int, str] = {}
         #: two mounts whose sensors are exchanged, found just now

@@ -84,7 +84,7 @@ class BaseCheck:
         noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
         #: noise variance, square of the share that frames bend anyway, spare equations
         self._numbers = np.array([noise, _SHARE**2, self._spare])
-        self.possible = count >= 3 and all(s.coupling == sensors[0].coupling for s in sensors)
+        self.possible = count >= 3 and all(s.triaxial and s.coupling == sensors[0].coupling for s in sensors)
         self.ticks: dict[int, int] = {}
         self.reset()
 

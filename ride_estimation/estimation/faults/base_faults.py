@@ -95,7 +95,7 @@ class BaseFaults:
         place = np.array([s.position for s in sensors]).reshape(-1, 3)
         place = place - place.mean(axis=0) if len(place) else place
         spread = np.linalg.svd(place[:, :2], compute_uv=False) if len(place) >= 3 else np.zeros(2)
-        self.possible = len(place) >= 3 and bool(spread[1] > LEAST_SPREAD)
+        self.possible = len(place) >= 3 and bool(spread[1] > LEAST_SPREAD) and all(s.triaxial for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
         self._dc = np.array([s.coupling == "dc" for s in sensors], dtype=bool)
         #: sensors that are left out, and what is said about them; what is said about sensors that are used

@@ -47,7 +47,7 @@ class BaseNoise:
         self._names = tuple(s.name for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
         self._variance = np.array([s.noise_std**2 for s in sensors])[:, None]
-        self.possible = len(sensors) >= 3
+        self.possible = len(sensors) >= 3 and all(s.triaxial for s in sensors)
         #: sensors that are left out, with what is said of each; lines of the others
         self.refused: dict[int, str] = {}
         self.lines: dict[int, str] = {}

@@ -55,14 +55,15 @@ class GyroCheck:
 
     def __init__(self, sensors: Sequence[Sensor], gyros: Sequence[int], rows: Array, free: BoolArray) -> None:
         self._names = [sensors[i].name for i in gyros]
-        own = rows[:, free]
-        self.possible = bool(gyros) and len(own) > own.shape[1] and np.linalg.matrix_rank(own, tol=1e-6) == own.shape[1]
+        own, measured = rows[:, free], np.any(rows != 0.0, axis=1)
+        self.possible = bool(gyros) and int(measured.sum()) > own.shape[1]
+        self.possible = self.possible and np.linalg.matrix_rank(own, tol=1e-6) == own.shape[1]
         self.possible = self.possible and bool(free[3:].any())
         inverse = np.linalg.pinv(own, rcond=1e-6) if self.possible else np.zeros(own.T.shape)
         whole = np.zeros((6, len(rows)))
         whole[free] = inverse
         self._turn = whole[3:]
-        self._project = np.eye(len(rows)) - rows @ whole
+        self._project = np.diag(measured.astype(float)) - rows @ whole
         self._spare = max(float(np.trace(self._project)), 1.0)
         self._noise = np.sqrt(np.square(self._turn) @ np.repeat([s.noise_std**2 for s in sensors], 3))
         #: words on the gyros that are left out

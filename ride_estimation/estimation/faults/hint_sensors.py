@@ -19,6 +19,7 @@ from scipy import stats
 
 from ride_estimation.estimation.faults.hint_types import MEMORY, Hint, level
 from ride_estimation.frames import AXES
+from ride_estimation.sensors.layout import measured_channels
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -56,7 +57,8 @@ class SensorHints:
     def __init__(self, sensors: Sequence[Sensor], rows: Array, weights: Array) -> None:
         self._sensors = tuple(sensors)
         count = 3 * len(self._sensors)
-        matrix = np.eye(count) - rows[:count] @ weights[:, :count]
+        measured = measured_channels(self._sensors)
+        matrix = np.diag(measured.astype(float)) - rows[:count] @ weights[:, :count]
         inverse = 1.0 / np.repeat([s.noise_std for s in self._sensors], 3) ** 2
         parts = [matrix[:, 3 * i : 3 * i + 3] for i in range(len(self._sensors))]
         self._project = [inverse[:, None] * p for p in parts]
@@ -92,7 +94,7 @@ class SensorHints:
         normal, right = np.empty((len(self._sensors), _COUNT, _COUNT)), np.empty((len(self._sensors), _COUNT))
         for i, sensor in enumerate(self._sensors):
             part = slice(3 * i, 3 * i + 3)
-            if np.mean(moving[:, part] ** 2) < (_LEAST_SIGNAL * sensor.noise_std) ** 2:
+            if np.mean(moving[:, part][:, sensor.measured[:3]] ** 2) < (_LEAST_SIGNAL * sensor.noise_std) ** 2:
                 return  # a standing vehicle tells nothing, and its noise would pose as gain
             columns = _columns(moving[:, part], rate[:, part], angular @ sensor.rotation)
             flat = columns.reshape(_COUNT, -1)

@@ -149,7 +149,9 @@ class InputChecks:
         if self._noise.possible:
             streams = self._layout.base_arrays[0]
             self._keep_readings(block, gate)
-            verdict = self._balance.judged(self._noise.judged(verdict, streams), streams)
+            verdict = self._noise.judged(verdict, streams)
+            if self._balance.possible:
+                verdict = self._balance.judged(verdict, streams)
         if verdict.valid is not gate.valid:
             self._count(gate, verdict)
         return verdict

@@ -55,7 +55,7 @@ class RigidCheck:
     Parameters
     ----------
     rows
-        Rows ``[e, r x e]`` of the accelerometer channels, shape (3 S, 6).
+        Rows ``[e, r x e]`` of the accelerometer channels, zero where nothing is measured, shape (3 S, 6).
     directions, points
         Of the channels, shape (3 S, 3).
     noise
@@ -81,7 +81,8 @@ class RigidCheck:
             sensors = tuple(int(s) for s in np.flatnonzero(fit))
             channels = np.flatnonzero(np.repeat(fit, 3))
             h = self._rows[channels]
-            matrix = np.eye(len(h)) - h @ np.linalg.pinv(h, rcond=1e-6)
+            # a row without direction is of an axis that is not measured: no equation
+            matrix = np.diag(np.any(h != 0.0, axis=1).astype(float)) - h @ np.linalg.pinv(h, rcond=1e-6)
             blocks = [matrix[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(sensors))]
             inverse = np.array([np.linalg.pinv(b, rcond=1e-4, hermitian=True) for b in blocks]).reshape(len(blocks), 3, 3)
             ranks = np.array([np.linalg.matrix_rank(b, tol=1e-4, hermitian=True) for b in blocks], dtype=np.int64)

@@ -28,6 +28,7 @@ from ride_estimation.estimation.faults.gate_kernel import (
 )  # fmt: skip
 from ride_estimation.estimation.faults.rigid_check import RigidCheck
 from ride_estimation.estimation.faults.stuck_sensors import FLAT, REASONS, StuckSensors
+from ride_estimation.sensors.layout import measured_channels
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 
@@ -167,7 +168,10 @@ class SensorGate:
         self._dc = np.array([sensors[i].coupling == "dc" for i in self._accels])
         self._noise = np.array([sensors[i].noise_std for i in self._accels])
         self._limit = 0.999 * np.array([sensors[i].reach for i in self._accels])
-        self._stuck = StuckSensors(self._rotation, self._noise, self._dc, self._bodies, gravity)
+        measured = measured_channels(sensors[i] for i in self._accels).reshape(-1, 3)
+        #: whose mean is a vector that compares with those of the others
+        self._vectors = self._dc & measured.all(axis=1)
+        self._stuck = StuckSensors(self._rotation, self._noise, self._dc, self._bodies, gravity, measured)
         self._all = np.ones(len(self._accels), dtype=bool)
         self._transducers = tuple(transducers)
         self._transducer_columns = np.array([columns[i] for i in transducers], dtype=np.int64)
@@ -372,10 +376,10 @@ class SensorGate:
     ) -> None:
         """Judge the slow mean of every sensor against the median of the body: they ride together, but the body leans."""
         n = self._bodies
-        part = good[:n] & self._dc[:n]
+        part = good[:n] & self._vectors[:n]
         if not part.any():
             return
-        follows = self._dc if good is self._all else valid.all(axis=0) & self._dc
+        follows = self._vectors if good is self._all else valid.all(axis=0) & self._vectors
         largest = slow_means(scan.mean, self._rotation, part, follows, 1.0 - math.exp(-duration / _SLOW), self._slow)
         limit = math.hypot(_MEAN_LIMIT, _MOTION_LEFT * float(median_root(self._square, n)))
         if largest <= limit and MEAN not in self._latched.values():

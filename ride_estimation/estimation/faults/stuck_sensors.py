@@ -62,11 +62,21 @@ class StuckSensors:
         How many of them are on the body; the others are at the bases.
     gravity
         [m/s^2].
+    measured
+        Which axes they measure, shape (A, 3); all where None.
     """
 
-    def __init__(self, rotation: Array, noise: Array, dc: NDArray[np.bool_], bodies: int, gravity: float) -> None:
+    def __init__(
+        self, rotation: Array, noise: Array, dc: NDArray[np.bool_], bodies: int, gravity: float,
+        measured: NDArray[np.bool_] | None = None,
+    ) -> None:  # fmt: skip
         self._rotation, self._noise, self._dc, self._gravity = rotation, noise, dc, gravity
         count = len(rotation)
+        self._measured = measured = np.ones((count, 3), dtype=bool) if measured is None else measured
+        self._triaxial = measured.all(axis=1)
+        # what a sensor at rest reads of gravity along the axes it measures
+        seen = np.linalg.norm(measured * rotation[:, 2], axis=1)
+        self._at_rest = gravity * np.where(self._triaxial, 1.0, seen)
         groups = (np.arange(bodies), np.arange(bodies, count))
         beside = [g[g != a] for a in range(count) for g in groups if a in g]
         #: whose range along an axis counts: the sensors beside it, all others where there are none
@@ -109,18 +119,20 @@ class StuckSensors:
         self._blocks = [*self._blocks[-math.ceil(_RESTS_IN / (dt * ticks)) :], values]
         if not first and not self._all_varied:
             self._varied |= self.axis_run < ticks
-            self._all_varied = bool(self._varied.all())
+            self._all_varied = bool((self._varied | ~self._measured).all())
         least = max(_TICKS, math.ceil(_TIME / dt - 1e-9))
         found: dict[int, str] = {}
         if scan.longest >= least:
-            for a in np.flatnonzero((scan.runs >= least).any(axis=0)).tolist():
+            # one axis alone repeats by its resolution
+            needed = np.where(self._triaxial, least, max(least, math.ceil(_DEAD_TIME / dt)))
+            for a in np.flatnonzero((scan.runs >= needed).any(axis=0)).tolist():
                 reason = self._sample(a, scan, square, dt)
                 if reason or a in refused:
                     found[a] = reason or FLAT
         self._stuck &= self.axis_run >= least
         lasting = max(least, math.ceil(_AXIS_TIME / dt - 1e-9))
         if scan.longest_axis >= least:
-            for a, c in np.argwhere(self._stuck | (self.axis_run >= lasting)).tolist():
+            for a, c in np.argwhere(self._stuck | (self._measured & (self.axis_run >= lasting))).tolist():
                 self._stuck[a, c] = self._stuck[a, c] or (a not in found and self._others_range(a, c, dt))
                 if self._stuck[a, c]:
                     found.setdefault(a, FLAT_AXES[c])
@@ -150,7 +162,7 @@ class StuckSensors:
         size = np.sqrt(np.maximum(square, scan.figures[DEVIATION])[np.arange(len(square)) != a])
         if (lasting or bool(self._varied[a].any())) and size.size and np.median(size) > _MOVING * self._noise[a]:
             return FLAT
-        off = abs(float(np.linalg.norm(scan.mean[a])) - self._gravity)
+        off = abs(float(np.linalg.norm(scan.mean[a])) - self._at_rest[a])
         return DEAD if lasting and self._dc[a] and off > _OFF * self._gravity else ""
 
     def _others_range(self, a: int, c: int, dt: float) -> bool:

@@ -162,20 +162,21 @@ class SwappedTopics:
         if key not in self._setups:
             body = np.flatnonzero(fit[: self.bodies])
             h = self._rows[np.repeat(fit[: self.bodies], 3)]
-            self._setups[key] = (np.eye(len(h)) - h @ np.linalg.pinv(h, rcond=1e-6), self._exchanges(fit, body))
+            measured = np.diag(np.any(h != 0.0, axis=1).astype(float))
+            self._setups[key] = (measured - h @ np.linalg.pinv(h, rcond=1e-6), self._exchanges(fit, body))
         return self._setups[key]
 
     def _exchanges(self, fit: BoolArray, body: NDArray[np.int64]) -> list[_Exchange]:
         found = []
         for i, j in itertools.product(body.tolist(), np.flatnonzero(fit).tolist()):
-            if j <= i or self._sensors[i].channels != self._sensors[j].channels:
+            if j <= i or self._sensors[i].channels != self._sensors[j].channels or self._sensors[i].axes != self._sensors[j].axes:
                 continue
             order = [{i: j, j: i}.get(n, n) for n in body.tolist()]
             channels = np.concatenate([np.arange(3 * n, 3 * n + 3) for n in order])
             if j < self.bodies:
                 found.append(_Exchange(i, j, channels))
                 continue
-            others = [n for n in np.flatnonzero(fit).tolist() if n >= self.bodies and n != j]
+            others = [n for n in np.flatnonzero(fit).tolist() if n >= self.bodies and n != j and self._sensors[n].triaxial]
             weights = _rigid_weights(self._sensors[j], [self._sensors[n] for n in others])
             if weights is not None:
                 found.append(_Exchange(i, j, channels, self._misfit(j, j, others, weights), self._misfit(i, j, others, weights)))

@@ -34,7 +34,7 @@ from ride_estimation.estimation.motion.sensor_drift import motion_error
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.estimation.motion.spare_rate import SpareRate
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
-from ride_estimation.sensors.layout import motion_rows
+from ride_estimation.sensors.layout import measured_channels, motion_rows
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -127,7 +127,9 @@ class CgMotionEstimator:
         #: what is estimated: along an axis that is no coordinate of a planar body gravity and motion of the base are there too
         self._estimated: BoolArray = self._free | (np.arange(6) < 3)
         self._unknowns = int(np.sum(self._estimated))
-        self._spare = max(len(directions) - self._unknowns, 0)
+        #: channels that are measured, shape (3 S,); those of the others are zero, as are their rows
+        self._measured = measured_channels(self.sensors)
+        self._spare = max(int(self._measured.sum()) - self._unknowns, 0)
         self._used_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._estimated])
         self._centripetal = centripetal_terms(self.directions, self.points)
         told = self._spare if self._free[3:].all() else 0
@@ -337,7 +339,8 @@ class CgMotionEstimator:
         if self._same > _LEFT_OUT and not mask.all() and not np.array_equal(mask, self._summed):
             # what a sensor left in the residuals before it was left out says nothing about the others
             self._summed, self._sums = mask.copy(), ResidualSums.empty(3 * len(mask))
-        return bool(mask.all()) or (self._same > _LEFT_OUT and 3 * int(mask.sum()) > self._unknowns)
+        left = int((np.repeat(mask, 3) & self._measured).sum())
+        return bool(mask.all()) or (self._same > _LEFT_OUT and left > self._unknowns)
 
     def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
         """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
@@ -407,7 +410,7 @@ class CgMotionEstimator:
         """
         drift = self._follow_drift(dt)
         sums, stated = self._compared()
-        used = np.flatnonzero(np.repeat(self._mask, 3))
+        used = np.flatnonzero(np.repeat(self._mask, 3) & self._measured)
         if len(used) <= self._unknowns or sums.count < _LEAST_SUMS:
             return 1.0, np.zeros((6, 6)), drift
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]

@@ -134,11 +134,11 @@ class ResidualSums:
         return cls(products, mean, square, signal, float(saved["turn_square"]), float(saved["count"]))
 
 
-def _tolerated(sums: ResidualSums, stated: Array) -> Array:
+def _tolerated(sums: ResidualSums, stated: Array, measured: NDArray[np.bool_]) -> Array:
     """Return the variance of a channel: stated noise plus gain and place tolerances times the motion, shape (C,)."""
     count, dynamic = sums.count, sums.dynamic()
     # cross sensitivity: a channel sees a share of what the other channels of its sensor see
-    shared = np.repeat(dynamic.reshape(-1, 3).mean(axis=1), 3)
+    shared = np.repeat(dynamic.reshape(-1, 3).sum(axis=1) / np.maximum(measured.reshape(-1, 3).sum(axis=1), 1), 3)
     turn = sums.turn_square / (3.0 * count)
     return np.asarray(stated + GAIN_TOLERANCE**2 * shared + PLACE_TOLERANCE**2 * turn)
 
@@ -157,16 +157,16 @@ def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequenc
     stated
         Stated noise variance of the channels, shape (C,).
     free
-        Rows of B of the free coordinates, shape (C, F).
+        Rows of B of the free coordinates, zero for channels that are not measured, shape (C, F).
     names
         Of the sensors, three channels each.
     """
-    count = 3 * len(names)
-    spare = count - (int(np.linalg.matrix_rank(free, tol=1e-6)) if free.size else 0)
+    count, measured = 3 * len(names), np.any(free != 0.0, axis=1)
+    spare = int(measured.sum()) - (int(np.linalg.matrix_rank(free, tol=1e-6)) if free.size else 0)
     empty = ResidualTest(1.0, np.inf, "", 0.0, (), np.ones(count))
     if spare <= 0 or sums.count < 50:
         return empty
-    variance = _tolerated(sums, stated)
+    variance = _tolerated(sums, stated, measured)
     inverse = np.diag(1.0 / variance)
     covariance = np.linalg.pinv(free.T @ inverse @ free, hermitian=True)
     q = inverse - inverse @ free @ covariance @ free.T @ inverse

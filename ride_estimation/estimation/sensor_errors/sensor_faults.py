@@ -132,10 +132,13 @@ class FaultTest:
         """Use the stated noise variance of the channels, shape (3 S,) [(m/s^2)^2]."""
         self._digest()
         self.interrupt()
-        scaled = self._rows / np.sqrt(variance)[:, None]
+        # a row of zeros is of an axis that is not measured: no equation
+        measured = np.any(self._rows != 0.0, axis=1)
+        scaled = self._rows[measured] / np.sqrt(variance[measured])[:, None]
         left, singular, _ = np.linalg.svd(scaled, full_matrices=True)
         rank = int(np.sum(singular > 1e-6 * singular[0])) if singular.size else 0
-        self._whitening = left[:, rank:].T / np.sqrt(variance)
+        self._whitening = np.zeros((len(left) - rank, len(variance)))
+        self._whitening[:, measured] = left[:, rank:].T / np.sqrt(variance[measured])
 
     def interrupt(self) -> None:
         """Say that the next tick does not follow the last one."""

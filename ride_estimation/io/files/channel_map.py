@@ -63,12 +63,12 @@ class ChannelMap:
 
 
 def components(sensor: Sensor) -> tuple[tuple[str, str], ...]:
-    """Return (component name, SI unit) of every value of a sensor, in the order of its samples."""
+    """Return (component name, SI unit) of every value that a sensor measures, in the order of its samples."""
     units = {"accelerometer": "m/s^2", "imu": "m/s^2", "force": "N", "displacement": "m", "speed": "m/s"}
     return tuple(
         (f"{sensor.name}.{part}" if part else sensor.name, "rad/s" if part.startswith("gyro") else units[sensor.kind])
-        for part in _COMPONENTS[sensor.kind]
-    )
+        for part, measured in zip(_COMPONENTS[sensor.kind], sensor.measured.tolist()) if measured
+    )  # fmt: skip
 
 
 def default_map(sensors: Mapping[str, Sensor]) -> ChannelMap:

@@ -125,7 +125,8 @@ def _sensor_channel(
     if reason:
         problems.append(f"{sensor.name}: {reason}")
         return None
-    values = np.column_stack([part.values for part in parts])
+    values = np.zeros((len(first), sensor.channels))
+    values[:, sensor.measured] = np.column_stack([part.values for part in parts])
     good = np.all(np.isfinite(values), axis=1)
     if not np.all(good):
         ignored[f"{sensor.name}: no value in the file"] += int(np.sum(~good))
@@ -155,7 +156,7 @@ def recording_groups(
         table = [
             FileChannel(name, unit, run.time_s, np.where(run.valid[sensor.name], run.data[sensor.name][:, i], np.nan))
             for sensor in sensors.values() if sensor.name in run.data
-            for i, (name, unit) in enumerate(components(sensor))
+            for i, (name, unit) in zip(np.flatnonzero(sensor.measured).tolist(), components(sensor))
         ]  # fmt: skip
         return [table], run.start_ns
     start = min(int(channel.stamp_ns.min()) for channel in recording.channels.values())
@@ -163,8 +164,8 @@ def recording_groups(
     for name, channel in recording.channels.items():
         stamps, places = np.unique(channel.stamp_ns, return_index=True)
         time = np.asarray((stamps - start) * 1e-9, dtype=np.float64)
-        parts = components(sensors[name])
-        groups.append([FileChannel(part, unit, time, channel.values[places, i]) for i, (part, unit) in enumerate(parts)])
+        parts = zip(np.flatnonzero(sensors[name].measured).tolist(), components(sensors[name]))
+        groups.append([FileChannel(part, unit, time, channel.values[places, i]) for i, (part, unit) in parts])
     return groups, start
 
 
