@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from ride_estimation.elements.harmonic import DEFINITIONS, loop_stiffness
 from ride_estimation.errors import InputDataError
 
 Array = NDArray[np.float64]
@@ -41,6 +42,8 @@ class LoopResult:
         Angular frequency [rad/s].
     form
         Mean square over squared mean of the speed: 1 for ramps at constant speed, ``pi^2/8`` for a sine.
+    by_definition
+        Dynamic stiffness K of the mean cycle [N/m] by each definition of :mod:`ride_estimation.elements.harmonic`.
     """
 
     stiffness: float
@@ -49,6 +52,7 @@ class LoopResult:
     amplitude: float
     omega: float
     form: float
+    by_definition: dict[str, float]
 
     @property
     def wave(self) -> str:
@@ -108,7 +112,8 @@ def analyse_loop(time_s: ArrayLike, displacement: ArrayLike, force: ArrayLike, f
     squared_speed = form * (2.0 * omega * amplitude / math.pi) ** 2
     loss = float(scipy.integrate.trapezoid(fg, xg)) / cycles
     stiffness = float((response[1] / harmonics[1]).real)
-    return LoopResult(stiffness, loss * frequency_hz / squared_speed, loss, amplitude, omega, form)
+    named = {definition: loop_stiffness(smooth, mean_f, definition) for definition in DEFINITIONS}
+    return LoopResult(stiffness, loss * frequency_hz / squared_speed, loss, amplitude, omega, form, named)
 
 
 def _checked(t: Array, x: Array, f: Array, frequency_hz: float) -> float:

@@ -14,7 +14,7 @@ from ride_estimation.identification.bench.columns import (
     numpy_gram,
 )
 from ride_estimation.identification.bench.reversals import find_motion
-from ride_estimation.identification.bench.variable_projection import eliminate_offset, minimise, solve_linear
+from ride_estimation.identification.bench.variable_projection import eliminate_offset, first_order, minimise, solve_linear
 
 H = 2e-3
 
@@ -50,6 +50,30 @@ def test_fused_and_numpy_passes_give_the_same_matrix(layout, weighted):
     scale = np.sqrt(np.outer(np.diag(b), np.diag(b)))
     # relative to the columns' norms: rounding of a sum of 4000 products
     assert np.max(np.abs(a - b) / scale) < 1e-12
+
+
+def test_a_small_step_needs_no_pass_over_the_data():
+    layout, motion = LAYOUTS[3], find_motion(signal(), H)
+    force = np.random.default_rng(1).standard_normal(motion.x.size)
+    theta, step = theta_of(layout), np.array([2e-3, -3e-3, 1e-3])
+    here, there = (eliminate_offset(numpy_gram(layout, motion, at, force, force.size)) for at in (theta, theta + step))
+    moved = first_order(here, step, layout.linear, np.arange(layout.static, layout.linear))
+    basis = slice(0, layout.linear)
+    scale = np.sqrt(np.outer(np.diag(there), np.diag(there)))
+    # the columns move by their sensitivities: what is left is of second order
+    assert np.max(np.abs(moved - there)[basis, basis] / scale[basis, basis]) < 1e-5
+    assert np.max(np.abs(here - there)[basis, basis] / scale[basis, basis]) > 1e-3
+    assert np.max(np.abs(moved - there)[basis, -1] / scale[basis, -1]) < 1e-5
+
+
+def test_means_keep_the_noise_of_all_samples_and_the_branches():
+    motion = find_motion(signal(), H)
+    few = motion.decimated(7)
+    assert few.x == pytest.approx(motion.x[: few.x.size * 7].reshape(-1, 7).mean(axis=1), abs=1e-18)
+    # a mean belongs to the branch in which its middle lies
+    middle = np.arange(few.x.size) * 7 + 3
+    expected = np.searchsorted(motion.starts, middle, side="right")
+    assert np.array_equal(np.searchsorted(few.starts, np.arange(few.x.size), side="right"), expected)
 
 
 @pytest.mark.parametrize("layout", [x for x in LAYOUTS if x.nonlinear])

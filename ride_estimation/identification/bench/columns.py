@@ -25,14 +25,14 @@ import scipy
 from numpy.typing import NDArray
 
 from ride_estimation.identification.bench.reversals import Motion
-from ride_estimation.jit import COMPILED, compile_kernel
+from ride_estimation.jit import COMPILED, compile_kernel, compile_sum_kernel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FRICTION_NONE, FRICTION_BERG, FRICTION_DAHL = 0, 1, 2
-#: samples per block of the fused pass: the block of columns stays in the first-level cache
-BLOCK = 256
+#: samples per block of the fused pass: the block of columns stays in the cache
+BLOCK = 512
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +101,7 @@ def branch_states(kind: int, length: float, anchors: Array, directions: Array) -
     return state, slope
 
 
-@compile_kernel
+@compile_sum_kernel
 def _friction_block(
     kind: int,
     length: float,
@@ -144,7 +144,7 @@ def _friction_block(
     return branch
 
 
-@compile_kernel
+@compile_sum_kernel
 def _static_rows(x: Array, h: float, lo: int, n: int, spring: bool, cubic: bool, viscous: bool, block: Array) -> None:
     """Write the columns without memory of samples lo to lo + n."""
     row = 0
@@ -211,6 +211,24 @@ def _cell_rules(rates: Array, h: float) -> Array:
     return rules
 
 
+@compile_sum_kernel
+def _add_products(block: Array, gram: Array) -> None:
+    """Add the products of all rows of a block to the upper triangle of a matrix; two rows by two, each read once per tile."""
+    for a in range(0, block.shape[0], 2):
+        for b in range(a, block.shape[0], 2):
+            s00, s01, s10, s11 = 0.0, 0.0, 0.0, 0.0
+            for i in range(block.shape[1]):
+                p0, p1, q0, q1 = block[a, i], block[a + 1, i], block[b, i], block[b + 1, i]
+                s00 += p0 * q0
+                s01 += p0 * q1
+                s10 += p1 * q0
+                s11 += p1 * q1
+            gram[a, b] += s00
+            gram[a, b + 1] += s01
+            gram[a + 1, b] += s10
+            gram[a + 1, b + 1] += s11
+
+
 @compile_kernel
 def gram_kernel(
     x: Array,
@@ -233,7 +251,8 @@ def gram_kernel(
     static = int(spring) + int(cubic) + int(viscous)
     linear = static + cells + friction
     columns = linear + cells + friction + 2
-    gram, block, steps = np.zeros((columns, columns)), np.zeros((columns, BLOCK)), np.zeros(BLOCK)
+    even = columns + columns % 2  # a row of zeros makes whole tiles
+    gram, block, steps = np.zeros((even, even)), np.zeros((even, BLOCK)), np.zeros(BLOCK)
     state, slope = branch_states(kind, length, anchors, directions) if friction else (np.zeros(1), np.zeros(1))
     rules, memory = _cell_rules(rates, h), np.zeros((cells, 2))
     branch = 0
@@ -274,8 +293,11 @@ def gram_kernel(
                     block[c, i] *= weight[lo + i]
         if n < BLOCK:
             block[:, n:] = 0.0
-        gram += np.dot(block, block.T)
-    return gram
+        _add_products(block, gram)
+    for a in range(columns):
+        for b in range(a):
+            gram[a, b] = gram[b, a]
+    return gram[:columns, :columns].copy()
 
 
 def fused_gram(layout: Layout, motion: Motion, theta: Array, force: Array, stop: int, weight: Array | None = None) -> Array:

@@ -59,10 +59,23 @@ class Motion:
     corner_hz: float
 
     def decimated(self, factor: int) -> Motion:
-        """Return every ``factor``-th sample with the branches kept (for a cheap start of a search)."""
-        x = np.ascontiguousarray(self.x[::factor])
-        starts = np.minimum(-(-self.starts // factor), x.size)
-        return dataclasses.replace(self, x=x, step_s=self.step_s * factor, starts=starts)
+        """Return means of ``factor`` samples, the branches kept, for a cheap start of a search; the last few are left out."""
+        x = block_means(self.x, factor)
+        # a mean belongs to the branch in which its middle lies
+        starts = np.minimum(-(-(2 * self.starts - factor + 1) // (2 * factor)), x.size)
+        starts[-1] = x.size
+        return dataclasses.replace(self, x=x, step_s=self.step_s * factor, starts=np.maximum(starts, 0))
+
+
+def block_means(values: Array, factor: int) -> Array:
+    """Return the means of ``factor`` samples at a time, shape (N // factor,).
+
+    Spring and Maxwell cells are linear: they hold between means of displacement and force as they do between samples, and the
+    noise of the force is that of all samples, where every ``factor``-th sample would throw most of it away.
+    """
+    whole = values[: values.size // factor * factor].reshape(-1, factor)
+    means: Array = whole @ np.full(factor, 1.0 / factor)
+    return means
 
 
 def noise_level(values: Array) -> float:
@@ -76,10 +89,11 @@ def noise_level(values: Array) -> float:
     window = min(values.size, 1000)
     firsts = np.unique(np.linspace(0, values.size - window, min(24, values.size // window)).astype(int))
     parts = values[firsts[:, None] + np.arange(window)]
+    difference = np.diff(parts, n=2, axis=1)
     for order in (4, 6, 8, 10):
         if order >= window:
             break
-        difference = np.diff(parts, n=order, axis=1)
+        difference = np.diff(difference, n=2, axis=1)
         deviation = float(np.median(np.abs(difference))) / 0.6745
         best = min(best, deviation / float(np.sqrt(scipy.special.comb(2 * order, order))))
     return best if np.isfinite(best) else 0.0

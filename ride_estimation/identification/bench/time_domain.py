@@ -13,8 +13,9 @@ from ride_estimation.identification.bench import columns as columns_module
 from ride_estimation.identification.bench.columns import Layout, numpy_columns, simulate
 from ride_estimation.identification.bench.models import BenchModel
 from ride_estimation.identification.bench.record import BenchRecord, clipped_samples
-from ride_estimation.identification.bench.reversals import Motion, find_motion
+from ride_estimation.identification.bench.reversals import Motion, block_means, find_motion
 from ride_estimation.identification.bench.variable_projection import (
+    COST_TOLERANCE,
     VariableProjectionResult,
     eliminate_offset,
     minimise,
@@ -25,8 +26,8 @@ GramFunction = Callable[..., Array]
 
 #: friction displacement is searched between these shares of the displacement range
 LENGTH_BOUNDS = (1.0e-4, 5.0)
-#: fewest samples of the decimated search
-_DECIMATED_SAMPLES = 4000
+#: fewest samples of the decimated search, and the relative fall of its cost below which the full record goes on
+_DECIMATED_SAMPLES, _DECIMATED_TOLERANCE = 4000, 1.0e-6
 #: motion below this share of the whole stroke at the start of a record is rest
 REST_SHARE = 2.0e-3
 #: number of stretches a single record gives to validation
@@ -65,10 +66,13 @@ class PreparedRecord:
         return np.ones(self.force.size, dtype=bool) if self.weight is None else self.weight > 0.0
 
     def decimated(self, factor: int) -> PreparedRecord:
-        """Return every ``factor``-th sample."""
-        weight = None if self.weight is None else np.ascontiguousarray(self.weight[::factor])
-        force = np.ascontiguousarray(self.force[::factor])
-        held = None if self.held_out is None else self.held_out[::factor]
+        """Return means of ``factor`` samples at a time; one that holds a left-out sample is left out."""
+        force = block_means(self.force, factor)
+        weight, held = self.weight, self.held_out
+        if weight is not None:
+            weight = weight[: force.size * factor].reshape(-1, factor).min(axis=1)
+        if held is not None:
+            held = held[: force.size * factor].reshape(-1, factor).max(axis=1)
         return dataclasses.replace(self, motion=self.motion.decimated(factor), force=force, weight=weight, held_out=held)
 
 
@@ -223,19 +227,20 @@ def fit_time_domain(
     """
     lower, upper = search_bounds(model.layout, prepared)
     points = start_points(model.layout, lower, upper, starts) if start is None else [np.asarray(start, dtype=float)]
-    factor = decimation(prepared, upper, model.layout) if decimate else 1
+    factor = decimation(prepared) if decimate else 1
+    tolerance = _DECIMATED_TOLERANCE if factor > 1 else COST_TOLERANCE
     coarse = [p.decimated(factor) for p in prepared] if factor > 1 else list(prepared)
     best: VariableProjectionResult | None = None
     passes = 0
     for point in points if model.layout.nonlinear else points[:1]:
-        found = _search_physical(model, coarse, point, lower, upper, gram)
+        found = _search_physical(model, coarse, point, lower, upper, gram, tolerance)
         passes += found.passes
         if best is None or found.cost < best.cost:
             best = found
     if best is None:
         raise ValueError("at least one start is needed")
     if factor > 1:
-        best = _search_physical(model, list(prepared), best.theta, lower, upper, gram)
+        best = _search_physical(model, list(prepared), best.theta, lower, upper, gram, COST_TOLERANCE)
     theta, coefficients = _ascending(model, best)
     ordered = dataclasses.replace(
         best,
@@ -248,7 +253,7 @@ def fit_time_domain(
     return TimeDomainFit(model, model.physical(theta, coefficients), theta, coefficients, ordered, samples)
 
 
-def decimation(prepared: Sequence[PreparedRecord], upper: Array, layout: Layout) -> int:
+def decimation(prepared: Sequence[PreparedRecord]) -> int:
     """Return by how much a search may be decimated: ten at most, and never below a few thousand samples."""
     return int(np.clip(min(p.force.size for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
 
@@ -260,6 +265,7 @@ def _search_physical(
     lower: Array,
     upper: Array,
     gram: GramFunction | None,
+    tolerance: float,
 ) -> VariableProjectionResult:
     """Search without sign bounds first; move cells that end negative; hold what stays negative at zero."""
     free = np.zeros(model.layout.linear, dtype=bool)
@@ -268,7 +274,8 @@ def _search_physical(
         return total_gram(model.layout, prepared, theta, gram)
 
     def run(theta: Array, positive: NDArray[np.bool_]) -> VariableProjectionResult:
-        return minimise(evaluate, theta, lower, upper, model.layout.linear, model.sensitivities, positive)
+        linear = model.layout.linear
+        return minimise(evaluate, theta, lower, upper, linear, model.sensitivities, positive, cost_tolerance=tolerance)
 
     found = run(start, free)
     repairs = 0

@@ -80,6 +80,24 @@ def eliminate_offset(gram: Array) -> Array:
     return reduced
 
 
+def first_order(gram: Array, step: Array, linear: int, sensitivities: NDArray[np.int64]) -> Array:
+    """Return the Gram matrix of ``[B + dB step, dB, F]``: that of a small step in theta without another pass over the data.
+
+    Parameters
+    ----------
+    gram
+        Gram matrix of [B, dB, F], offset eliminated, shape (P + Q + 1, P + Q + 1).
+    step
+        Change of theta, shape (Q,).
+    linear, sensitivities
+        See :func:`project`.
+    """
+    change = np.eye(gram.shape[0])
+    change[linear + np.arange(step.size), sensitivities] = step
+    moved: Array = change.T @ gram @ change
+    return moved
+
+
 def solve_linear(basis: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[Array, tuple[int, ...]]:
     """Solve normal equations with some coefficients not below zero (active set); columns are scaled first."""
     scale = np.sqrt(np.maximum(np.diag(basis), np.finfo(float).tiny))
@@ -165,6 +183,7 @@ def minimise(
     sensitivities: NDArray[np.int64],
     positive: NDArray[np.bool_],
     *,
+    cost_tolerance: float = COST_TOLERANCE,
     max_passes: int = 60,
 ) -> VariableProjectionResult:
     """Minimise the reduced cost by Levenberg-Marquardt inside bounds.
@@ -177,6 +196,8 @@ def minimise(
         Nonlinear parameters (logarithms), shape (Q,).
     linear, sensitivities, positive
         See :func:`project`.
+    cost_tolerance
+        Relative fall of the cost, promised or made, below which the search has arrived.
     max_passes
         Limit of passes over the data.
     """
@@ -186,6 +207,7 @@ def minimise(
         raise InputDataError("the record and the start values give no finite model force")
     point = project(gram, linear, sensitivities, positive)
     passes, iterations, damping, converged = 1, 0, 1e-3, theta.size == 0
+    doubt = 1.0  # share by which the last step missed the gain it promised
     while passes < max_passes and not converged:
         held = ((theta <= lower) & (point.gradient > 0)) | ((theta >= upper) & (point.gradient < 0))
         move = np.flatnonzero(~held)
@@ -197,12 +219,17 @@ def minimise(
         diagonal = np.maximum(diagonal, 1e-300)
         step = np.zeros(theta.size)
         step[move] = -np.linalg.solve(h + damping * np.diag(diagonal), point.gradient[move])
-        # the gain a Gauss-Newton step still promises, in shares of the cost: far below what noise can tell
-        if float(-step[move] @ point.gradient[move]) < COST_TOLERANCE * point.cost:
-            converged = True
-            break
+        promised = float(-step[move] @ point.gradient[move])
         step = np.clip(step, -2.0, 2.0)
         trial = np.clip(theta + step, lower, upper)
+        # a step whose promise will be missed by far less than noise can tell needs no pass over the data
+        if promised * doubt < cost_tolerance * point.cost:
+            moved = first_order(gram, trial - theta, linear, sensitivities)
+            moved_point = project(moved, linear, sensitivities, positive)
+            if moved_point.cost <= point.cost:
+                theta, gram, point = trial, moved, moved_point
+            converged = True
+            break
         if float(np.max(np.abs(trial - theta))) < STEP_TOLERANCE:
             converged = True
             break
@@ -211,10 +238,11 @@ def minimise(
         passes += 1
         if trial_point.cost < point.cost:
             fall = (point.cost - trial_point.cost) / point.cost
+            doubt = min(1.0, abs(1.0 - fall * point.cost / promised))
             theta, gram, point = trial, trial_gram, trial_point
             iterations += 1
             damping = max(damping * 0.1, 1e-9)
-            converged = fall < COST_TOLERANCE
+            converged = fall < cost_tolerance
         else:
             damping *= 10.0
             converged = damping > 1e8
