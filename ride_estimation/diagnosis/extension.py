@@ -16,7 +16,7 @@ from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.data_range import seen_in
-from ride_estimation.vehicles.identified import with_parameter
+from ride_estimation.vehicles.identified import with_parameter, with_seen
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -99,11 +99,9 @@ def with_knowledge(
             value = mount.elements[axis].addressed()[address][1] if len(plain) == 1 else 0.0
             if value > 0.0 and np.isfinite(std[p]):
                 mount = with_parameter(mount, axis, address, value, float(value * std[p]), "calibrated by diagnose")
-        seen = seen_in(deflection[:, p], 1.0 / rate_hz, float(preload[name, axis]))
-        if seen is not None:
-            mount = dataclasses.replace(mount, seen={**mount.seen, axis: seen})
         mounts[name] = mount
-    return dataclasses.replace(vehicle, mounts=mounts)
+    seen = {port: seen_in(deflection[:, p], 1.0 / rate_hz, float(preload[port])) for p, port in enumerate(ports)}
+    return with_seen(dataclasses.replace(vehicle, mounts=mounts), seen)
 
 
 def add_parallel(vehicle: Vehicle, mount: str, axis: str, kind: str, values: Mapping[str, float]) -> Vehicle:

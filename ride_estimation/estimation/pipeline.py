@@ -46,10 +46,13 @@ from ride_estimation.estimation.parameters.force_balance import BalanceInput
 from ride_estimation.estimation.parameters.identifiable import describe
 from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
 from ride_estimation.estimation.parameters.static_travel import Load, StaticTravel
+from ride_estimation.frames import AXES
 from ride_estimation.sensors.streams import stream_specs
 from ride_estimation.signals.alignment import Block, StampAligner
 from ride_estimation.signals.batch_feed import BatchFeed
 from ride_estimation.signals.recording import Recording
+from ride_estimation.vehicles.assembly import assemble
+from ride_estimation.vehicles.data_range import DataRange, RangeMeter
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -97,6 +100,10 @@ class Pipeline:
         #: what static travel says of a load that the file does not know
         self._load: Load | None = None
         self._factor = 1.0
+        assembly = assemble(vehicle)
+        preload = dict(zip(assembly.components, np.round(assembly.static_tension, 3).tolist(), strict=True))
+        self._ports = tuple((name, axis) for name in a.mount_names for axis in AXES)
+        self._shown = RangeMeter(*(preload.get(port) for port in self._ports))
         cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
         used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers, *cells]
         self._sensors = tuple({s.name: s for s in used}.values())
@@ -212,6 +219,7 @@ class Pipeline:
         self._forces.restart()
         self._parameters.restart()
         self._travel.reset()
+        self._shown.restart()
         self._fill.restart()
         self._hints.reset()
         self._checks.reset(same_time=reason == NUMERICAL_FAULT)
@@ -408,6 +416,7 @@ class Pipeline:
         moved = p.observe(data, motion, complete, stamp_ns, dt)
         self._checks.follow_changes(p.changes)
         if complete:
+            self._shown.observe(deflection.deflection.reshape(len(support), -1), dt)
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_anchor:
             self._next_anchor = self._run_time + 1.0
@@ -475,6 +484,10 @@ class Pipeline:
         doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.doubt
         doubt = doubt or self._anchor.load_doubt
         return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
+
+    def seen(self) -> dict[tuple[str, str], DataRange | None]:
+        """Return the motion and preload that the data showed of every mount axis since the start, None where none yet."""
+        return dict(zip(self._ports, self._shown.ranges(), strict=True))
 
     def identifiability(self) -> dict[str, Any]:
         """Return what the data can and cannot tell, in words."""

@@ -26,7 +26,7 @@ from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.json_file import read_json
 from ride_estimation.io.packed_arrays import pack, unpack
 from ride_estimation.io.vehicle_file import vehicle_to_mapping
-from ride_estimation.vehicles.identified import with_identified
+from ride_estimation.vehicles.identified import with_identified, with_seen
 from ride_estimation.vehicles.vehicle import Vehicle
 
 SAVED_SCHEMA = "ride_estimation/saved_state/2"
@@ -63,7 +63,8 @@ def save_results(folder: str | Path, pipeline: Pipeline) -> tuple[Path, Path]:
         for e in pipeline.parameters()
         if e.status in IDENTIFIED and math.isfinite(e.value) and math.isfinite(e.std) and e.std > 0.0
     }
-    identified = vehicle_to_mapping(with_identified(pipeline.vehicle, values, "identified by ride_estimation"))
+    vehicle = with_seen(with_identified(pipeline.vehicle, values, "identified by ride_estimation"), pipeline.seen())
+    identified = vehicle_to_mapping(vehicle)
     write_atomically(vehicle_file, yaml.safe_dump(identified, sort_keys=False, allow_unicode=True, width=120))
     return vehicle_file, save_state(folder / f"{name}_state.json", pipeline)
 

@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 
 #: share of the power of the deflection rate that lies between the two frequencies
 POWER_SHARE = 0.95
+#: fewest samples that show a motion
+_LEAST = 8
+#: length of the stretches of a run whose spectra are added up [s]
+_STRETCH_S = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,16 +58,77 @@ def seen_in(deflection: Array, step_s: float, preload: float | None = None) -> D
     preload
         Mean force [N] the element carried.
     """
-    x = np.asarray(deflection, dtype=float) - float(np.mean(deflection))
-    largest = float(np.max(np.abs(x), initial=0.0))
-    if x.size < 8 or not largest > 0.0:
-        return None
-    frequency = np.fft.rfftfreq(x.size, step_s)
+    x = np.asarray(deflection, dtype=float)[:, None]
+    return _range(*_shown(x), step_s, len(x), preload)[0] if len(x) >= _LEAST else None
+
+
+def _shown(deflection: Array) -> tuple[Array, Array]:
+    """Return the largest distance from the mean of every column, shape (P,), and the power of its rate, shape (F, P)."""
+    x = deflection - deflection.mean(axis=0)
     # a record that does not end where it began would leak over all frequencies
-    power = (frequency * np.abs(np.fft.rfft(x * np.hanning(x.size)))) ** 2
-    share = np.cumsum(power) / float(np.sum(power))
-    low, high = (float(frequency[np.searchsorted(share, s)]) for s in (0.5 - 0.5 * POWER_SHARE, 0.5 + 0.5 * POWER_SHARE))
-    return DataRange(largest, (low, high), None if preload is None else (preload, preload))
+    spectrum = np.abs(np.fft.rfft(x * np.hanning(len(x))[:, None], axis=0))
+    power: Array = (np.arange(len(spectrum), dtype=float)[:, None] * spectrum) ** 2
+    return np.abs(x).max(axis=0), power
+
+
+def _range(
+    largest: Array, power: Array, step_s: float, samples: int, *preload: float | None
+) -> tuple[DataRange | None, ...]:
+    frequency = np.fft.rfftfreq(samples, step_s)
+    out: list[DataRange | None] = []
+    for size, column, load in zip(largest, power.T, preload, strict=True):
+        if not (size > 0.0 and np.sum(column) > 0.0):
+            out.append(None)
+            continue
+        share = np.cumsum(column) / float(np.sum(column))
+        low, high = (float(frequency[np.searchsorted(share, s)]) for s in (0.5 - 0.5 * POWER_SHARE, 0.5 + 0.5 * POWER_SHARE))
+        out.append(DataRange(float(size), (low, high), None if load is None else (load, load)))
+    return tuple(out)
+
+
+class RangeMeter:
+    """What data show of several elements while they arrive: :func:`seen_in` of stretches of 10 s, their power added up.
+
+    Parameters
+    ----------
+    preload
+        Mean force each element carries [N], None where it is not known, length P.
+    """
+
+    def __init__(self, *preload: float | None) -> None:
+        self._preload = preload
+        self._begin(0.0)
+
+    def _begin(self, step_s: float) -> None:
+        count = len(self._preload)
+        self._step, self._largest, self._power = step_s, np.zeros(count), np.zeros((0, count))
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new stretch; what whole stretches showed stays."""
+        self._blocks: list[Array] = []
+        self._held = 0
+
+    def observe(self, deflection: Array, step_s: float) -> None:
+        """Take a block of deflections [m], shape (n, P), with its sample time [s]; another one than before begins anew."""
+        if step_s != self._step:
+            self._begin(step_s)
+        self._blocks.append(np.array(deflection))
+        self._held += len(deflection)
+        samples = round(_STRETCH_S / step_s)
+        if self._held < samples:
+            return
+        held = np.concatenate(self._blocks)
+        self.restart()
+        largest, power = _shown(held[:samples])
+        self._power = self._power + power if len(self._power) else power
+        self._largest = np.maximum(self._largest, largest)
+
+    def ranges(self) -> tuple[DataRange | None, ...]:
+        """Return what was shown of every element, None before the first whole stretch and where it does not move."""
+        if not len(self._power):
+            return tuple(None for _ in self._preload)
+        return _range(self._largest, self._power, self._step, round(_STRETCH_S / self._step), *self._preload)
 
 
 def union(ranges: Iterable[DataRange | None]) -> DataRange | None:

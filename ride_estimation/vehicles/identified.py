@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
+from ride_estimation.vehicles.data_range import DataRange
 from ride_estimation.vehicles.vehicle import Mount, Prior, Vehicle
 
 
@@ -63,3 +64,20 @@ def with_parameter(mount: Mount, axis: str, name: str, value: float, std: float,
         elements={**mount.elements, axis: element.with_values({name: kept})},
         priors={**mount.priors, (axis, name): prior},
     )
+
+
+def with_seen(vehicle: Vehicle, seen: Mapping[tuple[str, str], DataRange | None]) -> Vehicle:
+    """Return a copy whose elements say what the data showed of them.
+
+    Parameters
+    ----------
+    vehicle
+        With the identified values in it.
+    seen
+        (mount, axis) -> motion and preload in the data; None leaves what the vehicle says.
+    """
+    mounts = dict(vehicle.mounts)
+    for (name, axis), shown in seen.items():
+        if shown is not None:
+            mounts[name] = dataclasses.replace(mounts[name], seen={**mounts[name].seen, axis: shown})
+    return dataclasses.replace(vehicle, mounts=mounts)

@@ -87,6 +87,20 @@ def test_forces_agree_with_equilibrium_and_with_the_truth():
     assert pipeline.health().residual.passed
 
 
+def test_the_motion_in_the_data_is_known_of_every_mount_axis():
+    cab, _, _ = world(0, 14.0)
+    pipeline, blocks = learned(0)
+    stamps = joined(blocks, "stamp_ns")
+    first = joined(blocks, "mount_deflection")[stamps < stamps[0] + 10 * 10**9, :, 2]
+    seen = pipeline.seen()
+    assert set(seen) == {(mount, axis) for mount in cab.mount_names for axis in "xyz"}
+    for i, mount in enumerate(cab.mount_names):
+        shown = seen[mount, "z"]
+        assert shown.deflection == pytest.approx(np.max(np.abs(first[:, i] - first[:, i].mean())), rel=0.1)
+        assert 0.2 < shown.frequency[0] < 3.0 < shown.frequency[1] < 25.0
+        assert shown.preload[1] < -1000.0, "the cab stands on it"
+
+
 def test_uncertainty_of_forces_is_the_sum_of_its_parts():
     _, blocks = learned(0)
     last = blocks[-2]

@@ -21,7 +21,7 @@ from ride_estimation.export.adams import bushing_text
 from ride_estimation.export.elements import exported
 from ride_estimation.export.simscape import script_text
 from ride_estimation.export.tables import static_curve, stiffness_table, table_text
-from ride_estimation.vehicles.data_range import DataRange, seen_in, union
+from ride_estimation.vehicles.data_range import DataRange, RangeMeter, seen_in, union
 from ride_estimation.vehicles.vehicle import Prior
 
 SEEN = DataRange(0.004, (0.5, 20.0), (900.0, 1100.0))
@@ -139,3 +139,21 @@ def test_what_data_show_is_their_reach_and_their_band() -> None:
     assert together.frequency[0] == one.frequency[0] and together.frequency[1] == pytest.approx(9.0, abs=0.11)
     assert (together.deflection, together.preload) == (one.deflection, (1000.0, 1000.0))
     assert seen_in(np.full(100, 3.0), 0.005) is None
+
+
+def test_what_data_show_while_they_arrive_is_what_their_record_shows() -> None:
+    t = np.arange(13000) / 200.0
+    x = np.stack([0.003 * np.sin(2 * np.pi * 2.2 * t) + 0.05, 0.001 * np.sin(2 * np.pi * 9.0 * t), 0.0 * t], axis=1)
+    meter = RangeMeter(1000.0, None, 0.0)
+    for k in range(0, 1900, 20):
+        meter.observe(x[k : k + 20], 0.005)
+    assert meter.ranges() == (None, None, None), "less than a stretch"
+    for k in range(1900, len(x), 20):
+        meter.observe(x[k : k + 20], 0.005)
+    first, second, still = meter.ranges()
+    assert (first.preload, second.preload, still) == ((1000.0, 1000.0), None, None)
+    for found, record in ((first, seen_in(x[:, 0], 0.005)), (second, seen_in(x[:, 1], 0.005))):
+        assert found.deflection == pytest.approx(record.deflection, rel=1e-3)
+        assert found.frequency == pytest.approx(record.frequency, abs=0.11)
+    meter.observe(x[:20], 0.01)
+    assert meter.ranges() == (None, None, None), "spectra of another rate are not added"

@@ -24,6 +24,7 @@ from ride_estimation.io.packed_arrays import pack, unpack
 from ride_estimation.io.state_file import Snapshot, fingerprint, load_state, restore_state, save_results, save_state
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
+from ride_estimation.vehicles.data_range import DataRange
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -183,3 +184,11 @@ def test_identified_vehicle_file_and_state_carry_the_version(tmp_path: Path) -> 
     vehicle_file, state_file = save_results(tmp_path, Pipeline(vehicle()))
     assert load_vehicle(vehicle_file).name == vehicle().name
     assert load_state(state_file)["software"] == ride_estimation.__version__
+
+
+def test_identified_vehicle_file_says_what_the_data_showed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pipeline = Pipeline(vehicle())
+    (mount, axis), *_ = pipeline.seen()
+    monkeypatch.setattr(pipeline, "seen", lambda: {(mount, axis): DataRange(0.003, (0.5, 18.0)), (mount, "y"): None})
+    found = load_vehicle(save_results(tmp_path, pipeline)[0]).mounts[mount].seen
+    assert found == {axis: DataRange(0.003, (0.5, 18.0))}
