@@ -4,22 +4,26 @@
 from __future__ import annotations
 
 import argparse
+import json
+import math
+from pathlib import Path
 
 import numpy as np
 
 from ride_estimation.assessment import ride_comfort, seat
 from ride_estimation.cli.finite import require_finite
-from ride_estimation.cli.run_procedures import RUN_PROCEDURES, uniform_rate
+from ride_estimation.cli.run_procedures import RUN_PROCEDURES, uniform_rate, write_columns
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, leaf_spring, modal_stiffness, static_tests, voigt_limits
-from ride_estimation.io.atomic import replacing
+from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.results import output_folder
-from ride_estimation.io.tables import read_table
+from ride_estimation.io.tables import Table, read_table
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals import integration
+from ride_estimation.signals.smoothing import fourth_order_rate, gauss_smooth
 from ride_estimation.signals.spectra import label_peaks, welch_spectrum
 from ride_estimation.vehicles.assembly import assemble
-from ride_estimation.vehicles.modes import linearise, undamped_modes
+from ride_estimation.vehicles.modes import linearise, modes, undamped_modes
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -46,6 +50,8 @@ def _loop(options: argparse.Namespace) -> None:
             f"{path.name}: {frequency:g} Hz, {1000 * r.amplitude:.3g} mm, {r.wave}: stiffness {r.stiffness:.5g} N/m, "
             f"equivalent damping {r.damping:.4g} N s/m, loss {r.loss_energy:.4g} J a cycle"
         )
+        named = ", ".join(f"{name.replace('_', ' ')} {k:.5g}" for name, k in r.by_definition.items())
+        print(f"  dynamic stiffness K = |K*| by definition [N/m]: {named}")
         if r.stiffness <= 0.0 or r.loss_energy <= 0.0:
             print("warning: a spring that pushes the wrong way, or a loop that gives energy: sign of force or displacement?")
     warning = hysteresis_loop.viscous_check(loops)
@@ -102,20 +108,34 @@ def _leaf(options: argparse.Namespace) -> None:
 def _velocity(options: argparse.Namespace) -> None:
     table = read_table(options.file)
     rate = uniform_rate(table)
+    if options.of_displacement:
+        _rate_of_displacement(options, table, rate)
+        return
     acceleration = table.column(options.column, "m/s^2")
     found = integration.acceleration_to_velocity(acceleration, rate, options.corner_hz)
     duration = acceleration.size / rate
     drift = integration.velocity_drift(options.noise_m_per_s2, rate, duration)
-    rows = np.column_stack([table.column("time"), found])
-    output_folder(options.out.parent)
-    with replacing(options.out) as new:
-        np.savetxt(new, rows, delimiter=",", header="time_s,velocity_m_per_s", comments="", fmt="%.9g")
+    write_columns(options.out, ["time_s", "velocity_m_per_s"], table.column("time"), found)
     print(
         f"offset {acceleration.mean():.4g} m/s^2 removed: left in, it would drift to "
         f"{abs(acceleration.mean()) * duration:.3g} m/s in {duration:.4g} s, the noise alone to {drift:.3g} m/s; "
         f"high-pass {options.corner_hz:g} Hz without phase"
     )
     print(f"{options.out}: velocity {np.std(found):.4g} m/s rms; filter every signal it is compared with alike")
+
+
+def _rate_of_displacement(options: argparse.Namespace, table: Table, rate: float) -> None:
+    """Differentiate a measured displacement as document 004 does: Gauss kernel, then the difference of fourth order."""
+    displacement, sd_s = table.column(options.column, "m"), 1e-3 * options.kernel_ms
+    smooth = gauss_smooth(displacement, rate, sd_s)
+    found = fourth_order_rate(smooth, 1.0 / rate)
+    write_columns(options.out, ["time_s", "velocity_m_per_s"], table.column("time"), found)
+    at_half = math.sqrt(2.0 * math.log(2.0)) / (2.0 * math.pi * sd_s)
+    print(
+        f"{options.out}: velocity {np.std(found):.4g} m/s rms; the Gauss kernel of {options.kernel_ms:g} ms halves {at_half:.3g} "
+        f"Hz and moves the displacement by up to {1e3 * float(np.abs(displacement - smooth).max()):.3g} mm: take the rate from "
+        "it, the displacement as measured"
+    )
 
 
 def _seat(options: argparse.Namespace) -> None:
@@ -171,6 +191,16 @@ def _spectrum(options: argparse.Namespace) -> None:
 
 
 def _modes(options: argparse.Namespace) -> None:
+    vehicle = load_vehicle(options.vehicle)
+    if options.matrices is not None:
+        _matrices(vehicle, options.matrices)
+    if not options.measured:
+        if options.front_rear:
+            raise InputDataError("--front-rear fits stiffness to modes: give --measured")
+        _list_modes(vehicle)
+        if options.closed_form:
+            _closed_form(vehicle, {})
+        return
     measured = {}
     for item in options.measured:
         name, _, value = item.partition("=")
@@ -178,7 +208,6 @@ def _modes(options: argparse.Namespace) -> None:
             measured[name] = float(value)
         except ValueError as error:
             raise InputDataError(f"--measured {item!r}: give MODE=HZ, for example bounce=2.6") from error
-    vehicle = load_vehicle(options.vehicle)
     fit = modal_stiffness.fit_stiffness(vehicle, measured, front_rear=options.front_rear)
     for group, factor in fit.factors.items():
         untold = "as in the vehicle file: these modes do not tell it"
@@ -193,6 +222,30 @@ def _modes(options: argparse.Namespace) -> None:
     for row in fit.modes:
         if abs(row.error_percent) > 1.0:
             print(static_tests.stiffness_ratio(row.model_hz, row.measured_hz))
+
+
+def _list_modes(vehicle: Vehicle) -> None:
+    """Print the modes of the vehicle file, gravity and coupling included."""
+    print(f"{'mode':<24}{'Hz':>10}{'damping ratio':>16}")
+    for mode in modes(linearise(assemble(vehicle))):
+        print(f"{mode.words:<24}{mode.frequency_hz:>10.4g}{mode.damping_ratio:>16.3g}")
+
+
+def _matrices(vehicle: Vehicle, path: Path) -> None:
+    """Write the state space of the linear vehicle with the name of every state and input: their order is a convention."""
+    model = linearise(assemble(vehicle))
+    a, b = model.state_space()
+    states = [f"{body}.{coordinate}" for body, coordinate in model.assembly.coordinates]
+    inputs = [f"{mount}.{axis}" for mount, axis in model.assembly.components]
+    driven = np.flatnonzero(np.tile(model.assembly.prescribed, 2))
+    names = [*(f"{name}.displacement" for name in inputs), *(f"{name}.velocity" for name in inputs)]
+    document = {
+        "states": [*(f"{name}.displacement" for name in states), *(f"{name}.velocity" for name in states)],
+        "inputs": [names[i] for i in driven], "A": a.tolist(), "B": b[:, driven].tolist(),
+    }  # fmt: skip
+    output_folder(path.parent)
+    write_atomically(path, json.dumps(document, indent=1))
+    print(f"{path}: x' = A x + B u, {len(a)} states, {len(driven)} inputs (motion of the bases), each named; SI and rad")
 
 
 def _closed_form(vehicle: Vehicle, measured: dict[str, float]) -> None:

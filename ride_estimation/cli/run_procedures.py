@@ -6,12 +6,15 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ride_estimation.elements.base import ForceElement
+from ride_estimation.elements.stability import STABILITY_BOUNDS, largest_explicit_step, require_explicit_step
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.excitation import jounce_programme, road_analysis
 from ride_estimation.identification import nonparametric_damping
@@ -160,13 +163,27 @@ def _force(options: argparse.Namespace) -> None:
     if element is None or problems:
         raise ConfigurationError(problems, where=str(options.element))
     stepper = ElementStepper(element, 1.0 / rate)
-    force = np.array([stepper.step(float(x), float(v)) for x, v in zip(deflection, np.gradient(deflection) * rate, strict=True)])
+    speed = np.gradient(deflection) * rate
+    force = np.array([stepper.step(float(x), float(v)) for x, v in zip(deflection, speed, strict=True)])
     write_columns(options.out, ["time_s", "force_n"], table.column("time", "s"), force)
     print(f"{element.KIND} stepped at {rate:g} Hz: force {force.min():.5g} to {force.max():.5g} N, {np.std(force):.4g} N rms")
+    _explicit_steps(element, float(np.abs(speed).max()), options.explicit_step_s)
     if "force" in table.columns:
         measured = table.column("force", "N")
         error = measured - force - float(np.mean(measured - force))
         print(f"measured force of the file: NRMSE {100 * float(np.std(error) / max(np.std(measured), 1e-300)):.3g} %")
+
+
+def _explicit_steps(element: ForceElement, peak_speed: float, step_s: float | None) -> None:
+    """Print below which step an explicit solver integrates the memory of the element on this record; refuse a given one."""
+    longest = {method: largest_explicit_step(element, peak_speed, method) for method in STABILITY_BOUNDS}
+    if math.isinf(longest["euler"]):
+        print("explicit solvers: no memory with a rate, any step is stable")
+        return
+    listed = ", ".join(f"{method} below {1e3 * step:.3g} ms" for method, step in longest.items())
+    print(f"explicit solvers at {peak_speed:.3g} m/s: {listed}; the exact step used here has no bound")
+    if step_s is not None:
+        require_explicit_step(element, step_s, peak_speed)
 
 
 RUN_PROCEDURES = {"damping": _damping, "operating-range": _operating_range, "road": _road, "force": _force}

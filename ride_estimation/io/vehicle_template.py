@@ -37,6 +37,8 @@ class Template:
         Number of mounts, number of three-axis accelerometers on the body.
     base_sensors
         Whether every mount base has an accelerometer.
+    cg, inertia
+        CG [m] and tensor about it [kg m^2] where they are known from parts; placeholders otherwise.
     """
 
     name: str = "my_vehicle"
@@ -45,6 +47,8 @@ class Template:
     mounts: int = 4
     sensors: int = 4
     base_sensors: bool = True
+    cg: tuple[float, ...] | None = None
+    inertia: tuple[tuple[float, ...], ...] | None = None
 
 
 def vehicle_template(template: Template) -> str:
@@ -75,9 +79,7 @@ def vehicle_template(template: Template) -> str:
         "bodies:",
         f"  {template.body}:",
         f"    mass_kg: {{value: {template.mass:g}, relative_std: 0.02, source: replace by how it was weighed}}",
-        "    cg_m: {value: [0.0, 0.0, 0.0], std: [0.05, 0.03, 0.05]}     # replace",
-        f"    inertia_kg_m2: {{ixx: {inertia:.4g}, iyy: {inertia:.4g}, izz: {inertia:.4g}, relative_std: 0.2}}     "
-        "# replace; about the CG",
+        *_distribution(template, inertia),
         "mounts:",
         "  # stiffness and damping are priors: relative_std says how far the truth may be; elements.md lists other kinds",
     ]
@@ -105,6 +107,23 @@ def vehicle_template(template: Template) -> str:
         f"  - {{kind: known_mass, body: {template.body}}}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _distribution(template: Template, guess: float) -> list[str]:
+    """Return the lines of CG and inertia: those of the parts, or placeholders."""
+    if template.cg is None or template.inertia is None:
+        equal = f"ixx: {guess:.4g}, iyy: {guess:.4g}, izz: {guess:.4g}"
+        return [
+            "    cg_m: {value: [0.0, 0.0, 0.0], std: [0.05, 0.03, 0.05]}     # replace",
+            f"    inertia_kg_m2: {{{equal}, relative_std: 0.2}}     # replace; about the CG",
+        ]
+    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    listed = ", ".join(f"i{'xyz'[i]}{'xyz'[j]}: {template.inertia[i][j] + 0.0:.6g}" for i, j in places)
+    centre = ", ".join(f"{v + 0.0:.5g}" for v in template.cg)
+    return [
+        f"    cg_m: {{value: [{centre}], std: [0.05, 0.03, 0.05]}}     # from the parts; replace the standard deviation",
+        f"    inertia_kg_m2: {{{listed}, relative_std: 0.1}}     # from the parts; about the CG",
+    ]
 
 
 def _check(template: Template) -> None:

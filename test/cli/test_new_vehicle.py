@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
@@ -59,3 +60,40 @@ def test_a_terminal_is_asked_for_what_is_not_given(tmp_path: Path, monkeypatch: 
     assert main(["new-vehicle", "--sensors", "5", "--out", str(tmp_path / "v.yaml")]) == 0
     vehicle = load_vehicle(tmp_path / "v.yaml")
     assert len(vehicle.mounts) == 3 and len(asked) == 3
+
+
+PARTS = "mass_kg,x_m,y_m,z_m,ixx_kg_mm2,iyy_kg_mm2,izz_kg_mm2,ixz_kg_mm2\n"
+
+
+def test_mass_cg_and_inertia_come_from_a_table_of_parts(tmp_path, capsys):
+    """Two half boxes of 50 kg make a box of 2 x 0.6 x 0.4 m; about a point beside it the parallel axes come on top."""
+    half = ",".join(f"{50 * 1e6 * (u**2 + w**2) / 12:.9g}" for u, w in ((0.6, 0.4), (1.0, 0.4), (1.0, 0.6)))
+    parts, out = tmp_path / "parts.csv", tmp_path / "v.yaml"
+    parts.write_text(f"{PARTS}50,0.5,0.1,0.2,{half},0\n50,1.5,0.1,0.2,{half},0\n")
+    assert main(["new-vehicle", "--parts", str(parts), "--about", "0", "0.1", "0.2", "--out", str(out)]) == 0
+    assert "about (0, 0.1, 0.2) m (parallel axes): Ixx 4.3333, Iyy 134.67, Izz 136.33 kg m^2" in capsys.readouterr().out
+    body = load_vehicle(out).bodies["cab"]
+    assert body.mass.value == 100.0
+    assert np.asarray(body.cg) == pytest.approx([1.0, 0.1, 0.2])
+    assert np.asarray(body.inertia) == pytest.approx(np.diag([100 * 0.52, 100 * 4.16, 100 * 4.36]) / 12, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "said"),
+    [
+        ("1200,0,0,0,7.3e14,5.4e14,8.1e14,0", [], "row 2: inertia ixx"),
+        ("-3,0,0,0,1e6,1e6,1e6,0", [], "row 2: mass -3 kg"),
+        ("3,0,0,0,1e6,1e6,1e6,0", ["--mass-kg", "3"], "give one"),
+    ],
+)
+def test_parts_that_cannot_be_are_refused(tmp_path, capsys, rows, more, said):
+    parts, out = tmp_path / "parts.csv", tmp_path / "v.yaml"
+    parts.write_text(PARTS + rows + "\n")
+    assert main(["new-vehicle", "--parts", str(parts), *more, "--out", str(out)]) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_point_without_parts_is_refused(tmp_path, capsys):
+    assert main(["new-vehicle", "--about", "0", "0", "0", "--out", str(tmp_path / "v.yaml")]) == 2
+    assert "--parts" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """End to end: ``ride-estimation procedure``."""
 
+import json
 import re
 from pathlib import Path
 
@@ -265,3 +266,58 @@ def test_a_lifting_force_and_its_arms_give_the_tyre_stiffness(tmp_path, capsys):
     assert "tyre stiffness 4e+05" in capsys.readouterr().out
     assert main(["procedure", "tyre-lift", table, "--lift-arm-m", "3.0"]) == 2
     assert "belong together" in capsys.readouterr().err
+
+
+def test_loop_prints_the_stiffness_by_every_definition(tmp_path, capsys):
+    """x + x^3 of a sine: the first harmonic sees 3/4 of the cubic part, the secant all of it."""
+    phase = 2 * np.pi * np.linspace(0, 3, 3001)
+    x, a = 2e-3 * np.sin(phase), 2e-3
+    file = write(tmp_path / "loop.csv", "time_s,displacement_m,force_n", phase / (4 * np.pi), x, 1e5 * x + 1e10 * x**3)
+    assert main(["procedure", "loop", file, "--frequency", "2"]) == 0
+    line = next(s for s in capsys.readouterr().out.splitlines() if "by definition" in s)
+    found = {name: float(value) for name, value in re.findall(r"(first harmonic|secant at max|peak to peak) ([0-9.e+]+)", line)}
+    assert found["first harmonic"] == pytest.approx(1e5 + 0.75 * 1e10 * a**2, rel=1e-4)
+    assert found["secant at max"] == found["peak to peak"] == pytest.approx(1e5 + 1e10 * a**2, rel=1e-4)
+
+
+def test_velocity_of_a_displacement(tmp_path, capsys):
+    t = np.arange(2000) / 500.0
+    file = write(tmp_path / "travel.csv", "time_s,travel_mm", t, 10 * np.sin(2 * np.pi * 3 * t))
+    out = tmp_path / "v.csv"
+    assert main(["procedure", "velocity", file, "--column", "travel", "--of-displacement", "--out", str(out)]) == 0
+    assert "halves 37.5 Hz" in capsys.readouterr().out
+    found = np.loadtxt(out, delimiter=",", skiprows=1)[50:-50]
+    gain = np.exp(-((2 * np.pi * 3 * 0.005) ** 2) / 2)
+    assert found[:, 1] == pytest.approx(gain * 0.06 * np.pi * np.cos(2 * np.pi * 3 * found[:, 0]), abs=1e-5)
+    command = ["procedure", "velocity", file, "--column", "travel", "--out", str(out)]
+    assert main(command) == 2, "no acceleration"
+    assert main([*command, "--of-displacement", "--kernel-ms", "0"]) == 2
+
+
+def test_modes_writes_matrices_whose_states_and_inputs_are_named(tmp_path, capsys):
+    out = tmp_path / "ab.json"
+    assert main(["procedure", "modes", "--vehicle", "planar_cab_seat_set_b", "--matrices", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert [float(row.split()[-2]) for row in printed.splitlines()[2:]] == pytest.approx([1.0, 4.5, 21.7], abs=0.01)
+    document = json.loads(out.read_text())
+    a, b = np.array(document["A"]), np.array(document["B"])
+    assert a.shape == (6, 6) == (len(document["states"]),) * 2
+    assert b.shape == (6, len(document["inputs"]))
+    # bases that all rise by one: after that the body rests, risen by one
+    rise = np.array([name.endswith(".z.displacement") for name in document["inputs"]], dtype=float)
+    risen = np.array([name.endswith(".z.displacement") for name in document["states"]], dtype=float)
+    assert a @ risen + b @ rise == pytest.approx(np.zeros(6), abs=1e-9 * np.abs(a).max())
+    assert np.abs(np.linalg.eigvals(a)).min() / (2 * np.pi) == pytest.approx(1.0, abs=0.01)
+
+
+def test_force_says_which_step_an_explicit_solver_may_take(tmp_path, capsys):
+    element = tmp_path / "element.yaml"
+    element.write_text("kind: maxwell\nstiffness_n_per_m: 1.0e5\ndamping_n_s_per_m: 20\n")
+    t = np.arange(200) / 1000.0
+    file = write(tmp_path / "x.csv", "time_s,displacement_mm", t, np.sin(20 * t))
+    command = ["procedure", "force", file, "--element", str(element), "--out", str(tmp_path / "f.csv")]
+    assert main(command) == 0
+    assert "euler below 0.4 ms, rk4 below 0.557 ms" in capsys.readouterr().out
+    assert main([*command, "--explicit-step-s", "0.0003"]) == 0
+    assert main([*command, "--explicit-step-s", "0.0005"]) == 2
+    assert "below 0.0004 s" in capsys.readouterr().err

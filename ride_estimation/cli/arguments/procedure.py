@@ -52,9 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     leaf.add_argument("--force-n", type=float, help="load of a test instead of the geometry")
     leaf.add_argument("--deflection-m", type=float, help="deflection under that load")
 
-    velocity = kinds.add_parser("velocity", help="velocity from a measured acceleration, offset removed and high-passed")
+    velocity = kinds.add_parser("velocity", help="velocity from a measured acceleration (high-passed) or displacement (smoothed)")
     velocity.add_argument("file", type=Path, help="CSV: time_s and the column")
-    velocity.add_argument("--column", required=True, help="acceleration column without its unit suffix")
+    velocity.add_argument("--column", required=True, help="column without its unit suffix")
+    velocity.add_argument("--of-displacement", action="store_true", help="the column is a displacement: it is differentiated")
+    velocity.add_argument("--kernel-ms", type=float, default=5.0, help="Gauss kernel before that, standard deviation (default 5)")
     velocity.add_argument("--corner-hz", type=float, default=0.3, help="corner of the high-pass (default 0.3)")
     velocity.add_argument("--noise-m-per-s2", type=float, default=0.02, help="noise of the accelerometer (default 0.02)")
     velocity.add_argument("--out", type=Path, required=True, metavar="CSV", help="table of time_s and velocity_m_per_s")
@@ -78,11 +80,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     spectrum.add_argument("--block", type=int, required=True, help="samples per block")
     spectrum.add_argument("--claimed-resolution-hz", type=float, default=None, help="refused unless true")
 
-    modes = kinds.add_parser("modes", help="mount stiffness from measured modes of the cab")
+    modes = kinds.add_parser("modes", help="modes of a vehicle file; mount stiffness from measured modes of the cab")
     modes.add_argument("--vehicle", metavar="V.yaml", required=True, help="vehicle file, or the name of a bundled one")
-    modes.add_argument("--measured", nargs="+", required=True, metavar="MODE=HZ", help="for example bounce=2.6 roll=2.4")
+    modes.add_argument(
+        "--measured", nargs="+", default=[], metavar="MODE=HZ", help="fit the stiffness to these, for example bounce=2.6 roll=2.4"
+    )
     modes.add_argument("--front-rear", action="store_true", help="factors of their own for front and rear mounts")
     modes.add_argument("--closed-form", action="store_true", help="also the closed form of document 000, and where it fails")
+
+    modes.add_argument("--matrices", type=Path, metavar="JSON", help="write A and B, states and inputs named")
 
     limits = kinds.add_parser("voigt-limits", help="error of a spring and damper tuned at one frequency at the other resonances")
     limits.add_argument("--vehicle", metavar="V.yaml", required=True, help="vehicle file, or the name of a bundled one")

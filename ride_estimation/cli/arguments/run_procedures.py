@@ -35,3 +35,4 @@ def add_run_procedures(kinds: Any) -> None:
     force.add_argument("file", type=Path, help="CSV: time_s, displacement_mm (extension positive); force_n if measured")
     force.add_argument("--element", type=Path, required=True, metavar="YAML", help="element.yaml of identify")
     force.add_argument("--out", type=Path, required=True, metavar="CSV", help="table of time_s and force_n (tension)")
+    force.add_argument("--explicit-step-s", type=float, metavar="H", help="refuse a step an explicit Euler solver cannot take")
