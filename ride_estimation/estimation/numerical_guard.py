@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""The last line behind filters that are stable by themselves: arithmetic that fails, and forces that no vehicle can carry.
+"""The last line behind filters that are stable by themselves: arithmetic that fails, forces and travel that no vehicle can have.
 
 Either is a numerical fault. It is counted in words, the ticks of the block are handed out as not valid, and the pipeline begins
 anew from what was learned before.
@@ -15,9 +15,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL
 from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.frames import AXES
 from ride_estimation.signals.streams import Block
 
 Array = NDArray[np.float64]
@@ -35,6 +38,8 @@ MOST_FAULTS, OTHER_FAULTS = 20, "others"
 _LARGEST_ACCELERATION = 300.0
 #: load on one mount over what all together carry: a body that turns loads one side and relieves the other
 _ON_ONE_MOUNT = 2.0
+#: bisections of the travel in which a law takes a force: to a micrometre
+_BISECTIONS = 20
 #: variance of what is not estimated [unit^2]
 _UNKNOWN_VARIANCE = 1e6
 
@@ -50,7 +55,8 @@ class NumericalGuard:
     Parameters
     ----------
     arrangement
-        Body and mounts; its masses and the full scale of its sensors tell the largest load.
+        Body and mounts; its masses and the full scale of its sensors tell the largest load, the laws of its mounts (springs, gaps
+        and stiffness of stops) how far that load deflects them.
     """
 
     def __init__(self, arrangement: Arrangement) -> None:
@@ -61,6 +67,20 @@ class NumericalGuard:
         reach = max((s.reach for s in arrangement.body_sensors if math.isfinite(s.reach)), default=_LARGEST_ACCELERATION)
         #: largest force a mount can carry, and the largest load on the body [N]: all its weight at the largest acceleration
         self.largest = _ON_ONE_MOUNT * arrangement.file_mass * (reach + arrangement.vehicle.gravity)
+        ends = [[[self._travel(m.elements.get(axis), sign) for sign in (-1.0, 1.0)] for axis in AXES] for m in arrangement.mounts]
+        #: deflections at which the laws of the file take that force, compression and extension, shape (M, 3, 2) [m]
+        self.travel = np.array(ends).reshape(self._mounts, 3, 2)
+
+    def _travel(self, element: ForceElement | None, sign: float) -> float:
+        """Return the deflection in a direction at which a law takes the largest force at rest, or the most there is [m]."""
+        low, high = 0.0, LARGEST_TRAVEL
+        if element is None or not abs(element.force(element.initial(), sign * high, 0.0)) >= self.largest:
+            return sign * high
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            beyond = abs(element.force(element.initial(), sign * middle, 0.0)) >= self.largest
+            low, high = (low, middle) if beyond else (middle, high)
+        return sign * high
 
     def count(self, text: str) -> None:
         """Count a fault by its words, at most :data:`MOST_FAULTS` different ones."""
@@ -93,6 +113,10 @@ class NumericalGuard:
         loads = np.abs(np.hstack([block.inertial_load[:, :3], block.mount_force.reshape(len(block.valid), -1)]))
         if loads[block.valid].max(initial=0.0) > self.largest:
             self.count(f"a load beyond {self.largest:.3g} N, which the vehicle cannot carry")
+            return False
+        moved = block.mount_deflection[block.valid]
+        if ((moved < self.travel[..., 0]) | (moved > self.travel[..., 1])).any():
+            self.count("a mount beyond the travel at which its law takes the largest load")
             return False
         self._good += float(np.count_nonzero(block.valid)) * step_s
         return True

@@ -11,6 +11,8 @@ from replay.loss_run import Chain, Course, course, undisturbed_rows
 from worlds.adapters import plane_inputs
 from worlds.plane_scenario import machine_case
 
+from ride_estimation.elements.bump_stop import BumpStop
+from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL, DeflectionEstimator, Equilibrium
@@ -101,6 +103,22 @@ def test_a_load_that_the_vehicle_cannot_carry_is_not_valid(chain: Chain):
     limit = chain.pipeline._guard.largest
     assert np.abs(found.force[found.valid]).max(initial=0.0) <= limit
     assert any("cannot carry" in text for text in chain.pipeline.health().messages)
+
+
+def test_travel_beyond_what_the_laws_of_the_file_allow_is_not_valid(drive: Course):
+    """A stop ends the travel, and no load goes further than into the stop."""
+    stop = BumpStop(compression_gap=0.02, extension_gap=0.03, stiffness=5e7)
+    spring = drive.vehicle.mounts["front_left"].elements["z"]
+    vehicle = drive.vehicle.replace_elements({("front_left", "z"): SumOfElements(elements=(spring, stop))})
+    chain = Chain(Course(vehicle, drive.samples, drive.force, drive.rate_hz))
+    guard = chain.pipeline._guard
+    np.testing.assert_allclose(guard.travel[0, 2], [-0.02 - guard.largest / 5e7, 0.03 + guard.largest / 5e7], atol=1e-3)
+    assert (guard.travel[1:, 2] == [-1.0, 1.0]).all()
+    chain.feed(undisturbed_rows(len(drive.samples), 500))
+    chain.pipeline._deflection._state[0, 0, 2] = 0.06
+    found = chain.feed(undisturbed_rows(len(drive.samples), 200))
+    assert any("beyond the travel" in text for text in chain.pipeline.health().messages)
+    assert not found.valid.all()
 
 
 def test_deflections_stay_within_the_travel_whatever_the_sensors_say(drive: Course):
