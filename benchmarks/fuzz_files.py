@@ -3,7 +3,7 @@
 
 Every input is a good file after random changes and follows from (seed, target, number) alone, so that a finding can be
 repeated: ``--only vehicle:1234``. A reader may succeed or raise an error of ``ride_estimation.errors``; everything else is a
-finding: another exception, no answer within ``--hang`` seconds of processor time, the death of the process, more than ``--memory``
+finding: another exception, no answer within ``--hang`` seconds of processor time, a process that died, more than ``--memory``
 MiB above the start. The inputs run in a forked process, so that even a crash of compiled code is counted and survived.
 
     python benchmarks/fuzz_files.py --inputs 100000 --seconds 300

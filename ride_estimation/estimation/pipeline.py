@@ -383,6 +383,7 @@ class Pipeline:
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
+        self._deflection.forget_bias(self._fill.returned)
         if self._checks.bases_in_doubt:
             self._fill.doubt()
         if self.tilting.learns:

@@ -2,7 +2,9 @@
 """Base motion at the mounts: carried over from sensors beside them, made up for by the others where a sensor is missing.
 
 The frame is taken as rigid: vertical acceleration linear in x and y, horizontal linear in y and x (yaw). What the frame twists is
-lost, so the deflection of that mount is only known to a share of its usual size.
+lost, so the deflection of that mount is only known to a share of its usual size. Offsets are no motion: what the others do is
+added to the mean of the missing sensor, and one that was away for long, plugged in or mounted again perhaps, goes on with its old
+mean when that of the new readings is known. Integrated twice, a step of a tenth of a m/s^2 would deflect a mount by centimetres.
 """
 
 from __future__ import annotations
@@ -28,6 +30,9 @@ _UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
 _WRONG, _NOW = 2.0, 0.3
 #: what a bracket moves on its own over what a slope of the frame moves it, lever too short for any slope [m]
 _OWN_SHARE, _LEAST_LEVER = 0.3, 1e-3
+#: time of a mean, which counts as long afterwards: until then a fault of the sensor is found [s]; absence after which an offset
+#: may be another, and time in which the new one is looked for [s]
+_MEAN, _LONG, _SETTLES = 10.0, 5.0, 3.0
 #: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
 _UNKNOWN_FORCE = 1.0
 
@@ -64,6 +69,15 @@ class BaseFill:
         count = len(self._place)
         self._doubt = np.zeros(count)
         self._wrong, self._now_square = 0.0, np.zeros((count, 3))
+        #: means of the sensors while all speak, 0 until they are known: those that count, the next ones, the sum and time of now
+        self._mean, self._next = np.zeros((count, 3)), np.zeros((count, 3))
+        self._sum, self._heard = np.zeros((count, 3)), 0.0
+        #: what readings have to be corrected by since they came back
+        self._shift = np.zeros((count, 3))
+        #: for how long every sensor is away, and is back; sum of its readings since over what was made up for it
+        self._away, self._back, self._excess = np.zeros(count), np.full(count, math.inf), np.zeros((count, 3))
+        #: mounts whose sensor is used again since the last block, after a long absence
+        self.returned: tuple[int, ...] = ()
 
     def _map(self, there: BoolArray) -> Array:
         """Return weights of the sensors that speak on every mount, shape (3, M, M).
@@ -95,20 +109,50 @@ class BaseFill:
     def _filled(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
         self._doubt *= math.exp(-duration / _FADES)
         self._wrong *= math.exp(-duration / _FADES)
-        if self._complete and ok.all():
-            return base, ok
-        missing = self._has & ~ok.all(axis=0)
+        gone = self._has & ~ok.all(axis=0)
+        settling = self._settling(gone, duration)
+        missing = gone | settling
+        if self._shift.any():
+            base = base - self._shift
         there = self._has & ~missing
-        if not missing.any() or not there.any():
+        if not missing.any():
+            self._hear(base, duration)
+            return base, ok
+        if not there.any():
             return base, ok
         filled, filled_ok = base.copy(), ok.copy()
         for m in np.flatnonzero(missing):
-            estimate = np.einsum("aj,kja->ka", self._map(there)[:, m], base)
-            lost = ~ok[:, m]
+            estimate = self._mean[m] + np.einsum("aj,kja->ka", self._map(there)[:, m], base - self._mean)
+            lost = ~ok[:, m] | settling[m]
+            if settling[m]:
+                self._excess[m] += duration / _SETTLES * (base[:, m] - estimate).mean(axis=0)
             filled[lost, m] = estimate[lost]
             filled_ok[lost, m] = True
             self._doubt[m] = 1.0
         return filled, filled_ok
+
+    def _hear(self, base: Array, duration: float) -> None:
+        """Follow the means of the sensors, all of which speak."""
+        self._heard += duration
+        self._sum += duration * base.mean(axis=0)
+        if self._heard >= _MEAN:
+            self._mean, self._next = self._next, self._sum / self._heard
+            self._sum, self._heard = np.zeros_like(self._sum), 0.0
+
+    def _settling(self, gone: BoolArray, duration: float) -> BoolArray:
+        """Return which sensors are back from a long absence and still compared with what is made up for them, shape (M,)."""
+        long = self._away >= _LONG
+        self._away = np.where(gone, self._away + duration, 0.0)
+        self._back = np.where(gone, np.inf, self._back)
+        begins = long & ~gone
+        self._back[begins], self._excess[begins] = 0.0, 0.0
+        over = np.isfinite(self._back) & (self._back >= _SETTLES)
+        self.returned = tuple(np.flatnonzero(over).tolist())
+        self._shift[over] += self._excess[over]
+        self._back[over] = np.inf
+        settling: BoolArray = np.isfinite(self._back)
+        self._back[settling] += duration
+        return settling
 
     def doubt(self) -> None:
         """Say that the base motion of any mount may be wrong."""

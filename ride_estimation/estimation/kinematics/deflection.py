@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -137,6 +138,11 @@ class DeflectionEstimator:
         self._started = False
         self._lasting = LastingAcceleration()
         self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 5))
+
+    def forget_bias(self, mounts: Sequence[int]) -> None:
+        """Take the bias at some mounts as no better known than at the start: their sensors are back after a long absence."""
+        for i in mounts:
+            self._p[i, :, 2, 2] += _BIAS_STD**2
 
     def observe(
         self,

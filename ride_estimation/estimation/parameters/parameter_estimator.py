@@ -26,6 +26,7 @@ from ride_estimation.estimation.forces.slots import find_slots
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
+from ride_estimation.estimation.parameters.doubted_axes import doubted_axes
 from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT, BalanceChunk, BalanceInput
 from ride_estimation.estimation.parameters.identifiable import null_directions
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
@@ -119,6 +120,8 @@ class ParameterEstimator:
         self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
         self.rejected: dict[str, int] = {}
         self.changes = 0
+        #: logarithms and standard deviations of the multipliers before the first change, None before one
+        self._before_change: tuple[Array, Array] | None = None
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
@@ -275,7 +278,10 @@ class ParameterEstimator:
         listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.slots)]
         unseen = "no transducer tells this axis: a triaxial accelerometer at each mount base would"
         listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
-        for slot, log, std, status, reason in listed:
+        doubted = self._doubted_axes()
+        for slot, log, std, own, why in listed:
+            suspect = own is Status.VALID and slot.axis in doubted
+            status, reason = (Status.SUSPECT, doubted[slot.axis]) if suspect else (own, why)
             mount, axis = self.arrangement.mounts[slot.mount], AXES[slot.axis]
             element = mount.elements[axis]
             for p in element.parameters():
@@ -286,6 +292,9 @@ class ParameterEstimator:
                 name = f"{mount.name}.{axis}.{p.name}"
                 found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, self.stamp_ns))
         return tuple(found)
+
+    def _doubted_axes(self) -> dict[int, str]:
+        return doubted_axes(self.arrangement, self.slots, self._now(), self._before_change)
 
     def null_directions(self) -> list[str]:
         """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
@@ -299,6 +308,7 @@ class ParameterEstimator:
         found = []
         if self.changes:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
+        found += self._doubted_axes().values()
         found += self._amplitude.notes(self._names())
         vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
         moved = self.theta[: self.count][vertical]
@@ -463,8 +473,9 @@ class ParameterEstimator:
         if found is None:
             return False
         self._filter = found
+        before = self._now()
         self._heed(found)
-        self._note_changes(found.changes)
+        self._note_changes(found.changes, before)
         response = self._refinement.model.response
         self._model.prepare(self.theta, response.step)
         if self._look_open:
@@ -477,7 +488,7 @@ class ParameterEstimator:
     # -- tracking ---------------------------------------------------------------------------------------------------------
 
     def _update(self, own: ParameterFilter, interval: Interval, step: float) -> None:
-        before, changes = self.theta.copy(), own.changes
+        before, changes, known = self.theta.copy(), own.changes, self._now()
         if self._square_ticks:
             rms = np.sqrt(self._squares / self._square_ticks)
             amplitude = np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.slots])
@@ -488,17 +499,23 @@ class ParameterEstimator:
             self._heed(own)
             self._model.prepare(self.theta, step)
         self._count_rejected(own)
-        if self._note_changes(own.changes - changes):
+        if self._note_changes(own.changes - changes, known):
             self._drop_look()
         elif own.innovation_ratio > _RESTLESS and not self._reviews:
             # too small a change for the gate would widen the scatter and never be learned
             self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
 
-    def _note_changes(self, count: int) -> bool:
+    def _now(self) -> tuple[Array, Array]:
+        """Return logarithms and standard deviations of the multipliers."""
+        return self.theta[: self.count].copy(), self.std[: self.count].copy()
+
+    def _note_changes(self, count: int, before: tuple[Array, Array]) -> bool:
         """After a change of the vehicle the seconds that follow are to be looked at as a whole; return whether there was one."""
         if not count:
             return False
         self.changes += count
+        if self._before_change is None:
+            self._before_change = before
         self._refuted = False
         self._amplitude.clear()
         self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
@@ -543,6 +560,7 @@ class ParameterEstimator:
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
             "innovation_ratio": self.innovation_ratio, "changes": self.changes, "loaded": self.loaded,
+            "before_change": self._before_change,
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -559,6 +577,8 @@ class ParameterEstimator:
             self._doubt.load(saved["doubt"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.changes = int(saved["changes"])
+        before = saved["before_change"]
+        self._before_change = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
         self.status.load(saved["status"])
         self._amplitude.load(saved["amplitude"])
         self._filter = None

@@ -1,0 +1,59 @@
+# Copyright 2026 ride_estimation contributors
+"""Horizontal axes on which a mount or its base sensor is wrong and nothing tells which of the two.
+
+The vertical balance of the body tells a changed mount from a faulty base sensor. In the plane nothing does: frames that bend and
+brackets that tilt look like a wrong gain of one axis. What such a gain does is plain, though: the stiffness of its mount falls or
+rises and the others make up for it, at once or, where it is there from the start, far from the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.frames import AXES
+
+Array = NDArray[np.float64]
+
+#: distance from the file, and from what was before a sudden change, in standard deviations of the difference, that is no chance
+_FAR, _MOVED = 3.5, 3.0
+
+
+def doubted_axes(
+    arrangement: Arrangement, slots: Sequence[Slot], now: tuple[Array, Array], before: tuple[Array, Array] | None
+) -> dict[int, str]:
+    """Return what is said of every doubted axis, by its index.
+
+    Parameters
+    ----------
+    arrangement
+        Mounts and base sensors.
+    slots
+        The N multipliers.
+    now
+        Their logarithms and standard deviations, shapes (N,).
+    before
+        The same before the first sudden change; None before one, then the file is what they are compared with.
+    """
+    if before is None:
+        reference, std, limit, how = np.zeros(len(slots)), np.array([s.std for s in slots]), _FAR, "is far from the file"
+    else:
+        (reference, std), limit, how = before, _MOVED, "changed suddenly"
+    off = np.abs(now[0] - reference)
+    far = off > limit * np.hypot(now[1], std)
+    found = {}
+    for axis in (0, 1):
+        stiffness = [n for n, s in enumerate(slots) if s.role == 0 and s.axis == axis]
+        if not any(far[n] and arrangement.base_sensors[slots[n].mount] is not None for n in stiffness):
+            continue
+        most = slots[max(stiffness, key=lambda n: float(off[n]))].mount
+        sensor = arrangement.base_sensors[most]
+        found[axis] = (
+            f"stiffness along {AXES[axis]} {how}, most at {arrangement.mounts[most].name}: this mount, or its base sensor"
+            f"{'' if sensor is None else f' {sensor.name}'} along this axis; nothing tells which"
+        )
+    return found

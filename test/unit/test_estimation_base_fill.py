@@ -1,0 +1,60 @@
+# Copyright 2026 ride_estimation contributors
+"""A base sensor that goes and comes back never steps the mean of its mount: offsets are no motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.forces.base_fill import BaseFill
+from ride_estimation.io.vehicle_file import load_vehicle
+
+BLOCK, DT = 10, 0.01
+OFFSETS = np.array([[0.3, -0.2, 0.4], [0.0, 0.1, -0.1], [-0.2, 0.0, 0.2], [0.1, 0.3, -0.3]])
+#: offset of the first sensor after its absence
+OTHER = np.array([-0.3, 0.4, 1.2])
+
+
+def used(away: tuple[float, float], end: float) -> tuple[np.ndarray, np.ndarray, list[tuple[float, int]]]:
+    """Return block means of what is used at the first mount and of its true motion, and when which sensor was used again."""
+    rng, fill = np.random.default_rng(4), BaseFill(arrange(load_vehicle("truck_cab")))
+    found, truth, returned = [], [], []
+    for k in range(round(end / DT / BLOCK)):
+        time = k * BLOCK * DT
+        own = rng.standard_normal((BLOCK, 1, 3)) + [0.0, 0.0, 9.81] + 0.05 * rng.standard_normal((BLOCK, 4, 3))
+        offset = OFFSETS.copy()
+        offset[0] = OFFSETS[0] if time < away[1] else OTHER
+        ok = np.ones((BLOCK, 4), dtype=bool)
+        ok[:, 0] = not away[0] <= time < away[1]
+        base, base_ok = fill.fill(np.where(ok[..., None], own + offset, 0.0), ok, BLOCK * DT)
+        assert base_ok.all()
+        found.append(base[:, 0].mean(axis=0))
+        truth.append(own[:, 0].mean(axis=0))
+        returned += [(time, m) for m in fill.returned]
+    return np.array(found), np.array(truth), returned
+
+
+def test_what_is_made_up_for_a_sensor_has_its_mean_and_so_has_the_sensor_when_it_is_back_with_another_offset() -> None:
+    found, truth, returned = used((30.0, 70.0), 90.0)
+    error = (found - truth - OFFSETS[0]).reshape(-1, 50, 3).mean(axis=1)
+    assert np.abs(error).max() < 0.05
+    assert [(round(time), m) for time, m in returned] == [(73, 0)]
+
+
+def test_after_a_short_absence_a_sensor_is_used_as_it_reads_at_once() -> None:
+    found, truth, returned = used((30.0, 33.0), 40.0)
+    np.testing.assert_allclose((found - truth)[340:].mean(axis=0), OTHER, atol=0.03)
+    assert not returned
+
+
+def test_a_fault_that_is_found_within_ten_seconds_is_not_in_the_mean() -> None:
+    """The first sensor reads 5 m/s^2 too much for eight seconds before it is left out."""
+    fill = BaseFill(arrange(load_vehicle("truck_cab")))
+    for k in range(500):
+        time = k * BLOCK * DT
+        base = np.broadcast_to([0.0, 0.0, 9.81], (BLOCK, 4, 3)) + OFFSETS
+        base[:, 0] += 5.0 * (time >= 30.0)
+        ok = np.ones((BLOCK, 4), dtype=bool)
+        ok[:, 0] = time < 38.0
+        base, _ = fill.fill(base, ok, BLOCK * DT)
+    np.testing.assert_allclose(base[:, 0], np.array([0.0, 0.0, 9.81]) + np.broadcast_to(OFFSETS[0], (BLOCK, 3)), atol=1e-9)
