@@ -32,7 +32,7 @@ STAGES = {"reading": 0.03, "searching for causes": 0.92, "report": 0.05}
 
 def run(options: argparse.Namespace) -> int:
     """Diagnose one run."""
-    settings = Settings()
+    settings = Settings(stability=not options.no_stability)
     if options.band is not None:
         low, high = options.band
         if not 0.0 < low < high:

@@ -271,6 +271,13 @@ def calibrate(
     return found if moved is found else _gauss_newton(plant, data, settings, blocks, iterations, moved)
 
 
+def calibrated_at(scene: Scene, blocks: IntArray) -> Calibrated:
+    """Return the model of a scene whose plant and state another run of the vehicle has calibrated: one linear step."""
+    table, adjustables, regression = build_regression(scene, file_parameters(scene.plant))
+    regression, fit = _tempered_fit(regression, scene, blocks)
+    return with_held_faults(Calibrated(scene, table, adjustables, regression, fit, blocks))
+
+
 def _explains(calibrated: Calibrated) -> bool:
     """Return whether so little is left that CG and inertia are those of the body and not of a missing cause."""
     return _excess(calibrated) < _EXPLAINED - 1.0

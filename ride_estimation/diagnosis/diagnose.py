@@ -38,6 +38,7 @@ from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, meas
 from ride_estimation.diagnosis.selection import Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
+from ride_estimation.diagnosis.stability import stability
 from ride_estimation.diagnosis.verdict import (
     describe,
     gained_nothing,
@@ -198,7 +199,9 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     seen = scene if accepted is None else accepted.scene
     named = name_causes(work.selection, soft, seen, work.splits.train)
     verdict, remaining, known = _verdict(work, base, judged, named)
-    causes = tuple(dataclasses.replace(c, confidence=c.confidence * known) for c in named)
+    stable = stability(work, verdict) if settings.stability else None
+    sure = known if stable is None else known * stable.factor
+    causes = tuple(dataclasses.replace(c, confidence=c.confidence * sure) for c in named)
     warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
     if work.selection.spent:
         warnings.append(
@@ -216,7 +219,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     remarks += _installation(work, {c.location for c in causes})
     residual = residual_summary(base, extended, remaining, accepted is not None)
     doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
-    sentence = describe(verdict, causes, gain, remaining, law) + doubt
+    sentence = describe(verdict, causes, gain, remaining, law) + doubt + (f" {stable.sentence}" if stable is not None else "")
     return Diagnosis(
         verdict=verdict,
         sentence=sentence,
@@ -230,6 +233,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
         remarks=remarks,
         evidence=make_evidence(base, extended),
         isolability=isolability,
+        stability=stable,
     )
 
 

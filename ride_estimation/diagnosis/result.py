@@ -135,6 +135,58 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True)
+class PerturbedCopy:
+    """What a copy of the run says, changed so little that the answer should stay.
+
+    Attributes
+    ----------
+    change
+        What was changed, in words.
+    agrees
+        Whether the answer is the same, None where the copy cannot tell.
+    found
+        What it says instead, or why it cannot tell.
+    """
+
+    change: str
+    agrees: bool | None
+    found: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Stability:
+    """Whether the answer stays on perturbed copies of the run."""
+
+    copies: tuple[PerturbedCopy, ...]
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Return on how many copies the answer is the same, and how many could tell."""
+        told = [c.agrees for c in self.copies if c.agrees is not None]
+        return sum(told), len(told)
+
+    @property
+    def factor(self) -> float:
+        """Return the factor of the confidence: the share of the run and its copies that give the answer."""
+        same, told = self.counts
+        return (same + 1) / (told + 1)
+
+    @property
+    def sentence(self) -> str:
+        """Return the share that agrees in words, with what the others say."""
+        same, told = self.counts
+        if not told:
+            return "No perturbed copy of the run can tell whether the answer is stable."
+        rest = "; ".join(f"{c.change}: {c.found}" for c in self.copies if c.agrees is False)
+        return f"The answer is the same on {same} of {told} perturbed copies of the run{f' ({rest})' if rest else ''}."
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        same, told = self.counts
+        return {"same": same, "told": told, "copies": [dataclasses.asdict(c) for c in self.copies]}
+
+
+@dataclasses.dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -146,6 +198,8 @@ class Diagnosis:
         The vehicle with the calibrated parameters and the found causes.
     isolability
         Causes this run cannot tell apart and what would separate them, in words; they are among the warnings too.
+    stability
+        Whether perturbed copies of the run give the same answer, already part of the confidence; None where it was not asked.
     """
 
     verdict: str
@@ -160,6 +214,7 @@ class Diagnosis:
     remarks: tuple[str, ...] = ()
     evidence: Evidence | None = None
     isolability: tuple[str, ...] = ()
+    stability: Stability | None = None
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -174,6 +229,7 @@ class Diagnosis:
             "parameters": [_finite(dataclasses.asdict(p)) for p in self.parameters],
             "remarks": list(self.remarks),
             "isolability": list(self.isolability),
+            "stability": None if self.stability is None else self.stability.to_mapping(),
             "warnings": list(self.warnings),
         }
 

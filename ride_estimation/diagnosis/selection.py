@@ -223,6 +223,16 @@ class Selector:
         further = dataclasses.replace(selection, accepted=fit, rounds=(rest, *selection.rounds[1:]), contests=(rest,))
         return further if self._worthwhile(rest, None) else self.runner_up(further)
 
+    def compared(self, fits: Sequence[FullFit], place: int, before: FullFit | None = None) -> Round:
+        """Return fits that differ in the hypothesis at ``place`` as rivals, ``before`` the model without any of those."""
+        temper = min(temper_of(f.misfit / self._dof, f.scene.inefficiency) for f in fits)
+        candidates = sorted((Candidate(f, f.log_likelihood(temper), place) for f in fits), key=lambda c: -c.log_likelihood)
+        return Round(tuple(candidates), self._reference(before, temper), temper)
+
+    def names(self, current: Round) -> bool:
+        """Return whether the best candidate of a first round is evident enough to be a cause."""
+        return self._worthwhile(current, None)
+
     @property
     def _spent(self) -> bool:
         """Return whether the budget of full fits is used up."""

@@ -95,6 +95,8 @@ class Settings:
         Resamplings of blocks for intervals.
     seed
         Seed of the resampling.
+    stability
+        Ask perturbed copies of the run whether they give the same answer; half as much work again.
     threads
         Number of threads that fit and score candidates; 0: one per core, four at most. The answer does not depend on it.
     """
@@ -116,5 +118,6 @@ class Settings:
     most_fits: int = 40
     bootstrap: int = 400
     seed: int = 1
+    stability: bool = False
     threads: int = 0
     tolerances: Tolerances = dataclasses.field(default_factory=Tolerances)

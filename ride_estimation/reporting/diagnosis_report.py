@@ -71,6 +71,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, run: str, path: Path, truth: Tr
         page.warning(warning)
     _rivals(page, diagnosis)
     _isolability(page, diagnosis)
+    _stability(page, diagnosis)
     _next(page, diagnosis)
     if diagnosis.evidence is not None:
         _evidence(page, diagnosis, diagnosis.evidence)
@@ -142,6 +143,15 @@ def _isolability(page: Page, diagnosis: Diagnosis) -> None:
         page.text(f"{words[0].upper()}{words[1:]}.")
     if not diagnosis.isolability:
         page.text("None of the causes that were fitted comes near the named ones.")
+
+
+def _stability(page: Page, diagnosis: Diagnosis) -> None:
+    if diagnosis.stability is None:
+        return
+    page.heading("Perturbed copies of the run")
+    said = {True: "the same", False: "another: ", None: "cannot tell: "}
+    page.table(["copy", "answer"], [[c.change, f"{said[c.agrees]}{c.found}"] for c in diagnosis.stability.copies])
+    page.text("The share of run and copies with this answer is part of the confidence.")
 
 
 def _remaining(page: Page, diagnosis: Diagnosis) -> None:

@@ -45,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_channels_argument(parser)
     add_part_arguments(parser)
+    parser.add_argument(
+        "--no-stability", action="store_true", help="do not ask perturbed copies of the run whether they give the same answer"
+    )
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
     # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)
     add_reading_arguments(parser)

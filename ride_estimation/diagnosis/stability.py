@@ -1,0 +1,178 @@
+# Copyright 2026 ride_estimation contributors
+"""Whether the answer is the same on copies of the run that an engineer would call the same run.
+
+Four copies: one per cent more noise, ten per cent shorter, without a body sensor that can be spared, another time base. On each the
+model is calibrated from where the run ended, and the named causes, their rivals and the model without them are fitted again from
+the numbers that were found: a comparison, no new search. What else the search could have found is not asked.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import scipy
+
+from ride_estimation.diagnosis.calibration import Calibrated, calibrated_at
+from ride_estimation.diagnosis.candidates import Identity, identity
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.fitting import FullFit, FullFitter
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
+from ride_estimation.diagnosis.scene import Measurement, Scene
+from ride_estimation.diagnosis.selection import Round, Selector
+from ride_estimation.diagnosis.splits import LEAST_BLOCKS, make_splits
+from ride_estimation.diagnosis.wording import title
+from ride_estimation.diagnosis.work import Work
+from ride_estimation.errors import InputDataError
+
+_NOISE, _SHORTER, _RESAMPLED = 0.01, 0.1, (9, 10)
+#: rivals that are fitted beside every named cause, and candidates where none was named
+_RIVALS = 2
+#: passes of a fit that starts from the numbers of another
+_PASSES = 2
+#: misfit per degree of freedom from which a calibrated model still misses something
+_MISSES = 1.1
+
+
+def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
+    """Yield what was changed, the plant and the data of every copy of a run; the same ones every time."""
+    plant, data = work.calibrated.scene.plant, work.data
+    rng = np.random.default_rng(work.settings.seed)
+    more = np.sqrt((1.0 + _NOISE) ** 2 - 1.0)
+    noisy = [
+        signals + more * np.array([s.noise_std for s in channels]) * rng.standard_normal(signals.shape)
+        for signals, channels in ((data.outputs, plant.outputs), (data.inputs, plant.inputs))
+    ]
+    yield f"{100 * _NOISE:.0f} % more noise", plant, dataclasses.replace(data, outputs=noisy[0], inputs=noisy[1])
+    kept = slice(0, round((1.0 - _SHORTER) * len(data.outputs)))
+    shorter = dataclasses.replace(data, outputs=data.outputs[kept], inputs=data.inputs[kept], valid=data.valid[kept])
+    yield f"{100 * _SHORTER:.0f} % shorter", plant, shorter
+    named = {f.hypothesis.location for f in work.selection.accepted.fitted} if work.selection.accepted is not None else set()
+    spare = spare_sensor(plant, named)
+    if spare:
+        rows = np.array([i for i, s in enumerate(plant.outputs) if s.sensor != spare])
+        fewer = dataclasses.replace(
+            plant, outputs=tuple(plant.outputs[i] for i in rows), out_acceleration=plant.out_acceleration[rows],
+            out_displacement=plant.out_displacement[rows], out_base=plant.out_base[rows],
+        )  # fmt: skip
+        without = dataclasses.replace(data, outputs=data.outputs[:, rows], output_limits=data.output_limits[:, rows])
+        yield f"without {spare}", fewer, without
+    up, down = _RESAMPLED
+    # linearly padded: a record does not end where it began
+    outputs, inputs = (scipy.signal.resample_poly(x, up, down, axis=0, padtype="line") for x in (data.outputs, data.inputs))
+    place = np.minimum(np.round(np.arange(len(outputs)) * down / up).astype(int), len(data.valid) - 1)
+    rate = data.rate_hz * up / down
+    again = dataclasses.replace(data, rate_hz=rate, outputs=outputs, inputs=inputs, valid=data.valid[place])
+    yield f"time base of {rate:g} Hz", plant, again
+
+
+def spare_sensor(plant: Plant, named: set[str]) -> str:
+    """Return the last sensor of the body whose accelerations the others tell too, none that was named; empty where none is."""
+    sensors = [s for s in dict.fromkeys(s.sensor for s in plant.outputs) if s not in named]
+    full = np.linalg.matrix_rank(plant.out_acceleration)
+    for sensor in reversed(sensors):
+        rest = [i for i, s in enumerate(plant.outputs) if s.sensor != sensor]
+        if rest and np.linalg.matrix_rank(plant.out_acceleration[rest]) == full:
+            return sensor
+    return ""
+
+
+def stability(work: Work, verdict: str) -> Stability:
+    """Return on how many copies of a run the same causes are named, or none again.
+
+    Parameters
+    ----------
+    work
+        Of the run, with the causes as they are named.
+    verdict
+        What was said of the run.
+    """
+    copies = []
+    for words, plant, data in perturbed(work):
+        try:
+            copies.append(_on_copy(work, verdict, words, plant, data))
+        except (InputDataError, np.linalg.LinAlgError) as error:
+            copies.append(PerturbedCopy(words, None, str(error)))
+    return Stability(tuple(copies))
+
+
+def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measurement) -> PerturbedCopy:
+    settings, accepted = work.settings, work.selection.accepted
+    scene = Scene(plant, data, work.calibrated.scene.state, settings)
+    if scene.blocks.count < LEAST_BLOCKS:
+        return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
+    splits = make_splits(scene.blocks.count)
+    calibrated = calibrated_at(scene, splits.train)
+    selector = Selector(calibrated, splits, lambda _: [], settings)
+    dof = float(calibrated.scene.block_dof[splits.train].sum())
+    copy = _Copy(work, calibrated, selector, FullFitter(calibrated, splits, dof))
+    if accepted is not None:
+        contests = enumerate(work.selection.contests)
+        found = next((changed for place, contest in contests if (changed := copy.changed(accepted, place, contest))), "")
+    elif verdict == NO_DISCREPANCY:
+        found = copy.named()
+    elif verdict == EXPLAINED:
+        return PerturbedCopy(words, None, "how stiff the mounts are to one another is not asked again")
+    else:
+        found = "" if selector.base_excess > _MISSES else "the model misses nothing"
+    return PerturbedCopy(words, not found, found)
+
+
+class _Copy:
+    """A perturbed copy on which found causes are fitted again."""
+
+    def __init__(self, work: Work, calibrated: Calibrated, selector: Selector, fitter: FullFitter) -> None:
+        self._selection, self._scene, self._fitter = work.selection, calibrated.scene, fitter
+        self._selector, self._significance = selector, work.settings.significance
+        self._whole = len(calibrated.scene.plant.outputs) == len(work.plant.outputs)
+        self._built: dict[str, dict[Identity, Hypothesis]] = {}
+
+    def changed(self, accepted: FullFit, place: int, contest: Round) -> str:
+        """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
+        named = accepted.fitted[place]
+        rivals = [c.fit.fitted[c.contested] for c in contest.candidates if not _overlap(c.hypothesis, named.hypothesis)]
+        others = [s for i, f in enumerate(accepted.fitted) if i != place and (s := self._start(f)) is not None]
+        own, *rest = (self._start(f) for f in (named, *rivals[:_RIVALS]))
+        if own is None:
+            return f"nothing can tell {_name(named.hypothesis)}"
+        fits = [self._fitter.fit([*others, s], _PASSES) for s in (own, *rest) if s is not None]
+        before = self._fitter.fit(others, _PASSES) if others else None
+        found = self._selector.compared(fits, len(others), before)
+        best = found.candidates[0]
+        if best.fit is not fits[0]:
+            return f"{_name(best.hypothesis)} instead of {_name(named.hypothesis)}"
+        enough = best.log_likelihood - found.reference >= self._significance if others else self._selector.names(found)
+        return "" if enough else f"too little evidence for {_name(named.hypothesis)}"
+
+    def named(self) -> str:
+        """Return the cause that the copy names where the run names none, empty where it names none either."""
+        first = self._selection.rounds[0].candidates[:_RIVALS] if self._selection.rounds else ()
+        starts = [s for c in first if (s := self._start(c.fit.fitted[c.contested])) is not None]
+        fits = [f for f in (self._fitter.fit([s], _PASSES) for s in starts) if _meaningful(f)]
+        found = self._selector.compared(fits, 0) if fits else None
+        return _name(found.candidates[0].hypothesis) if found is not None and self._selector.names(found) else ""
+
+    def _start(self, fitted: Fitted) -> Fitted | None:
+        """Return a found hypothesis as it is built on the copy, with its numbers; None where its channel is missing."""
+        h = fitted.hypothesis
+        if h.cause not in self._built:
+            self._built[h.cause] = {identity(b): b for b in library()[h.cause].hypotheses(self._scene)}
+        # on all channels a hypothesis of the run means the same here
+        again = self._built[h.cause].get(identity(h), h if self._whole else None)
+        return None if again is None else dataclasses.replace(fitted, hypothesis=again)
+
+
+def _meaningful(fit: FullFit) -> bool:
+    return all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
+
+
+def _overlap(one: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether two hypotheses are one cause at places that share something."""
+    return one.cause == other.cause and (bool(set(one.ports) & set(other.ports)) or identity(one)[:3] == identity(other)[:3])
+
+
+def _name(h: Hypothesis) -> str:
+    return title(h.cause, h.location, h.axis)

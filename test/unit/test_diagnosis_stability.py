@@ -1,0 +1,97 @@
+# Copyright 2026 ride_estimation contributors
+"""Whether perturbed copies of a run give the same answer, and what that makes of the confidence."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis import stability as module
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.result import PerturbedCopy, Stability
+from ride_estimation.diagnosis.scene import measurement
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.stability import spare_sensor
+from ride_estimation.sensors.sensor import Sensor
+
+ASKED = Settings(stability=True)
+SAME, OTHER, SILENT = (PerturbedCopy("a copy", agrees, "") for agrees in (True, False, None))
+
+
+@pytest.mark.parametrize(
+    ("copies", "counts", "factor"),
+    [
+        ((SAME,) * 4, (4, 4), 1.0), ((SAME, OTHER, SAME, SAME), (3, 4), 0.8), ((OTHER,) * 4, (0, 4), 0.2),
+        ((SAME, SILENT), (1, 1), 1.0), ((SILENT,), (0, 0), 1.0), ((), (0, 0), 1.0),
+    ],
+)  # fmt: skip
+def test_the_run_counts_as_one_of_its_copies(copies, counts, factor):
+    found = Stability(copies)
+    assert found.counts == counts
+    assert found.factor == pytest.approx(factor)
+    assert (f"{counts[0]} of {counts[1]}" in found.sentence) == (counts[1] > 0)
+
+
+@pytest.mark.parametrize(("form", "size", "cause"), [("", 0.0, None), ("jenkins_chain", 0.3, "coulomb_friction")])
+def test_copies_of_a_run_give_its_answer(form, size, cause):
+    run = quarter_car_run(11, law=hiding_law(form, size)) if form else quarter_car_run(11)
+    plain, asked = diagnose(quarter_car(), run), diagnose(quarter_car(), run, settings=ASKED)
+    assert [c.id for c in asked.causes] == ([cause] if cause else [])
+    assert asked.stability is not None
+    assert asked.stability.counts == (3, 3), "there is no sensor to spare"
+    assert asked.sentence == f"{plain.sentence} The answer is the same on 3 of 3 perturbed copies of the run."
+    assert [c.confidence for c in asked.causes] == [c.confidence for c in plain.causes]
+    document = json.loads(json.dumps(asked.to_mapping()))
+    assert document["stability"]["same"] == document["stability"]["told"] == 3
+    assert plain.to_mapping()["stability"] is None
+
+
+@pytest.mark.parametrize(
+    ("named", "copied"), [("jenkins_chain", ""), ("", "jenkins_chain"), ("jenkins_chain", "foam_both_sides")]
+)
+def test_a_copy_that_shows_something_else_is_told_and_costs_confidence(monkeypatch, named, copied):
+    """Copies of another run: without the effect, with one where there is none, with another one."""
+    run, other = (quarter_car_run(11, law=hiding_law(form, 0.3)) if form else quarter_car_run(11) for form in (named, copied))
+    plain = diagnose(quarter_car(), run)
+
+    def copies(work):
+        yield "of another run", work.calibrated.scene.plant, measurement(work.calibrated.scene.plant, other)
+
+    monkeypatch.setattr(module, "perturbed", copies)
+    asked = diagnose(quarter_car(), run, settings=ASKED)
+    assert asked.stability.counts == (0, 1)
+    assert "0 of 1" in asked.sentence
+    assert "of another run: " in asked.sentence
+    assert [c.confidence for c in asked.causes] == pytest.approx([0.5 * c.confidence for c in plain.causes])
+
+
+def test_a_copy_too_short_to_tell_says_so(monkeypatch):
+    run = quarter_car_run(11)
+
+    def copies(work):
+        data = work.data
+        few = slice(0, int(13 * data.rate_hz))
+        short = dataclasses.replace(data, outputs=data.outputs[few], inputs=data.inputs[few], valid=data.valid[few])
+        yield "short", work.calibrated.scene.plant, short
+
+    monkeypatch.setattr(module, "perturbed", copies)
+    found = diagnose(quarter_car(), run, settings=ASKED).stability
+    assert found.counts == (0, 0)
+    assert "blocks remain" in found.copies[0].found
+    assert found.sentence.startswith("No perturbed copy")
+
+
+def test_a_sensor_to_spare_is_one_whose_readings_the_others_tell():
+    car = quarter_car()
+    twin = Sensor("twin", "accelerometer", "/twin", "body_mass", noise_std=0.005)
+    both = dataclasses.replace(car, sensors={**car.sensors, "twin": twin})
+    assert spare_sensor(build_plant(car, {"body": 3, "base": 3}, 0.5, 0.7), set()) == ""
+    plant = build_plant(both, {"body": 3, "base": 3, "twin": 3}, 0.5, 0.7)
+    assert spare_sensor(plant, set()) == "twin"
+    assert spare_sensor(plant, {"twin"}) == "body", "the sensor that is named stays"
+    assert np.linalg.matrix_rank(plant.out_acceleration) == 1
