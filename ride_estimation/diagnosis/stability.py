@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Whether the answer is the same on copies of the run that an engineer would call the same run.
 
-Four copies: one per cent more noise, ten per cent shorter, without a body sensor that can be spared, another time base. On each the
+Four copies: one per cent more noise, ten per cent shorter, without a sensor that can be spared, another time base. On each the
 model is calibrated from where the run ended, and the named causes, their rivals and the model without them are fitted again from
 the numbers that were found: a comparison, no new search. What else the search could have found is not asked.
 """
