@@ -176,7 +176,7 @@ class Stability:
         """Return the share that agrees in words, with what the others say."""
         same, told = self.counts
         if not told:
-            return "No perturbed copy of the run can tell whether the answer is stable."
+            return "No perturbed copy of the run shows whether the answer is stable."
         rest = "; ".join(f"{c.change}: {c.found}" for c in self.copies if c.agrees is False)
         return f"The answer is the same on {same} of {told} perturbed copies of the run{f' ({rest})' if rest else ''}."
 

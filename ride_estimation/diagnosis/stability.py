@@ -137,7 +137,7 @@ class _Copy:
         others = [s for i, f in enumerate(accepted.fitted) if i != place and (s := self._start(f)) is not None]
         own, *rest = (self._start(f) for f in (named, *rivals[:_RIVALS]))
         if own is None:
-            return f"nothing can tell {_name(named.hypothesis)}"
+            return f"no sensor left that shows {_name(named.hypothesis)}"
         fits = [self._fitter.fit([*others, s], _PASSES) for s in (own, *rest) if s is not None]
         before = self._fitter.fit(others, _PASSES) if others else None
         found = self._selector.compared(fits, len(others), before)

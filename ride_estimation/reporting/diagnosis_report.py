@@ -149,7 +149,7 @@ def _stability(page: Page, diagnosis: Diagnosis) -> None:
     if diagnosis.stability is None:
         return
     page.heading("Perturbed copies of the run")
-    said = {True: "the same", False: "another: ", None: "cannot tell: "}
+    said = {True: "the same", False: "another: ", None: "none: "}
     page.table(["copy", "answer"], [[c.change, f"{said[c.agrees]}{c.found}"] for c in diagnosis.stability.copies])
     page.text("The share of run and copies with this answer is part of the confidence.")
 
