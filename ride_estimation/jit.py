@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -61,19 +61,39 @@ def inline_kernel(function: F) -> F:
     return _compile(function, _nrt=False, inline="always")
 
 
-def _compile(function: F, **options: Any) -> F:
-    if not COMPILED:
-        return function
-    import numba
-    from numba.core import config
+class _Kernel:
+    """A function compiled when it is first used: importing numba takes longer than finding a mistake in the input.
 
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder(_folder_of(function)))
-    try:
-        compiled: F = numba.njit(cache=True, error_model="numpy", **options)(function)
-    finally:
-        config.CACHE_DIR = before
-    return compiled
+    Stands for numba's dispatcher everywhere, also where another kernel calls it.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self._function, self._options = function, options
+
+    @functools.cached_property
+    def _dispatcher(self) -> Any:
+        import numba
+        from numba.core import config
+
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(cache_folder(_folder_of(self._function)))
+        try:
+            return numba.njit(cache=True, error_model="numpy", **self._options)(self._function)
+        finally:
+            config.CACHE_DIR = before
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._dispatcher, name)
+
+
+def _compile(function: F, **options: Any) -> F:
+    return cast(F, _Kernel(function, options)) if COMPILED else function
 
 
 def _folder_of(function: Callable[..., Any]) -> str:

@@ -6,16 +6,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ride_estimation.api.predicted import Addition, PredictedReplay, helpful_additions, predicted_replay
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.identification.sensitivities import Excitation
-from ride_estimation.identification.sensor_plan import SensorPlan, additions
-from ride_estimation.identification.sensor_plan import plan as plan_sensors
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.vehicle import Vehicle
+
+if TYPE_CHECKING:  # whoever made a mistake in the vehicle file need not wait for the estimator to be imported
+    from ride_estimation.api.predicted import Addition, PredictedReplay
+    from ride_estimation.identification.sensor_plan import SensorPlan
 
 #: what a test drive can be: option, least, largest, unit
 RANGES = (("speed", 0.5, 60.0, "m/s"), ("duration", 1.0, 86400.0, "s"), ("rate", 20.0, 20000.0, "Hz"))
@@ -120,6 +120,10 @@ def plan(
         wrong.append(f"--road {road!r}; allowed: {', '.join(ROAD_CLASSES)}")
     if wrong:
         raise ConfigurationError(wrong)
+    from ride_estimation.api.predicted import helpful_additions, predicted_replay
+    from ride_estimation.identification import sensor_plan
+    from ride_estimation.identification.sensitivities import Excitation
+
     excitation = Excitation(
         roughness=ROAD_CLASSES[road],
         speed=speed,
@@ -127,9 +131,9 @@ def plan(
         rate_hz=rate,
         twist_share=0.0 if rigid_frame else 0.3,
     )
-    found = plan_sensors(known, excitation, known=() if unknown_mass else None)
+    found = sensor_plan.plan(known, excitation, known=() if unknown_mass else None)
     if not drives:
         return Plan(known, found)
     driven = dataclasses.replace(known, force_references=()) if unknown_mass else known
     replay = predicted_replay(driven, excitation)
-    return Plan(known, found, replay, helpful_additions(driven, excitation, additions(driven), replay))
+    return Plan(known, found, replay, helpful_additions(driven, excitation, sensor_plan.additions(driven), replay))

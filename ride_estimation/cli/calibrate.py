@@ -9,7 +9,6 @@ from ride_estimation.assessment.standstill import calibrate
 from ride_estimation.assessment.standstill import summary_lines as standstill_lines
 from ride_estimation.cli.parts import read_part
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.model.drive_calibration import calibrate_drive, summary_lines
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.vehicle_file import find_vehicle_file, load_vehicle, save_vehicle
 
@@ -29,6 +28,9 @@ def run(options: argparse.Namespace) -> int:
                 "calibrate --drive needs triaxial accelerometers; some axes only are measured by "
                 f"{', '.join(single)}: calibrate at standstill without --drive"
             )
+        # whoever named a wrong file need not wait for the model of the drive
+        from ride_estimation.estimation.model.drive_calibration import calibrate_drive, summary_lines
+
         drive = calibrate_drive(recording, vehicle)
         lines, calibrated = summary_lines(drive), drive.vehicle(vehicle)
         refused = bool(drive.conflicts)

@@ -85,11 +85,12 @@ def _seen_points(points: OperatingPoints) -> DataRange:
 
 
 def _run_time(options: argparse.Namespace) -> int:
-    from ride_estimation.reporting.identification_report import identification_document, write_identification_report
-
     reading = reading_options(options)
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
+    # the report draws; whoever named a wrong file need not wait for it
+    from ride_estimation.reporting.identification_report import identification_document, write_identification_report
+
     with Progress("identify", len(ladder_for(options.model))) as progress:
         found = identify_records(records, validation, model=options.model, progress=progress.update)
     print_summary(found)
@@ -99,13 +100,13 @@ def _run_time(options: argparse.Namespace) -> int:
 
 
 def _run_frequency(options: argparse.Namespace) -> int:
-    from ride_estimation.reporting.identification_special_reports import frequency_document, write_frequency_report
-
     reading = reading_options(options)
     table = read_operating_points(options.records[0]) if len(options.records) == 1 else None
     if table is None:
         table = find_operating_points([prepare(read_bench_record(p, reading)) for p in options.records], options.extraction)
     validation = [prepare(read_bench_record(p, reading)) for p in options.validate]
+    from ride_estimation.reporting.identification_special_reports import frequency_document, write_frequency_report
+
     with Progress("identify", len(ladder_for(options.model))) as progress:
         found = identify_operating_points(table, validation, model=options.model, norm=options.norm, progress=progress.update)
     print(
@@ -128,8 +129,6 @@ def _run_frequency(options: argparse.Namespace) -> int:
 
 
 def _run_jounce(options: argparse.Namespace) -> int:
-    from ride_estimation.reporting.identification_special_reports import jounce_document, jounce_status, write_jounce_report
-
     reading = reading_options(options)
     if reading.zero == "auto":
         # travel counts from contact: a record that never leaves contact must keep its zero
@@ -137,6 +136,8 @@ def _run_jounce(options: argparse.Namespace) -> int:
     records = [read_bench_record(p, reading) for p in options.records]
     validation = [read_bench_record(p, reading) for p in options.validate]
     static = [read_bench_record(p, reading) for p in options.static]
+    from ride_estimation.reporting.identification_special_reports import jounce_document, jounce_status, write_jounce_report
+
     with Progress("identify", 4 if options.model == JOUNCE_MODELS[0] else len(records)) as progress:
         found = identify_jounce(
             records, validation, options.model, static=static, models=options.local_models, progress=progress.update
@@ -157,12 +158,6 @@ def _run_jounce(options: argparse.Namespace) -> int:
 
 
 def _run_oscillator(options: argparse.Namespace) -> int:
-    from ride_estimation.reporting.identification_special_reports import (
-        oscillator_document,
-        unexplained_oscillator,
-        write_oscillator_report,
-    )
-
     if len(options.records) != 1:
         raise InputDataError(f"--oscillator fits one record; {len(options.records)} were given (more go to --validate)")
     record = read_oscillator_record(options.records[0], options.oscillator, options.rate, options.time)
@@ -174,6 +169,12 @@ def _run_oscillator(options: argparse.Namespace) -> int:
         raise InputDataError(
             f"--fit-range {first:g} {last:g} holds {fit.sum()} samples of 0 to {time[-1]:g} s; at least 1000 are needed"
         )
+    from ride_estimation.reporting.identification_special_reports import (
+        oscillator_document,
+        unexplained_oscillator,
+        write_oscillator_report,
+    )
+
     rungs, chosen = identify_oscillator(record, fit, validation)
     for i, rung in enumerate(rungs):
         held = ", ".join(f"{n} {e[0]:.4g} rms ({100 * e[1]:.3g} %)" for n, e in rung.held_out.items())

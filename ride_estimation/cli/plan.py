@@ -7,13 +7,16 @@ import argparse
 import math
 import statistics
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ride_estimation.api.planning import plan
-from ride_estimation.api.predicted import Addition, PredictedReplay
 from ride_estimation.cli.finite import require_finite
-from ride_estimation.identification.fisher import Identifiability
-from ride_estimation.identification.sensor_plan import Option, SensorPlan
 from ride_estimation.vehicles.modes import NEUTRAL_HZ
+
+if TYPE_CHECKING:
+    from ride_estimation.api.predicted import Addition, PredictedReplay
+    from ride_estimation.identification.fisher import Identifiability
+    from ride_estimation.identification.sensor_plan import Option, SensorPlan
 
 _SHOWN = 6  # null directions that are printed one by one
 _WORTH = 1.05  # times smaller standard deviations that are worth a sensor

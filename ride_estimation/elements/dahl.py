@@ -8,7 +8,7 @@ import math
 from typing import ClassVar, final
 
 import numpy as np
-from scipy.special import ive
+import scipy
 
 from ride_estimation.elements import declarations
 from ride_estimation.elements.base import Array, ForceElement, parameter
@@ -76,7 +76,7 @@ class Dahl(ForceElement):
         if amplitude == 0.0 or self.friction == 0.0:
             return complex(self.slope if self.friction > 0.0 else 0.0)
         z = self.slope * amplitude / self.friction
-        storage = 4.0 * self.friction * float(ive(1, z)) / (amplitude * (1.0 + math.exp(-2.0 * z)))
+        storage = 4.0 * self.friction * float(scipy.special.ive(1, z)) / (amplitude * (1.0 + math.exp(-2.0 * z)))
         return complex(storage, loss / (math.pi * amplitude**2))
 
     def loss_energy(self, omega: float, amplitude: float) -> float | None:

@@ -7,8 +7,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from ride_estimation.errors import ConfigurationError, InputDataError
 
@@ -171,7 +171,7 @@ def operating_hull(travel: Array, rate: Array, margin: float = MARGIN) -> Operat
     if not np.all(span > 0.0) or np.linalg.matrix_rank((measured - measured[0]) / span, tol=1e-9) < 2:
         raise InputDataError(f"{int(np.sum(loaded))} samples in contact do not span a range of travel and rate")
     try:
-        hull = ConvexHull(points / span)
-    except QhullError as error:
+        hull = scipy.spatial.ConvexHull(points / span)
+    except scipy.spatial.QhullError as error:
         raise InputDataError(f"travel and rate do not span an operating range: {error}") from error
     return OperatingHull(points[hull.vertices], hull.equations[:, :2], -hull.equations[:, 2])

@@ -6,8 +6,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import erfc
 
 from ride_estimation.errors import ConfigurationError
 
@@ -69,7 +69,7 @@ class SigmoidChirp:
 
     def amplitude(self, time_s: Array) -> Array:
         """Return A(t) [m]."""
-        share = 0.5 * erfc((np.asarray(time_s) - self.centre_s) / self.width_s)
+        share = 0.5 * scipy.special.erfc((np.asarray(time_s) - self.centre_s) / self.width_s)
         return np.asarray(self.amplitude_min + (self.amplitude_max - self.amplitude_min) * share)
 
     def frequency(self, time_s: Array) -> Array:

@@ -7,8 +7,8 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def drift_findings(values: Array, time_s: Array) -> list[str]:
     slope = place @ means / square
     rest = means - means.mean(axis=0) - np.outer(place, slope)
     error = np.sqrt((rest**2).sum(axis=0) / (_BLOCKS - 2) / square)
-    limit = -float(special.stdtrit(_BLOCKS - 2, 0.5 * _FALSE_ALARM))
+    limit = -float(scipy.special.stdtrit(_BLOCKS - 2, 0.5 * _FALSE_ALARM))
     within = np.sqrt(np.mean((values - values.mean(axis=0)) ** 2, axis=0))
     return [
         f"the mean of column {i + 1} drifts by {slope[i]:.3g} over the run"

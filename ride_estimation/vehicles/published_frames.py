@@ -6,8 +6,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -50,5 +50,6 @@ def published_frames(vehicle: Vehicle, body: str, cg_frame: str = "cab_cg", moun
     frames += [FixedFrame(f"{mount_prefix}{m.name}", m.position, upright) for m in vehicle.mounts.values() if m.body == body]
     for sensor in vehicle.sensors.values():
         if sensor.kind in ("accelerometer", "imu"):
-            frames.append(FixedFrame(sensor.name, sensor.position, np.asarray(Rotation.from_matrix(sensor.rotation).as_quat())))
+            turned = scipy.spatial.transform.Rotation.from_matrix(sensor.rotation)
+            frames.append(FixedFrame(sensor.name, sensor.position, np.asarray(turned.as_quat())))
     return frames
