@@ -76,12 +76,13 @@ class Browser:
             self.complaints.append(given["entry"]["text"])
         return event
 
-    def open(self, path: Path, width: int, height: int) -> None:
-        """Show a file on a screen of a given size [px]."""
+    def open(self, page: Path | str, width: int, height: int) -> None:
+        """Show a file or an address on a screen of a given size [px]."""
+        address = page if isinstance(page, str) else page.resolve().as_uri()
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
-        self.call("Page.navigate", url=path.resolve().as_uri())
+        self.call("Page.navigate", url=address)
         end = time.monotonic() + _PATIENCE_S
-        while self.run("document.readyState + location.protocol") != "completefile:":
+        while not self.run(f"document.readyState == 'complete' && location.href.startsWith({json.dumps(address)})"):
             assert time.monotonic() < end
             time.sleep(0.02)
 

@@ -65,7 +65,7 @@ class DiagnosedRun:
             Unknown table, or pandas is not installed.
         """
         if table == "parameters":
-            keys = ("name", "value", "std", "unit", "prior")
+            keys = ("name", "value", "std", "unit", "prior", "status")
             return dataframe({key: [getattr(p, key) for p in self.answer.parameters] for key in keys}, "name")
         if table != "causes":
             raise ConfigurationError(f"table {table!r}; allowed: causes, parameters")
@@ -93,8 +93,8 @@ class DiagnosedRun:
         return f"DiagnosedRun({self.name}: {self.verdict}; {self.answer.sentence})"
 
     def _repr_html_(self) -> str:
-        rows = [[p.name, *with_std(p.value, p.std), plain(p.prior), p.unit] for p in self.answer.parameters]
-        return html_table(("parameter", "value", "std", "prior", "unit"), rows, self.answer.sentence)
+        rows = [[p.name, *with_std(p.value, p.std), plain(p.prior), p.unit, p.status] for p in self.answer.parameters]
+        return html_table(("parameter", "value", "std", "prior", "unit", "status"), rows, self.answer.sentence)
 
 
 def diagnose(

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration import calibrate, file_parameters, with_held_faults
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
-from ride_estimation.diagnosis.fitting import FullFit
+from ride_estimation.diagnosis.fitting import FullFit, combined_effects
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.isolability import confusions
@@ -51,6 +52,8 @@ from ride_estimation.diagnosis.verdict import (
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.work import Work
 from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.parameters.parameter_status import status_of
 from ride_estimation.signals.recording import UniformRun, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -229,7 +232,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
         warnings=(*warnings, *judged.warnings),
         extended=vehicle,
         ladder=_ladder(work, base, extended),
-        parameters=_calibrations(work, state, log_std),
+        parameters=_calibrations(work, state, log_std, verdict),
         remarks=remarks,
         evidence=make_evidence(base, extended),
         isolability=isolability,
@@ -339,24 +342,49 @@ def _log_std(work: Work) -> tuple[Array, Array]:
     adjustables = work.calibrated.adjustables if fit is None else fit.adjustables
     covariance = work.calibrated.fit.covariance if fit is None else fit.covariance
     out = []
-    for kind in ("stiffness", "damping"):
+    for kind, form in zip(("stiffness", "damping"), form_variance(fit, len(work.plant.ports))):
         std = np.full(len(work.plant.ports), np.inf)
         for i, a in enumerate(adjustables):
             if a.kind == kind:
                 std[work.calibrated.scene.port_index(a.place, a.axis)] = np.sqrt(max(covariance[i, i], 0.0))
-        out.append(std)
+        out.append(np.sqrt(std**2 + form))
     return out[0], out[1]
 
 
-def _calibrations(work: Work, state: ModelState, log_std: tuple[Array, Array]) -> tuple[Calibration, ...]:
+def form_variance(fit: FullFit | None, ports: int) -> Array:
+    """Return what the form of the named laws leaves open in ln k and ln c of every port, shape (2, P).
+
+    No law of a library is the real one: the share :data:`~hypothesis.FORM` of the energy of its force at a port is of another
+    form. Nothing says whether that part is in phase with the travel or with the rate, where it is spring or damper of the same
+    mount: half of it each, ``var(ln k) = FORM F^2 / (2 (k x)^2)`` and ``var(ln c) = FORM F^2 / (2 (c v)^2)`` with the standard
+    deviations F of the force, x and v of travel and rate.
+    """
+    out = np.zeros((2, ports))
+    if fit is None:
+        return out
+    scene = fit.scene
+    for fitted in fit.fitted:
+        for effect in combined_effects(fitted.hypothesis.columns(scene, fitted.shape), fitted.coefficients):
+            if effect.where is Where.PORT:
+                travel, rate = scene.scales[effect.index][:2]
+                linear = np.array([scene.state.stiffness[effect.index] * travel, scene.state.damping[effect.index] * rate])
+                force = float(np.std(effect.signal))
+                out[:, effect.index] += np.divide(0.5 * FORM * force**2, linear**2, out=np.zeros(2), where=linear > 0.0)
+    return out
+
+
+def _calibrations(work: Work, state: ModelState, log_std: tuple[Array, Array], verdict: str) -> tuple[Calibration, ...]:
     out = []
     for p, port in enumerate(work.plant.ports):
-        for name, value, std, unit, prior in (
-            ("stiffness", state.stiffness[p], log_std[0][p], "N/m", port.stiffness),
-            ("damping", state.damping[p], log_std[1][p], "N s/m", port.damping),
+        for name, value, std, unit, prior, prior_std in (
+            ("stiffness", state.stiffness[p], log_std[0][p], "N/m", port.stiffness, port.stiffness_log_std),
+            ("damping", state.damping[p], log_std[1][p], "N s/m", port.damping, port.damping_log_std),
         ):
             spread = float(value * std) if np.isfinite(std) else float("nan")
-            out.append(Calibration(f"{port.name}.{name}", float(value), spread, unit, float(prior)))
+            status = status_of(float(std), prior_std)
+            if status is Status.VALID and verdict == UNEXPLAINED:
+                status = Status.SUSPECT
+            out.append(Calibration(f"{port.name}.{name}", float(value), spread, unit, float(prior), status.value))
     return tuple(out)
 
 

@@ -86,13 +86,25 @@ class Step:
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """One calibrated parameter."""
+    """One calibrated parameter.
+
+    Attributes
+    ----------
+    value, std
+        In ``unit``; ``std`` contains what the form of a named law leaves open.
+    prior
+        Value of the vehicle file.
+    status
+        ``valid``, ``estimating`` or ``not_identifiable`` by the rule of ``replay``; ``suspect`` where something that no cause
+        explains is left in the run, which the value may make up for.
+    """
 
     name: str
     value: float
     std: float
     unit: str
     prior: float
+    status: str
 
 
 @dataclasses.dataclass(frozen=True)

@@ -229,8 +229,10 @@ def _parameters(page: Page, diagnosis: Diagnosis, truth: Mapping[str, float]) ->
     for p in diagnosis.parameters:
         unit, factor = reading_unit(p.unit)
         shown = [*map(Digits, rounded(factor * p.value, factor * p.std)), unit, _digits(factor * p.prior)]
-        rows.append([p.name, *shown, *([_digits(factor * truth.get(p.name, math.nan))] if truth else [])])
-    page.table(["parameter", "value", "std", "unit", "vehicle file", *(["truth"] if truth else [])], rows)
+        rows.append([p.name, *shown, *([_digits(factor * truth.get(p.name, math.nan))] if truth else []), p.status])
+    page.table(["parameter", "value", "std", "unit", "vehicle file", *(["truth"] if truth else []), "status"], rows)
+    if any(p.status == "suspect" for p in diagnosis.parameters):
+        page.text("Suspect: no cause explains what is left in this run; the value may make up for it, its std does not say so.")
 
 
 def _digits(value: float) -> Digits:

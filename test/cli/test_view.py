@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import functools
 import http.client
+import http.server
+import json
 import threading
 from collections.abc import Iterator
 from http.server import ThreadingHTTPServer
@@ -11,6 +14,7 @@ from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
+from browser import PROGRAM, Browser
 
 from ride_estimation.cli.main import main
 from ride_estimation.io.folder_server import folder_server
@@ -120,3 +124,45 @@ def test_mistakes_are_one_line(folder: Path, extra: list[str], words: str, capsy
     target = folder if extra else folder / "pictures"
     assert main(["view", str(target), *extra]) == 2
     assert words in capsys.readouterr().err
+
+
+#: what a viewer of recordings asks for: size by a part of one byte, a later part, the layout as a whole
+READ = """(async () => {
+  const head = await fetch("%(run)s", {headers: {range: "bytes=0-0"}, cache: "no-store"});
+  const part = await fetch("%(run)s", {headers: {range: "bytes=70000-70003"}});
+  const all = await fetch("%(run)s", {cache: "no-store"});
+  const seen = ["content-range", "etag"].map(name => head.headers.get(name));
+  const bytes = [...new Uint8Array(await part.arrayBuffer())];
+  return JSON.stringify([head.status, ...seen, part.status, bytes, all.headers.get("accept-ranges"),
+    all.headers.get("content-length"), await (await fetch("%(page)s")).text()]);
+})()"""
+
+
+@pytest.mark.skipif(PROGRAM is None, reason="no browser is installed")
+def test_a_browser_lets_the_viewer_read_and_no_other_page(folder: Path, tmp_path: Path) -> None:
+    """Two pages of other origins in a real browser: the viewer gets parts with their heads, the stranger nothing."""
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(folder / "pictures"))
+    (folder / "pictures" / "index.html").write_text("<link rel=icon href=data:,>")
+    pages = [http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) for _ in range(2)]
+    viewer, stranger = (f"http://127.0.0.1:{page.server_address[1]}" for page in pages)
+    files = folder_server(folder, 0, viewer)
+    threads = [threading.Thread(target=each.serve_forever, kwargs={"poll_interval": 0.01}) for each in (files, *pages)]
+    for thread in threads:
+        thread.start()
+    here = f"http://127.0.0.1:{files.server_address[1]}"
+    read = READ % {"run": f"{here}/run.mcap", "page": f"{here}/report.html"}
+    browser = Browser(tmp_path / "profile")
+    try:
+        browser.open(viewer, 800, 600)
+        status, content_range, etag, part_status, part, accepted, length, page = json.loads(browser.run(read))
+        assert (status, content_range, part_status) == (206, f"bytes 0-0/{len(CONTENT)}", 206)
+        assert part == list(CONTENT[70000:70004]) and etag
+        assert (accepted, length, page) == ("bytes", str(len(CONTENT)), "<p>report</p>")
+        browser.open(stranger, 800, 600)
+        assert browser.run(f'fetch("{here}/report.html").then(() => "read", () => "refused")') == "refused"
+    finally:
+        browser.close()
+        for each, thread in zip((files, *pages), threads, strict=True):
+            each.shutdown()
+            thread.join()
+            each.server_close()

@@ -173,8 +173,9 @@ def test_the_diagnosis_report_names_stiffnesses_that_are_off_and_no_others():
     """Row 1-20 in the report of a diagnosis: 1.5 Hz measured, 1.1 Hz by the file; what is within three deviations is silent."""
     measured = 1e5 * (1.5 / 1.1) ** 2
     words = stiffness_words([
-        Calibration("front.z.stiffness", measured, 500.0, "N/m", 1e5), Calibration("rear.z.stiffness", 1.1e5, 4e3, "N/m", 1e5),
-        Calibration("front.z.damping", 2e3, 10.0, "N s/m", 1e3),
+        Calibration("front.z.stiffness", measured, 500.0, "N/m", 1e5, "valid"),
+        Calibration("rear.z.stiffness", 1.1e5, 4e3, "N/m", 1e5, "valid"),
+        Calibration("front.z.damping", 2e3, 10.0, "N s/m", 1e3, "valid"),
     ])  # fmt: skip
     assert len(words) == 1
     assert "front.z.stiffness: stiffness over mass must be 1.86 times" in words[0]

@@ -13,8 +13,8 @@ from diagnosis_runs import GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_ru
 
 from ride_estimation.diagnosis.baseline import mean_table
 from ride_estimation.diagnosis.calibration import file_parameters
-from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Where
+from ride_estimation.diagnosis.diagnose import diagnose, form_variance
+from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.kinematics import rotation_matrices
 from ride_estimation.diagnosis.noise import missing_forces
 from ride_estimation.diagnosis.plant import build_plant
@@ -175,3 +175,18 @@ def test_the_mounts_of_an_axle_and_of_a_side_are_places_of_a_law():
     found = {s.location: {ports[p].mount for p in s.ports} for s in sites(scene)}
     assert found["rear"] == {"rear_left", "rear_right"} and found["left"] == {"front_left", "rear_left"}
     assert set(found) == {"front", "rear", "left", "right", "all", *(p.mount for p in ports)}
+
+
+def test_what_the_form_of_a_law_leaves_open_is_in_stiffness_and_damping() -> None:
+    """Half of 0.5 % of the energy of a friction of 100 N beside springs of 440 N and dampers of 110 N, at its own port only."""
+    friction = 100.0 * np.sign(np.sin(np.linspace(0.0, 20.0 * np.pi, 10000, endpoint=False) + 1e-4))
+    state = SimpleNamespace(stiffness=np.array([44e3, 44e3]), damping=np.array([2.2e3, 2.2e3]))
+    scene = SimpleNamespace(scales=[(0.01, 0.05), (0.01, 0.05)], state=state)
+
+    def columns(scene: object, shape: object) -> list[tuple[Effect, ...]]:
+        return [(Effect(Where.PORT, 1, friction),), (Effect(Where.MEAN, 0, np.ones(1)),)]
+
+    law = SimpleNamespace(hypothesis=SimpleNamespace(columns=columns), shape={}, coefficients=np.array([1.0, 1.0]))
+    found = form_variance(SimpleNamespace(scene=scene, fitted=(law,)), 2)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found[:, 1], [0.0025 * (100.0 / 440.0) ** 2, 0.0025 * (100.0 / 110.0) ** 2], rtol=1e-9)
+    assert np.all(found[:, 0] == 0.0) and np.all(form_variance(None, 2) == 0.0)

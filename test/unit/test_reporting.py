@@ -267,7 +267,7 @@ def test_a_diagnosis_shows_the_loop_of_its_cause_and_the_truth_of_a_simulated_ru
     )
     answer = Diagnosis(
         "explained", "Friction 127 +- 9 N.", (cause,), None, {"words": "nothing"}, (), load_vehicle("truck_cab"),
-        parameters=(Calibration("right.z.stiffness", 5.1e4, 300.0, "N/m", 5.2e4),), evidence=evidence,
+        parameters=(Calibration("right.z.stiffness", 5.1e4, 300.0, "N/m", 5.2e4, "valid"),), evidence=evidence,
     )
     assert leading_port(answer, evidence) == "right.z"
     figure = large_loop(evidence, "right.z")

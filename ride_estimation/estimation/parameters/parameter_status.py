@@ -23,6 +23,21 @@ _SEEN = 0.7
 _PATIENCE = 40
 
 
+def status_of(std: float, prior_std: float, valid_below: float = _VALID[0]) -> Status:
+    """Return the status of a parameter that has seen all of its data, from standard deviations of its logarithm.
+
+    Parameters
+    ----------
+    std, prior_std
+        With the data and before them.
+    valid_below
+        Largest ``std`` that is valid.
+    """
+    if std < valid_below:
+        return Status.VALID
+    return Status.ESTIMATING if std < _SEEN * prior_std else Status.NOT_IDENTIFIABLE
+
+
 class StatusTracker:
     """Status of every slot.
 
@@ -72,15 +87,9 @@ class StatusTracker:
             if theta[n] <= lower[n] + 1e-9 or theta[n] >= upper[n] - 1e-9:
                 self._status[n] = Status.SUSPECT
                 continue
-            limit = _VALID[1] if self._status[n] is Status.VALID else _VALID[0]
-            if std[n] < limit:
-                self._status[n] = Status.VALID
-            elif std[n] < _SEEN * prior[n]:
-                self._status[n] = Status.ESTIMATING
-            elif self._intervals >= _PATIENCE:
-                self._status[n] = Status.NOT_IDENTIFIABLE
-            else:
-                self._status[n] = Status.STARTING
+            status = status_of(std[n], prior[n], _VALID[1] if self._status[n] is Status.VALID else _VALID[0])
+            early = status is Status.NOT_IDENTIFIABLE and self._intervals < _PATIENCE
+            self._status[n] = Status.STARTING if early else status
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
