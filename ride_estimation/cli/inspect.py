@@ -87,7 +87,7 @@ def _inspect_file(path: Path, vehicle: Vehicle | None, options: argparse.Namespa
     for event in events:
         print(f"marker {event.name} at {event.time_s:.3f} s")
     for name, why in file.unreadable.items():
-        print(f"not read: column {name}, {why}")
+        print(f"{'texts are markers' if file.events else 'not read'}: column {name}, {why}")
     return 0
 
 

@@ -95,8 +95,10 @@ def vehicle_template(template: Template) -> str:
         lines.append("sensors:")
     if template.sensors:
         lines.append("  # three-axis accelerometers on the body; three that are not on one line tell the whole motion")
-    for index, place in enumerate(_sensor_places(template.sensors, 0.4 * size), 1):
-        lines.append(_sensor(f"{template.body}_{index}", f"/{template.body}/accel_{index}", template.body, place))
+    # named by their corner where there is one: a channel map is proposed from such words
+    corners = _NAMES.get(template.sensors, tuple(str(i) for i in range(1, template.sensors + 1)))
+    for corner, place in zip(corners, _sensor_places(template.sensors, 0.4 * size), strict=True):
+        lines.append(_sensor(f"{template.body}_{corner}", f"/{template.body}/{corner}/accel", template.body, place))
     if template.base_sensors:
         lines.append("  # one at the base of every mount: without them mounts and forces cannot be identified")
         for name, place in mounts.items():

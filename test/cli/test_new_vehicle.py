@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
+from ride_estimation.io.channel_guess import guess_channels
+from ride_estimation.io.files.channels import FileChannel
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
 
 
@@ -97,3 +99,16 @@ def test_parts_that_cannot_be_are_refused(tmp_path, capsys, rows, more, said):
 def test_a_point_without_parts_is_refused(tmp_path, capsys):
     assert main(["new-vehicle", "--about", "0", "0", "0", "--out", str(tmp_path / "v.yaml")]) == 2
     assert "--parts" in capsys.readouterr().err
+
+
+def test_channels_of_a_logger_are_assigned_by_the_corners_in_their_names(tmp_path: Path) -> None:
+    assert main(["new-vehicle", "--out", str(tmp_path / "v.yaml")]) == 0
+    vehicle = load_vehicle(tmp_path / "v.yaml")
+    time, corners = np.arange(4.0), {"FL": "front_left", "FR": "front_right", "RL": "rear_left", "RR": "rear_right"}
+    names = [f"Acc{place}{corner}_{axis}" for place in ("Cab", "Frame") for corner in corners for axis in "XYZ"]
+    channels = [FileChannel(name, "mg", time, np.full(4, 1e3 * (name[-1] == "Z"))) for name in names]
+    found = guess_channels(channels, vehicle.sensors, vehicle.gravity)
+    bodies = {"Cab": "cab", "Frame": "chassis"}
+    assert {g.channel: name for name, g in found.items()} == {
+        name: f"{bodies[name[3:-4]]}_{corners[name[-4:-2]]}.{name[-1].lower()}" for name in names
+    }

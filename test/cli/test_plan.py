@@ -136,5 +136,5 @@ def test_plan_and_replay_agree_on_random_layouts():
     found = module["agreement"](layouts=4, seed=71)
     assert found.refusals_agree
     assert len(found.std_ratio) >= 50
-    assert found.within(1.5) >= 0.85
+    assert module["within"](found.std_ratio, 1.5) >= 0.85
     assert found.status_agrees >= 0.85
