@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import PROGRAM, Browser
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from scipy import signal
@@ -251,7 +252,8 @@ def test_names_of_parameters_in_few_words() -> None:
     assert doctest.testmod(replay_summary)[0] == 0
 
 
-def test_a_diagnosis_shows_the_loop_of_its_cause_and_the_truth_of_a_simulated_run(tmp_path: Path) -> None:
+def friction_found() -> Diagnosis:
+    """Return an answer that names a friction of 127 N at one of two mounts, with the numbers of its pictures."""
     time = np.arange(0.0, 6.0, 0.01)
     x = 0.01 * np.sin(2.0 * np.pi * time)
     linear = 5e4 * x
@@ -265,10 +267,16 @@ def test_a_diagnosis_shows_the_loop_of_its_cause_and_the_truth_of_a_simulated_ru
     cause = NamedCause(
         "coulomb_friction", "right", "z", (Reported("friction level", 127.0, 9.0, "N"),), 0.96, (), "a ramp", "", "Does it slide?"
     )
-    answer = Diagnosis(
+    return Diagnosis(
         "explained", "Friction 127 +- 9 N.", (cause,), None, {"words": "nothing"}, (), load_vehicle("truck_cab"),
         parameters=(Calibration("right.z.stiffness", 5.1e4, 300.0, "N/m", 5.2e4, "valid"),), evidence=evidence,
     )
+
+
+def test_a_diagnosis_shows_the_loop_of_its_cause_and_the_truth_of_a_simulated_run(tmp_path: Path) -> None:
+    answer = friction_found()
+    evidence = answer.evidence
+    assert evidence is not None
     assert leading_port(answer, evidence) == "right.z"
     figure = large_loop(evidence, "right.z")
     lacks = np.asarray(figure.axes[1].lines[0].get_ydata())
@@ -281,6 +289,36 @@ def test_a_diagnosis_shows_the_loop_of_its_cause_and_the_truth_of_a_simulated_ru
         assert places == sorted(places)
         assert ("dry friction of 120 N" in text) == (known is not None) == ('<td class="number">120</td>' in text)
         assert '<td class="number">51.00</td><td class="number">0.30</td><td>N/mm</td>' in text
+
+
+@pytest.mark.skipif(PROGRAM is None, reason="no browser is installed")
+def test_the_page_of_a_diagnosis_is_read_on_screen_on_a_phone_and_in_print(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_diagnosis_report(friction_found(), "campaign/rough road/bag", path, Truth("dry friction of 120 N", {}))
+    browser = Browser(tmp_path / "profile")
+    try:
+        browser.open(path, 1280, 900)
+        # verdict, cause and truth are on the first screen, the loop that shows it begins there
+        tops = "[...document.querySelectorAll('.verdict, .side, figure.chart')].map(e => e.getBoundingClientRect())"
+        verdict, answer, loop = browser.run(f"{tops}.slice(0, 3).map(r => [r.top, r.bottom])")
+        assert 0 < verdict[1] < answer[1] < loop[0] < 900
+        assert "120 N" in browser.run("document.body.innerText") and "valid" in browser.run("document.body.innerText")
+        charts = browser.run("[document.querySelectorAll('figure.chart').length, document.querySelectorAll('.plot>svg').length]")
+        assert charts[0] == charts[1] > 3
+        # a cursor over the loop reads both axes
+        place = """(() => { const box = document.querySelector('figure.chart').chart.panels[0].box,
+          view = document.querySelector('figure.chart .plot>svg').getBoundingClientRect();
+          return [view.left + box[0] + box[2] / 2, view.top + box[1] + box[3] / 2]; })()"""
+        browser.mouse("mouseMoved", *browser.run(place))
+        assert re.search(r"deflection: [-\d.]+ mm", browser.run("document.querySelector('figure.chart .readout').innerText"))
+        # every printed page has the name of the run and its number
+        rules = browser.run("[...document.styleSheets].flatMap(s => [...s.cssRules]).map(r => r.cssText).join(' ')")
+        assert "rough road" in rules and "counter(page)" in rules and browser.pdf().startswith(b"%PDF")
+        browser.open(path, 390, 844)
+        assert browser.run("document.documentElement.scrollWidth") == 390
+        assert browser.complaints == []
+    finally:
+        browser.close()
 
 
 def test_drawn_twice_a_picture_is_the_same(page: Page) -> None:
