@@ -59,7 +59,9 @@ def end(process: subprocess.Popen[str], number: signal.Signals | None) -> tuple[
     return process.returncode, output
 
 
-@pytest.mark.parametrize(("executor", "number"), [("events", signal.SIGINT), ("single", signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("executor", "number"), [("events", signal.SIGINT), pytest.param("single", signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_node_ends_cleanly_on_a_signal(ros_single: Ros, start: Start, executor: str, number: signal.Signals) -> None:
     process = start("estimator_node", "-p", f"executor:={executor}")
     watcher = ros_single.add(Node("watcher", context=ros_single.context, use_global_arguments=False))
