@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,6 +82,7 @@ def plan(
     rigid_frame: bool = False,
     unknown_mass: bool = False,
     drives: bool = True,
+    report: Callable[[float], None] = lambda share: None,
 ) -> Plan:
     """Tell which parameters the sensors of a vehicle can identify and which addition would help most.
 
@@ -98,6 +101,8 @@ def plan(
     drives
         Simulate drives and run the estimator on them, also with further sensors: tells what ``replay`` will state and which
         addition helps it most, and takes half a minute. Otherwise the bounds alone.
+    report
+        Called with the share of the drives that is done.
 
     Raises
     ------
@@ -120,7 +125,7 @@ def plan(
         wrong.append(f"--road {road!r}; allowed: {', '.join(ROAD_CLASSES)}")
     if wrong:
         raise ConfigurationError(wrong)
-    from ride_estimation.api.predicted import helpful_additions, predicted_replay
+    from ride_estimation.api.predicted import DRIVES, helpful_additions, predicted_replay
     from ride_estimation.identification import sensor_plan
     from ride_estimation.identification.sensitivities import Excitation
 
@@ -135,5 +140,11 @@ def plan(
     if not drives:
         return Plan(known, found)
     driven = dataclasses.replace(known, force_references=()) if unknown_mass else known
-    replay = predicted_replay(driven, excitation)
-    return Plan(known, found, replay, helpful_additions(driven, excitation, sensor_plan.additions(driven), replay))
+    proposed = sensor_plan.additions(driven)
+    number = itertools.count(1)
+
+    def one_more() -> None:
+        report(next(number) / (DRIVES + len(proposed)))
+
+    replay = predicted_replay(driven, excitation, driven=one_more)
+    return Plan(known, found, replay, helpful_additions(driven, excitation, proposed, replay, one_more))

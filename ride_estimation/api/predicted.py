@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.estimate import Estimate
@@ -30,6 +30,8 @@ _INSTALLED = SensorErrors(gain_std=0.005 / math.sqrt(3.0), misalignment_std=math
 _STIFF_FRAME = 30.0
 #: road, noise and installation of the drives: what one drive happens to show differs by half from the next
 _SEEDS = (20, 21, 22)
+#: how many drives a prediction takes
+DRIVES = len(_SEEDS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +101,8 @@ class Addition:
 
 
 def helpful_additions(
-    vehicle: Vehicle, excitation: Excitation, proposed: Mapping[str, Sequence[Sensor]], present: PredictedReplay
+    vehicle: Vehicle, excitation: Excitation, proposed: Mapping[str, Sequence[Sensor]], present: PredictedReplay,
+    driven: Callable[[], None] = lambda: None,
 ) -> tuple[Addition, ...]:
     """Return what further sensors bring the estimator on one simulated drive, the most helpful first.
 
@@ -111,19 +114,23 @@ def helpful_additions(
         Sensors by the name of the addition.
     present
         What is predicted without them; its first drive is the one that is repeated.
+    driven
+        Called after every drive.
     """
     without = {p.name: p for p in dataclasses.replace(present, drives=present.drives[:1]).parameters}
     found = []
     for name, new in proposed.items():
         more = dataclasses.replace(vehicle, sensors={**vehicle.sensors, **{s.name: s for s in new}})
-        after = predicted_replay(more, excitation, _SEEDS[:1])
+        after = predicted_replay(more, excitation, _SEEDS[:1], driven)
         both = [(without[p.name].relative_std, p.relative_std) for p in after.parameters if p.name in without]
         known = [math.log(before / now) for before, now in both if 0.0 < now < math.inf and 0.0 < before < math.inf]
         found.append(Addition(name, len(after.of_status("valid")), math.exp(statistics.fmean(known)) if known else 1.0))
     return tuple(sorted(found, key=lambda a: (-a.valid, -a.improvement)))
 
 
-def predicted_replay(vehicle: Vehicle, excitation: Excitation, seeds: Sequence[int] = _SEEDS) -> PredictedReplay:
+def predicted_replay(
+    vehicle: Vehicle, excitation: Excitation, seeds: Sequence[int] = _SEEDS, driven: Callable[[], None] = lambda: None
+) -> PredictedReplay:
     """Simulate drives of a two-axle truck that carries the vehicle, and run the estimator on what its sensors read.
 
     The vehicle is the one of its file; the sensors have the installation errors of good workshop practice. What comes out
@@ -137,6 +144,8 @@ def predicted_replay(vehicle: Vehicle, excitation: Excitation, seeds: Sequence[i
         Road, speed, duration, sample rate; ``twist_share`` 0 stands for a frame that does not twist.
     seeds
         One drive each.
+    driven
+        Called after every drive.
     """
     duration = min(excitation.duration_s, LONGEST_S)
     usual = TruckData()
@@ -155,6 +164,7 @@ def predicted_replay(vehicle: Vehicle, excitation: Excitation, seeds: Sequence[i
             drives.append(run_offline(run_scenario(scenario, vehicle).recording, Pipeline(vehicle), smoothing=False).parameters)
         except RideEstimationError as error:
             return PredictedReplay(duration, (), str(error))
+        driven()
     return PredictedReplay(duration, tuple(drives))
 
 

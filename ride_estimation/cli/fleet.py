@@ -17,6 +17,7 @@ from ride_estimation.cli.pool import run_on_cluster, run_on_pool
 from ride_estimation.cli.progress import Progress
 from ride_estimation.cli.replay import ReplayJob
 from ride_estimation.errors import ConfigurationError, InputDataError
+from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.io.bag_source import SUFFIXES
 from ride_estimation.io.files.suffixes import READ_SUFFIXES
 from ride_estimation.io.results import output_folder
@@ -142,7 +143,11 @@ def collect(tasks: Sequence[FleetTask], options: argparse.Namespace) -> list[Fle
     else:
         outcomes = run_on_pool(tasks, options.workers, process_task)
     found: dict[str, FleetRow] = {}
-    with Progress(f"{len(tasks)} runs", len(tasks)) as progress:
+    with Progress(f"{len(tasks)} runs", len(tasks), {"replaying": 1.0}) as progress:
+        if not options.scheduler:
+            # else every process compiles for itself
+            compile_ahead(progress.begin)
+        progress.begin("replaying")
         for outcome in outcomes:
             row = outcome.value or failed_row(outcome.item, outcome.error)
             found[row.name] = row

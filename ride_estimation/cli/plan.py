@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ride_estimation.api.planning import plan
 from ride_estimation.cli.finite import require_finite
+from ride_estimation.cli.progress import Progress
 from ride_estimation.vehicles.modes import NEUTRAL_HZ
 
 if TYPE_CHECKING:
@@ -25,10 +26,12 @@ _WORTH = 1.05  # times smaller standard deviations that are worth a sensor
 def run(options: argparse.Namespace) -> int:
     """Print what is identifiable, what is not and why, and the ranked additions."""
     require_finite(options)
-    found = plan(
-        options.vehicle, road=options.road, speed=options.speed, duration=options.duration, rate=options.rate,
-        rigid_frame=options.rigid_frame, unknown_mass=options.unknown_mass, drives=not options.bounds_only,
-    )  # fmt: skip
+    with Progress("plan, simulated drives") as progress:
+        found = plan(
+            options.vehicle, road=options.road, speed=options.speed, duration=options.duration, rate=options.rate,
+            rigid_frame=options.rigid_frame, unknown_mass=options.unknown_mass, drives=not options.bounds_only,
+            report=progress.reach,
+        )  # fmt: skip
     vehicle, result = found.vehicle, found.result
     print(
         f"{vehicle.name}: class {options.road} road, {options.speed:g} m/s, {options.duration:g} s at {options.rate:g} Hz, "

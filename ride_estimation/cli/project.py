@@ -18,7 +18,6 @@ from ride_estimation.cli.fleet_task import FleetRow, FleetTask, finished_row
 from ride_estimation.cli.replay import ReplayJob
 from ride_estimation.errors import ConfigurationError, InputDataError, RideEstimationError
 from ride_estimation.estimation.common.arrangement import arrange
-from ride_estimation.estimation.compile_ahead import compile_ahead
 from ride_estimation.io.bag_source import SUFFIXES
 from ride_estimation.io.files.channel_map import load_channel_map
 from ride_estimation.io.files.suffixes import READ_SUFFIXES
@@ -93,7 +92,6 @@ def _run(options: argparse.Namespace) -> int:
         raise ConfigurationError(f"--workers {options.workers}; allowed: 1 or more")
     project = load_project(options.folder)
     tasks = _tasks(project, options)
-    compile_ahead(print)
     rows = collect(tasks, options)
     _summarise(project, rows)
     say(rows)

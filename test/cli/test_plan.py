@@ -4,9 +4,13 @@
 import re
 import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from ride_estimation.api import predicted
+from ride_estimation.api.planning import plan
 from ride_estimation.cli.main import main
 
 VEHICLES = Path(__file__).parents[2] / "config" / "vehicles"
@@ -127,6 +131,15 @@ def test_what_replay_will_state_stands_beside_the_bounds(capsys):
 def test_what_replay_will_refuse_is_said(capsys):
     assert main(["plan", "--vehicle", "quarter_car", "--duration", "5"]) == 0
     assert "replay will refuse: " in (text := capsys.readouterr().out) and "Without one nothing can be estimated" in text
+
+
+def test_progress_counts_every_simulated_drive(monkeypatch):
+    for name in ("run_scenario", "run_offline", "Pipeline"):
+        monkeypatch.setattr(predicted, name, lambda *given, **named: SimpleNamespace(recording=None, parameters=()))
+    shares: list[float] = []
+    found = plan("single_imu", report=shares.append)
+    assert shares == pytest.approx(np.arange(1, len(shares) + 1) / len(shares))
+    assert len(shares) == predicted.DRIVES + len(found.helpful) > predicted.DRIVES
 
 
 @pytest.mark.slow
