@@ -119,7 +119,7 @@ def _answer(page: Page, diagnosis: Diagnosis, truth: Mapping[str, float]) -> Non
             ],
         )})  # fmt: skip
     for cause in diagnosis.causes:
-        page.text(f"The question answered: {cause.question}")
+        page.text(f"Question of this cause: {cause.question}")
     if diagnosis.gain is not None:
         page.text(f"Error: {diagnosis.gain.metric}. Linear: the calibrated linear model.")
 
@@ -213,8 +213,8 @@ def stiffness_words(parameters: Sequence[Calibration]) -> tuple[str, ...]:
         factor = p.value / p.prior
         if abs(factor - 1.0) > max(0.05, 3.0 * p.std / p.prior):
             found.append(
-                f"{p.name}: stiffness over mass must be {factor:.2f} times the vehicle file's; a mode on it alone lies "
-                f"{math.sqrt(factor):.2f} times as high"
+                f"{p.name}: k/m is {factor:.2f} times the value of the vehicle file (natural frequency of a mode on it alone: "
+                f"times {math.sqrt(factor):.2f})"
             )
     return tuple(found)
 

@@ -178,5 +178,5 @@ def test_the_diagnosis_report_names_stiffnesses_that_are_off_and_no_others():
         Calibration("front.z.damping", 2e3, 10.0, "N s/m", 1e3, "valid"),
     ])  # fmt: skip
     assert len(words) == 1
-    assert "front.z.stiffness: stiffness over mass must be 1.86 times" in words[0]
-    assert "1.36 times as high" in words[0]
+    assert "front.z.stiffness: k/m is 1.86 times" in words[0]
+    assert "times 1.36)" in words[0]
