@@ -18,6 +18,7 @@ from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.faults.base_faults import BaseFaults
 from ride_estimation.estimation.faults.health import base_messages
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 
@@ -147,3 +148,10 @@ def test_a_frame_that_twists_under_three_bases_is_no_fault_of_one() -> None:
         watch.judged(block, nothing, np.array([0.0, 0.0, GRAVITY]), 1.0 / RATE)
         watch.learn(1.0 / RATE)
     assert not watch.messages()
+
+
+def test_of_three_base_sensors_only_the_one_whose_mean_is_off_is_named() -> None:
+    sensors = [s for s in load_vehicle("truck_cab").sensors.values() if s.body == "chassis"][:3]
+    checked = BaseFaults(sensors, (0, 1, 2), (0, 3, 6), 9.80665)
+    checked._mean[1, 2], checked._mean_time = 1.5, 20.0
+    assert [text.split(":")[0] for text in checked.messages()] == [f"{sensors[1].name} at the mount base"]

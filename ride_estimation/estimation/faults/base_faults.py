@@ -279,11 +279,12 @@ class BaseFaults:
 
         The body may lean against its frame; what is common to the bases is no sign of an error.
         """
-        others = [n for n in range(len(self._sensors)) if n != i and self._dc[n] and n not in self.refused]
-        if not self._dc[i] or len(others) < 2 or self._mean_time < _MEAN_LEAST:
+        level = [n for n in range(len(self._sensors)) if self._dc[n] and n not in self.refused]
+        if i not in level or len(level) < 3 or self._mean_time < _MEAN_LEAST:
             return ""
-        level = np.einsum("sij,sj->si", self._rotation, self._mean) / self._gravity
-        off = level[i] - np.median(level[others], axis=0)
+        read = np.einsum("sij,sj->si", self._rotation, self._mean) / self._gravity
+        # of three the one that is off moves the middle of the other two, but not of all
+        off = read[i] - np.median(read[level], axis=0)
         tilt = float(np.linalg.norm(off[:2]))
         if tilt > max(_BIAS, abs(off[2])):
             return f"its mean looks turned by {math.degrees(tilt):.1f} deg, or is a bias of {tilt * self._gravity:.2f} m/s^2"
