@@ -22,6 +22,8 @@ ACCELEROMETERS = ("accelerometer", "imu")
 #: distance of a base sensor from its mount that matters [m], extent across their longest line that base sensors need to tell the
 #: rotation of the frame [m]
 AWAY, LEAST_SPREAD = 0.02, 0.2
+#: largest cosine of a body axis and a sensor axis that is not measured
+_ASKEW = 0.1
 #: how brackets follow the twist of their frame until it is known, alike in roll and pitch, see :func:`relative_tilt_maps`
 USUAL_SHARES = np.array([0.6, 0.0, 0.6, 0.0])
 
@@ -85,6 +87,26 @@ class Arrangement:
     def has_base_motion(self) -> bool:
         """Return whether every mount has a triaxial accelerometer on its base."""
         return bool(self.mounts) and all(s is not None and s.triaxial for s in self.base_sensors)
+
+    @property
+    def base_seen(self) -> NDArray[np.bool_]:
+        """Return along which axes of the body the base of every mount is measured, shape (M, 3)."""
+        seen = np.zeros((len(self.mounts), 3), dtype=bool)
+        for i, sensor in enumerate(self.base_sensors):
+            if sensor is not None:
+                # what a nearly upright sensor adds of an axis that it does not measure is small against what is unknown there
+                seen[i] = np.all(np.abs(sensor.rotation[:, ~sensor.measured[:3]]) < _ASKEW, axis=1)
+        return seen
+
+    @property
+    def base_told(self) -> NDArray[np.bool_]:
+        """Return along which axes base sensors tell the deflection of a mount well enough for its law, shape (M, 3).
+
+        Sideways only where every base is measured in all axes: mounts are stiff there, hundredths of a millimetre are forces, and
+        gravity comes in with every error of the tilt.
+        """
+        seen = self.base_seen
+        return seen if seen.all() else np.logical_and(seen, [False, False, True])
 
     @property
     def mount_names(self) -> tuple[str, ...]:

@@ -50,8 +50,10 @@ class BaseFill:
         both = zip(arrangement.mounts, arrangement.base_sensors)
         place = np.array([m.position if s is None else s.position for m, s in both]).reshape(-1, 3)
         self._place = place - place.mean(axis=0) if len(place) else place
-        self._has = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
-        self._complete = bool(self._has.all())
+        self._seen = arrangement.base_seen
+        self._has = self._seen.any(axis=1)
+        #: axes that nothing measures at a mount and that other bases tell
+        self._made_up: BoolArray = np.logical_and(~self._seen, self._seen.any(axis=0))
         self._transport = base_transport(arrangement.mounts, arrangement.base_sensors)
         self._maps: dict[bytes, Array] = {}
         self.reset()
@@ -80,7 +82,7 @@ class BaseFill:
         self.returned: tuple[int, ...] = ()
 
     def _map(self, there: BoolArray) -> Array:
-        """Return weights of the sensors that speak on every mount, shape (3, M, M).
+        """Return weights of the axes (M, 3) that speak on the same axis of every mount, shape (3, M, M).
 
         Their mean, over which what all have in common, gravity above all, goes over whole however few speak, and slopes by least
         squares with a prior: brackets move on their own too, and over a short lever that is no slope.
@@ -88,14 +90,17 @@ class BaseFill:
         key = there.tobytes()
         found = self._maps.get(key)
         if found is None:
-            count, speak = len(there), int(there.sum())
-            place = self._place - self._place[there].mean(axis=0)
+            count = len(there)
             found = np.zeros((3, count, count))
             for axis, columns in enumerate(([1], [0], [0, 1])):
-                lever = place[there][:, columns]
-                prior = np.diag(_OWN_SHARE**2 * np.mean(self._place[self._has][:, columns] ** 2, axis=0) + _LEAST_LEVER**2)
+                own, usual = there[:, axis], self._place[self._seen[:, axis]]
+                if not own.any():
+                    continue
+                place = self._place - self._place[own].mean(axis=0)
+                lever = place[own][:, columns]
+                prior = np.diag(_OWN_SHARE**2 * np.mean(usual[:, columns] ** 2, axis=0) + _LEAST_LEVER**2)
                 slopes = np.linalg.solve(lever.T @ lever + prior, lever.T)
-                found[axis][:, there] = 1.0 / speak + place[:, columns] @ (slopes - slopes.mean(axis=1, keepdims=True))
+                found[axis][:, own] = 1.0 / own.sum() + place[:, columns] @ (slopes - slopes.mean(axis=1, keepdims=True))
             self._maps[key] = found
         return found
 
@@ -109,16 +114,15 @@ class BaseFill:
     def _filled(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
         self._doubt *= math.exp(-duration / _FADES)
         self._wrong *= math.exp(-duration / _FADES)
-        gone = self._has & ~ok.all(axis=0)
+        gone: BoolArray = np.logical_and(self._has, ~np.asarray(ok.all(axis=0)))
         settling = self._settling(gone, duration)
         missing = gone | settling
         if self._shift.any():
             base = base - self._shift
-        there = self._has & ~missing
+        there: BoolArray = np.logical_and((self._has & ~missing)[:, None], self._seen)
         if not missing.any():
             self._hear(base, duration)
-            return base, ok
-        if not there.any():
+        if not there.any() or not (missing.any() or self._made_up.any()):
             return base, ok
         filled, filled_ok = base.copy(), ok.copy()
         for m in np.flatnonzero(missing):
@@ -129,6 +133,10 @@ class BaseFill:
             filled[lost, m] = estimate[lost]
             filled_ok[lost, m] = True
             self._doubt[m] = 1.0
+        for m in np.flatnonzero(self._made_up.any(axis=1)):
+            estimate = np.einsum("aj,kja->ka", self._map(there)[:, m], base)
+            filled[:, m, self._made_up[m]] = estimate[:, self._made_up[m]]
+            filled_ok[:, m] |= not self._has[m]
         return filled, filled_ok
 
     def _hear(self, base: Array, duration: float) -> None:

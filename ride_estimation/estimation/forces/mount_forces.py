@@ -144,6 +144,11 @@ class MountForceEstimator:
         self.follow = 1.0
         count = len(arrangement.mounts)
         self._count, self._ones, self._all_known = count, np.ones((count, 3)), bool(known.all())
+        self._of_file = None if arrangement.base_told.all() or not arrangement.base_told.any() else law.stiffness.ravel().copy()
+        #: axes whose deflection is that of a rigid frame only: what the frame twists there is open
+        self._made_up = known & ~arrangement.base_seen
+        for sensor in arrangement.transducers:
+            self._made_up[arrangement.mount_names.index(sensor.mount), AXES.index(sensor.axis)] = False
         # log standard deviations of stiffness and damping, set by the parameter estimator
         self.parameter_std = np.zeros((2, count, 3))
         free = arrangement.free
@@ -212,8 +217,10 @@ class MountForceEstimator:
         stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
         total = float(stiffness.max()) if stiffness.size else 0.0
         self._stiffness = stiffness + 1e-9 * (total if total > 0.0 else 1.0)
-        share = share_by_stiffness(self._g, self._stiffness)
-        shared = static_share(self._g, self._stiffness, weight[self._free])
+        # where only some mounts are identified their ratio to the others is worse than that of the file
+        ratio = self._stiffness if self._of_file is None else self._of_file
+        share = share_by_stiffness(self._g, ratio)
+        shared = static_share(self._g, ratio, weight[self._free])
         self.static_force, self._static_left = self._weighed(shared, weight[self._free])
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
@@ -323,9 +330,9 @@ class MountForceEstimator:
     def equilibrium(self, support: Array) -> Equilibrium | None:
         """Return what equilibrium says of the rigid deflections for the wrench the mounts carry, shape (K, 6).
 
-        None where not every mount has a deflection from sensors: what the others carry is not known there.
+        None where not every mount has a vertical deflection from sensors: what the others carry is not known there.
         """
-        if not (self._all_known and len(self.missing)):
+        if not (bool(self.known[:, 2].all()) and len(self.missing)):
             return None
         stiffness = self._stiffness.reshape(self._count, 3)
         force = self._gain_slow @ self.missing.mean(axis=0)
@@ -361,7 +368,7 @@ class MountForceEstimator:
         parameters = self.parameter_std[0] ** 2 * elastic + self.parameter_std[1] ** 2 * self._viscous_square
         variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2 + parameters
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
-        seen = np.where(self.known, variance, hidden).ravel()
+        seen = np.where(self.known & ~self._made_up, variance, hidden).ravel()
         # without motion of the bases the error is that of a deflection, alike in size at all mounts: weight by stiffness
         floor = (_LEAST_DEFLECTION * self._stiffness) ** 2
         model = prior = np.diag(seen + floor)

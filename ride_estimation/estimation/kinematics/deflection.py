@@ -103,8 +103,11 @@ class DeflectionEstimator:
         self.arrangement = arrangement
         self._tilting = tilting
         self._count = len(arrangement.mounts)
-        self.has_base = np.array([s is not None for s in arrangement.base_sensors], dtype=bool)
-        self._base_variance = np.array([s.noise_std**2 if s else _UNKNOWN_RELATIVE**2 for s in arrangement.base_sensors])
+        seen = arrangement.base_seen
+        #: axes along which the base of a mount is told or follows from others as that of a rigid frame, shape (M, 3)
+        self.has_base = np.tile(arrangement.base_told.any(axis=0), (self._count, 1))
+        own = np.array([s.noise_std if s is not None else 0.0 for s in arrangement.base_sensors]) ** 2
+        self._base_variance = np.where(seen, own[:, None], _UNKNOWN_RELATIVE**2)
         wrench = arrangement.wrench[arrangement.free]
         #: part of deflections that a rigid motion makes, shape (3 M, 3 M)
         self._rigid = np.linalg.pinv(wrench) @ wrench
@@ -121,7 +124,7 @@ class DeflectionEstimator:
     @property
     def known(self) -> BoolArray:
         """Return which mount axes have a deflection from sensors at all, shape (M, 3)."""
-        return self.has_base[:, None] | self.has_transducer
+        return self.has_base | self.has_transducer
 
     def reset(self) -> None:
         """Start again from rest with wide uncertainty; how large deflections are is forgotten too."""
@@ -185,7 +188,7 @@ class DeflectionEstimator:
         self._lasting.observe(motion.motion[:, :3], ticks * dt)
         swing, swing_rate = self._tilting.swing(base, measured, dt)
         noise = self._noise_now(motion.covariance, ticks, dt)
-        drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base].all()), ticks, dt)
+        drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base.any(axis=1)].all()), ticks, dt)
         deflection_block(
             motion.motion, motion.rate, motion.valid, np.ascontiguousarray(base), base_ok, self.arrangement.arms,
             self._tilting.maps, swing, self.arrangement.vehicle.gravity, dt, self._state, self._p, noise,
@@ -228,7 +231,7 @@ class DeflectionEstimator:
     def _begin(self, motion: MotionBlock, base: Array) -> None:
         """Take the first relative acceleration as bias in x and y: it is mostly tilt of the sensors."""
         first = motion.motion[0, :3] - base[0]
-        self._state[2, :, :2] = np.clip(first[:, :2], -0.5, 0.5) * self.has_base[:, None]
+        self._state[2, :, :2] = np.clip(first[:, :2], -0.5, 0.5) * self.has_base[:, :2]
         self._state[3] = self._state[2]
         self._started = True
 
@@ -243,7 +246,7 @@ class DeflectionEstimator:
         """Return the noise that :func:`deflection_block` takes, shape (M, 3, 5)."""
         noise, square = np.empty((self._count, 3, 5)), np.maximum(self._mean_square, _LEAST**2)
         for a in range(3):
-            noise[:, a, 0] = self._base_variance + covariance[a, a]
+            noise[:, a, 0] = self._base_variance[:, a] + covariance[a, a]
         noise[:, :, 1] = _BIAS_DENSITY
         noise[:, :, 2] = square * _CORRELATION_TIME / dt
         # sensors on both sides whose angles and gains are not quite those of the file

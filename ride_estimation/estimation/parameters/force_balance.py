@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 HIGHEST_RATE = 130.0
 #: relative step of the derivative with respect to a multiplier of a nonlinear element
 _STEP = 1e-3
+#: standard deviation of the moving force of a mount over its static one, where the motion of its base is not measured: more than
+#: a road brings
+_UNSEEN_SHARE = 0.3
 #: unit of an offset of the CG among the parameters [m]: as much to the balance as a change of the mounts by a tenth
 OFFSET_UNIT = 0.1
 
@@ -84,6 +87,33 @@ def inverse_mass(arrangement: Arrangement) -> Array:
     inverse = np.zeros((6, 6))
     inverse[np.ix_(free, free)] = np.linalg.inv(mass_matrix[np.ix_(free, free)])
     return inverse
+
+
+def unseen_acceleration(arrangement: Arrangement) -> Array:
+    """Return the covariance of the body's acceleration by mount forces along axes whose base is not measured, shape (6, 6).
+
+    With forces of standard deviation ``s`` of the static load, ``M^-1 G s^2 G^T M^-1``: so much more than the noise of sensors
+    that nothing is learned along what such forces do to the body, however large they are.
+    """
+    told = arrangement.base_told
+    if told.all():
+        return np.zeros((6, 6))
+    load = _UNSEEN_SHARE * arrangement.file_mass * arrangement.vehicle.gravity / max(len(arrangement.mounts), 1)
+    push = inverse_mass(arrangement) @ arrangement.wrench[:, ~told.ravel()]
+    return np.asarray(load**2 * push @ push.T)
+
+
+def weighed_share(arrangement: Arrangement) -> float:
+    """Return which share of a vertical force at the CG cannot be made up for by unknown ones at mounts without a base sensor.
+
+    Mass is the scale of all stiffness. Mounts whose line passes the CG on both sides may carry it alone, whatever the others do:
+    ``|(1 - W W^+) e|`` with the columns ``[1, y / L, -x / L]`` of those mounts in W and e of the CG.
+    """
+    arms = arrangement.arms[~arrangement.base_told[:, 2], :2]
+    length = float(np.sqrt(np.mean(np.sum(arrangement.arms[:, :2] ** 2, axis=1)))) or 1.0
+    unseen = np.column_stack([np.ones(len(arms)), arms[:, 1] / length, -arms[:, 0] / length]).T
+    heave = np.array([1.0, 0.0, 0.0])
+    return float(np.linalg.norm(heave - unseen @ (np.linalg.pinv(unseen) @ heave))) if len(arms) else 1.0
 
 
 class ForceBalance:

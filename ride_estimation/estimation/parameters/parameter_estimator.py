@@ -27,7 +27,13 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
 from ride_estimation.estimation.parameters.doubted_axes import doubted_axes
-from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT, BalanceChunk, BalanceInput
+from ride_estimation.estimation.parameters.force_balance import (
+    OFFSET_UNIT,
+    BalanceChunk,
+    BalanceInput,
+    unseen_acceleration,
+    weighed_share,
+)
 from ride_estimation.estimation.parameters.identifiable import null_directions
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
 from ride_estimation.estimation.parameters.parameter_filter import ParameterFilter
@@ -66,6 +72,8 @@ _RESTLESS = 2.5
 _LOADED_CG, _REACH = 0.1, 0.5
 #: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
 _CALIBRATED_CG = 0.004
+#: share of the inertia of heave that mounts without a base sensor must leave to the others: below, only ratios are told
+_WEIGHED = 0.2
 #: a CG is off its file with this probability, and with this one it still is when its place has been estimated
 _CERTAINLY, _STILL = 1.0 - 1e-5, 0.99
 #: intervals that are asked for it
@@ -90,10 +98,15 @@ class ParameterEstimator:
         self.settings = settings
         all_slots = find_slots(arrangement, settings)
         by_transducers = not arrangement.has_base_motion and transducers_suffice(arrangement)
-        self.slots = tuple(s for s in all_slots if s.axis == 2) if by_transducers else all_slots
+        told = arrangement.base_told
+        own = tuple(s for s in all_slots if (s.axis == 2 if by_transducers else told[s.mount, s.axis]))
+        # where nothing is seen at all every parameter stays listed, with the reason
+        self.slots = own or all_slots
         self._left_out = tuple(s for s in all_slots if s not in self.slots)
         self.count = len(self.slots)
-        seen = arrangement.has_base_motion or by_transducers
+        #: acceleration of the body by forces of mounts whose base is not measured, (6, 6): along that nothing is learned
+        self._unseen = np.zeros((6, 6)) if by_transducers else unseen_acceleration(arrangement)
+        seen = by_transducers or (bool(told.any()) and weighed_share(arrangement) > _WEIGHED)
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._turns = () if by_transducers else self._inertia_axes()
         body = arrangement.body
@@ -142,6 +155,11 @@ class ParameterEstimator:
     def _no_input_reason(self) -> str:
         if not self.settings.estimate_parameters:
             return "estimation of parameters is switched off"
+        if self.arrangement.base_told.any():
+            return (
+                "mounts without a motion sensor on their base could carry the body alone, which leaves nothing that its mass "
+                "could be compared with: a triaxial accelerometer at the base of one of them would tell it"
+            )
         return "no motion sensor on the base side of every mount: a triaxial accelerometer at each mount base would tell it"
 
     def restart(self) -> None:
@@ -276,7 +294,9 @@ class ParameterEstimator:
         """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
         found = []
         listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.slots)]
-        unseen = "no transducer tells this axis: a triaxial accelerometer at each mount base would"
+        by_transducers = self._model.inertial is None
+        what = "transducer" if by_transducers else "motion sensor at the mount bases"
+        unseen = f"no {what} tells this axis: a triaxial accelerometer at each mount base would"
         listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
         doubted = self._doubted_axes()
         for slot, log, std, own, why in listed:
@@ -384,11 +404,11 @@ class ParameterEstimator:
         repeats = self._repetition.observe(chunk.measured[:, :3], chunk.step)
         self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
         self.excited = self.excited and not repeats and self._upright >= _SETTLE / self._model.balance.corner
-        weights = self._weights(covariance)
+        weights = self._weights(covariance + self._unseen)
         duration = len(chunk.measured) * chunk.step
         self._keep(chunk)
         response = self._model.response
-        response.set_noise(covariance, self._base_variance)
+        response.set_noise(covariance, self._base_variance, self._unseen)
         if self._filter is None:
             if self.excited and self._look is None and self._duration(self._kept) >= _FIRST:
                 self._begin_look(weights, covariance)
@@ -439,7 +459,7 @@ class ParameterEstimator:
     def _begin_look(self, weights: Array, covariance: Array) -> None:
         """Begin the first estimate or a review; the work is spread over the blocks to come while the filter goes on."""
         self._looked_at, self._look_open, self._credit = list(self._kept), True, 0.0
-        self._refinement.model.response.set_noise(covariance, self._base_variance)
+        self._refinement.model.response.set_noise(covariance, self._base_variance, self._unseen)
         if self._filter is None:
             self._look = self._refinement.first_estimate(self._looked_at, self.theta, weights)
         else:

@@ -37,6 +37,7 @@ class ModelResponse:
         #: step the response is prepared for [s], 0 before
         self.step = 0.0
         self._covariance, self._base_variance = np.eye(6), 0.0
+        self._unseen = np.zeros((6, 6))
         points = balance.arrangement.wrench[balance.arrangement.free]
         self._rigid = np.linalg.pinv(points @ points.T, hermitian=True)
         self.reset()
@@ -93,15 +94,28 @@ class ModelResponse:
             self.elastic[n], self.viscous[n] = -mounts[3 + a, :6], -mounts[3 + a, 6:]
         self.step = step
 
-    def set_noise(self, covariance: Array, base_variance: float) -> None:
-        """State the covariance of the body's acceleration (6, 6) and the variance of a base sensor; ``prepare`` uses them."""
-        self._covariance, self._base_variance = covariance, base_variance
+    def set_noise(self, covariance: Array, base_variance: float, unseen: Array) -> None:
+        """State the noise that ``prepare`` uses.
+
+        Parameters
+        ----------
+        covariance
+            Of the body's measured acceleration, shape (6, 6).
+        base_variance
+            Of a base sensor [(m/s^2)^2].
+        unseen
+            Covariance of the body's acceleration by forces of mounts whose base is not measured, shape (6, 6).
+        """
+        self._covariance, self._base_variance, self._unseen = covariance, base_variance, unseen
 
     def _kalman_gain(self, step: float) -> Array:
         """Return the gain (12, 6) that balances the noise of the base sensors, seen through the mounts, with that of the body's.
 
         Near a resonance the mounts pass the base acceleration on as if the base were rigid, so that is the process noise:
-        ``sigma^2 (P^T P)^-1``, P the motion of the mount points.
+        ``sigma^2 (P^T P)^-1``, P the motion of the mount points. Forces of unseen mounts move the body and are in its measured
+        acceleration at once: process and measurement noise correlate, ``S = B U``, and with
+        ``A - S R^-1 C``, ``Q - S R^-1 S^T`` the equations are those of uncorrelated noise (Anderson and Moore, Optimal Filtering,
+        5.4). The more of it there is, the more the simulated body follows the measured one along these directions.
         """
         free = self._balance.arrangement.free
         gain = np.zeros((12, 6))
@@ -113,9 +127,16 @@ class ModelResponse:
         seen = -self.feedback[np.ix_(outputs, states)]
         noise = self._covariance[np.ix_(outputs, outputs)]
         transition = self.transition[np.ix_(states, states)]
-        p = _riccati(transition, seen, process, noise)
+        cross = np.zeros((len(states), len(outputs)))
+        if self._unseen.any():
+            unseen = self._unseen[np.ix_(outputs, outputs)]
+            noise, cross = noise + unseen, drive @ unseen
+            share = np.linalg.solve(noise, cross.T).T
+            p = _riccati(transition - share @ seen, seen, process + drive @ unseen @ drive.T - share @ cross.T, noise)
+        else:
+            p = _riccati(transition, seen, process, noise)
         innovation = seen @ p @ seen.T + noise
-        gain[np.ix_(states, outputs)] = np.linalg.solve(innovation, seen @ p @ transition.T).T
+        gain[np.ix_(states, outputs)] = np.linalg.solve(innovation, seen @ p @ transition.T + cross.T).T
         return gain
 
     def observe(self, chunk: BalanceChunk) -> tuple[Array, Array]:

@@ -95,7 +95,7 @@ class MeasuredResponse:
     def take_state(self, other: object) -> None:
         """Do nothing: there is no state."""
 
-    def set_noise(self, covariance: Array, base_variance: float) -> None:
+    def set_noise(self, covariance: Array, base_variance: float, unseen: Array) -> None:
         """Do nothing: there is no simulated body that could gather noise."""
 
     def prepare(self, static_force: Array, follow: float, step: float) -> None:
