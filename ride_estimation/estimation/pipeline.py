@@ -105,7 +105,9 @@ class Pipeline:
         self._ports = tuple((name, axis) for name in a.mount_names for axis in AXES)
         self._shown = RangeMeter(*(preload.get(port) for port in self._ports))
         cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
+        meter = a.speed_sensor
         used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers, *cells]
+        used += [] if meter is None else [meter]
         self._sensors = tuple({s.name: s for s in used}.values())
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
@@ -127,7 +129,9 @@ class Pipeline:
 
     def _new_motion(self) -> CgMotionEstimator:
         a = self.arrangement
-        return CgMotionEstimator(a.body_sensors, a.body.cg, a.free, self.vehicle.gravity, self.settings)
+        made = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, self.vehicle.gravity, self.settings)
+        made.speed_std = 0.0 if a.speed_sensor is None else a.speed_sensor.noise_std
+        return made
 
     def _new_aligner(self) -> StampAligner:
         specs, chosen = stream_specs(self._sensors), self.settings
@@ -265,7 +269,7 @@ class Pipeline:
         gyro = np.take(block.values, layout.gyro_columns, axis=1)
         there = np.take(block.valid, layout.body_streams, axis=1)
         self._motion.doubted = bool(verdict.suspects)
-        motion = self._doubted(self._motion.observe(measured, gyro, there, dt), verdict, ticks * dt)
+        motion = self._doubted(self._motion.observe(measured, gyro, there, dt, layout.speed_of(block)), verdict, ticks * dt)
         self._rate, self._force = motion.rate[-1], motion.motion[:, :3].mean(axis=0)
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)

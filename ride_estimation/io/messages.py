@@ -121,11 +121,11 @@ def _three(sensor: Sensor, pick: Callable[[Any], Any]) -> Converter:
     return convert
 
 
-def _twist(sensor: Sensor) -> Converter:
+def _along(sensor: Sensor, pick: Callable[[Any], Any]) -> Converter:
     name = sensor.name
 
     def convert(message: Any) -> Sequence[Sample]:
-        return (Sample(name, stamp_of(message), (float(message.twist.linear.x),), None, ""),)
+        return (Sample(name, stamp_of(message), (float(pick(message).linear.x),), None, ""),)
 
     return convert
 
@@ -149,7 +149,8 @@ _MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Sensor]], Conver
         ("accelerometer", "force"), lambda sensors: _three(sensors[0], lambda m: m.vector),
     ),
     "sensor_msgs/msg/JointState": (("displacement",), _joint_state),
-    "geometry_msgs/msg/TwistStamped": (("speed",), lambda sensors: _twist(sensors[0])),
+    "geometry_msgs/msg/TwistStamped": (("speed",), lambda sensors: _along(sensors[0], lambda m: m.twist)),
+    "nav_msgs/msg/Odometry": (("speed",), lambda sensors: _along(sensors[0], lambda m: m.twist.twist)),
     "geometry_msgs/msg/WrenchStamped": (("force",), lambda sensors: _three(sensors[0], lambda m: m.wrench.force)),
 }
 

@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from geometry_msgs.msg import AccelStamped, TwistStamped, Vector3Stamped, WrenchStamped
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu, JointState
 
 from ride_estimation.io.messages import accepted_types, sensors_by_topic
@@ -20,6 +21,7 @@ MESSAGE_CLASSES: dict[str, type] = {
     "sensor_msgs/msg/JointState": JointState,
     "geometry_msgs/msg/TwistStamped": TwistStamped,
     "geometry_msgs/msg/WrenchStamped": WrenchStamped,
+    "nav_msgs/msg/Odometry": Odometry,
 }
 
 #: type that is assumed until a publisher says otherwise, where it is not the first accepted one

@@ -89,6 +89,12 @@ class Arrangement:
         return bool(self.mounts) and all(s is not None and s.triaxial for s in self.base_sensors)
 
     @property
+    def speed_sensor(self) -> Sensor | None:
+        """Return the first sensor of the speed of the body or of what it stands on, None where there is none."""
+        carriers = {self.body.name, *(m.base for m in self.mounts)}
+        return next((s for s in self.vehicle.sensors.values() if s.kind == "speed" and s.body in carriers), None)
+
+    @property
     def base_seen(self) -> NDArray[np.bool_]:
         """Return along which axes of the body the base of every mount is measured, shape (M, 3)."""
         seen = np.zeros((len(self.mounts), 3), dtype=bool)

@@ -40,6 +40,8 @@ class ChannelLayout:
         Name, mount, stream and first column of every load cell.
     needed
         Streams that must speak for anything to be learned.
+    speed
+        Stream and column of the speed of the vehicle, None where no sensor measures it.
     full_scale
         Per stream first and end of the columns that have a full scale, and the magnitude that counts as such.
     """
@@ -53,6 +55,7 @@ class ChannelLayout:
     transducers: tuple[tuple[int, int, int, int], ...]
     cells: tuple[tuple[str, int, int, int], ...]
     needed: IntArray
+    speed: tuple[int, int] | None
     full_scale: tuple[IntArray, IntArray, Array]
 
     @staticmethod
@@ -76,6 +79,7 @@ class ChannelLayout:
         start = {s.name: c.start for s, c in zip(sensors, columns, strict=True)}
         gyros = [s for s in a.body_sensors if s.kind == "imu"]
         base = tuple((i, index[s.name], start[s.name], s.rotation) for i, s in enumerate(a.base_sensors) if s is not None)
+        meter = a.speed_sensor
         first = np.array([c.start for c in columns], dtype=np.int64)
         # a body sensor that is missing is made up for by the others, as long as the motion stays complete
         needed = [stream for _, stream, _, _ in base] + [index[s.name] for s in a.transducers if not a.has_base_motion]
@@ -96,6 +100,7 @@ class ChannelLayout:
             ),
             cells=tuple((name, i, index[name], start[name]) for name, i in cells),
             needed=np.array(needed, dtype=np.int64),
+            speed=None if meter is None else (index[meter.name], start[meter.name]),
             full_scale=(
                 first, first + np.minimum(3, [s.channels for s in sensors]), 0.999 * np.array([s.reach for s in sensors]),
             ),
@@ -107,6 +112,13 @@ class ChannelLayout:
         spoke = np.zeros((len(block.values), mounts), dtype=bool)
         turn_channels(block.values, block.valid, *self.base_arrays, base, spoke)
         return base, spoke
+
+    def speed_of(self, block: Block) -> tuple[Array, BoolArray] | None:
+        """Return the speed of the vehicle at the ticks, shape (K,), and where it is measured; None without a sensor of it."""
+        if self.speed is None:
+            return None
+        stream, column = self.speed
+        return np.ascontiguousarray(block.values[:, column]), np.ascontiguousarray(block.valid[:, stream])
 
     def cell_readings(self, block: Block, sensors: Sequence[Sensor]) -> Iterator[tuple[str, int, Array]]:
         """Return name, mount and force in body axes (K, 3) of every load cell that spoke throughout."""

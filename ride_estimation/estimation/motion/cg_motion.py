@@ -25,6 +25,7 @@ from ride_estimation.estimation.motion.motion_kernel import (
     LARGEST_RATE,
     cg_block,
     follow_slow,
+    follow_speed,
     predict_block,
     remove_gravity,
 )
@@ -66,6 +67,11 @@ _LEFT_OUT = 2.0
 _COASTS = 0.2
 #: what centripetal terms may be off while the angular rate is not known [m/s^2]: 2 * 0.2 rad/s * 0.2 rad/s * 1 m
 _CENTRIPETAL = 0.08
+#: time constant of each stage of the low-pass of the rate of the vehicle's speed [s]: wheel speeds are coarse
+_SPEED_TIME = 0.1
+#: what the rate of the vehicle's speed leaves of the longitudinal acceleration of the body, which shakes on its mounts [m/s^2],
+#: and the time over which a stated error of the speed counts as such [s]
+_SURGE_ERROR, _SPEED_ERROR_TIME = 0.2, 2.0
 #: time over which horizontal acceleration counts as slow, and memory of its size [s]
 _SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
 #: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
@@ -121,6 +127,8 @@ class CgMotionEstimator:
         self._gyro_fit = np.ones(len(self.gyros), dtype=bool)
         self._cache: dict[tuple[bytes, float], Weights] = {}
         self._needed = int(np.sum(self._free))
+        #: standard deviation of the speed of the vehicle, where it is measured [m/s]
+        self.speed_std = 0.0
         self._observed_tilt = bool(self._free[3] or self._free[4])
         self._sums = ResidualSums.empty(len(directions))
         self._accelerometer_rows = np.ascontiguousarray(self.rows[: len(directions)])
@@ -155,12 +163,15 @@ class CgMotionEstimator:
         self._early = ResidualSums.empty(3 * len(self.sensors))
         self._last_good, self._slow = np.array([0.0, 0.0, self._gravity, 0.0, 0.0, 0.0]), np.zeros(4)
         s, self._lasting = self._settings, LastingAcceleration()
+        #: last speed of the vehicle, stages of the low-pass of its rate, ticks; stages of that of the innovation of the pitch
+        self._speed, self._surge = np.zeros(4), np.zeros(2)
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
 
     def _begin_attitude(self) -> None:
         """Begin attitude and rates anew from the next specific force."""
         self._state, self._rate_known, self._rate_variance = np.zeros((5, 3)), False, np.zeros(3)
         self._p_tilt, self._p_yaw = self._first_covariance(), self._first_covariance()
+        self._p_pitch = self._p_tilt.copy()
 
     def _first_covariance(self) -> Array:
         """Return the covariance of angle, rate and bias of an attitude that nothing is known of yet."""
@@ -220,7 +231,9 @@ class CgMotionEstimator:
         made = Weights(np.ascontiguousarray(matrix), covariance, np.maximum(residual_variance, 0.0), rank, turn_gain)
         return self._cache.setdefault(key, made)
 
-    def observe(self, samples: Array, gyro: Array, valid: BoolArray, dt: float) -> MotionBlock:
+    def observe(
+        self, samples: Array, gyro: Array, valid: BoolArray, dt: float, speed: tuple[Array, BoolArray] | None = None
+    ) -> MotionBlock:
         """Estimate the motion at the ticks of a block.
 
         Parameters
@@ -233,8 +246,11 @@ class CgMotionEstimator:
             Shape (K, S).
         dt
             Tick [s].
+        speed
+            Speed of the vehicle, shape (K,) [m/s], and at which ticks it is measured; None where no sensor measures it.
         """
         ticks = len(samples)
+        surge = self._surge_at(speed, ticks, dt)
         out = MotionBlock(
             np.zeros((ticks, 6)), np.zeros((6, 6)), np.zeros((ticks, 3)), np.zeros((ticks, 3)), 0.0,
             np.zeros((ticks, 3 * len(self.sensors))), np.ones(ticks, dtype=bool),
@@ -245,13 +261,18 @@ class CgMotionEstimator:
         # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
         before = self._state.copy() if self.doubted and self._held < _HOLD else None
         for stop in stretches(valid, _LONGEST):
-            covariance = self._segment(samples[start:stop], body_gyro[start:stop], valid[start], dt, out, slice(start, stop))
+            own = (samples[start:stop], body_gyro[start:stop], surge[start:stop])
+            covariance = self._segment(*own, valid[start], dt, out, slice(start, stop))
             start = stop
         self._held = self._held + ticks * dt if self.doubted else 0.0
         if before is not None:
             self._state = before
-        tilt_variance = float(self._p_tilt[0, 0]) if self._observed_tilt else 0.0
-        return dataclasses.replace(out, covariance=covariance, tilt_variance=tilt_variance, rate_variance=self._rate_variance)
+        pitch = self._p_pitch if self._speed[3] > 0.0 else self._p_tilt
+        variances = [float(p[0, 0]) if self._observed_tilt else 0.0 for p in (self._p_tilt, pitch)]
+        return dataclasses.replace(
+            out, covariance=covariance, roll_variance=variances[0], pitch_variance=variances[1],
+            rate_variance=self._rate_variance,
+        )  # fmt: skip
 
     def body_rates(self, gyro: Array) -> Array:
         """Return gyro rates in body axes, shape (K, G, 3)."""
@@ -260,7 +281,20 @@ class CgMotionEstimator:
             rates[:, g] = gyro[:, 3 * g : 3 * g + 3] @ self.sensors[i].rotation.T
         return rates
 
-    def _segment(self, y: Array, gyro: Array, mask: BoolArray, dt: float, out: MotionBlock, where: slice) -> Array:
+    def _surge_at(self, speed: tuple[Array, BoolArray] | None, ticks: int, dt: float) -> Array:
+        """Return the rate of the vehicle's speed, shape (K,) [m/s^2], zero where it is not measured."""
+        surge = np.zeros(ticks)
+        if speed is not None:
+            follow_speed(*speed, self._speed_gain(dt), dt, self._speed, surge)
+        return surge
+
+    @staticmethod
+    def _speed_gain(dt: float) -> float:
+        return -math.expm1(-dt / _SPEED_TIME)
+
+    def _segment(
+        self, y: Array, gyro: Array, surge: Array, mask: BoolArray, dt: float, out: MotionBlock, where: slice
+    ) -> Array:
         """Estimate over ticks with the same channels; write into ``out`` and return the covariance."""
         weights = self.weights(mask, dt)
         needed = self._needed
@@ -281,15 +315,21 @@ class CgMotionEstimator:
             y_all = y
         noise = self._filter_noise(weights, dt)
         motion, rate, tilt, predicted = out.motion[where], out.rate[where], out.tilt[where], out.predicted[where]
+        told = self._speed[3] > 0.0
+        if not told:
+            self._surge[:], self._p_pitch = 0.0, self._p_tilt.copy()
         cg_block(
             np.ascontiguousarray(y_all), self.directions, self.points, weights.matrix, np.ascontiguousarray(mean_rate), use_gyro,
-            self._gravity, dt, self._state, self._p_tilt, self._p_yaw, noise, motion, rate, tilt,
+            self._gravity, dt, self._state, self._p_tilt, self._p_pitch, self._p_yaw, noise, surge,
+            self._speed_gain(dt) if told else 0.0, self._surge, motion, rate, tilt,
         )  # fmt: skip
         self._last_good = motion[-1].copy()
         # how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)
         slow, size, mean = (-math.expm1(-len(y) * dt / time) for time in (_SLOW_TIME, _SLOW_MEMORY, _LASTING))
         self._lasting.observe(motion[:, :3], len(y) * dt)
-        self._slow_square = float(follow_slow(motion, tilt, self._gravity, slow, size, mean, self._slow, self._slow_square))
+        self._slow_square = float(
+            follow_slow(motion, tilt, surge, self._gravity, slow, size, mean, self._slow, self._slow_square)
+        )
         astray = not use_gyro and bool(np.abs(rate).max() >= LARGEST_RATE)
         if weights.rank != needed or astray:
             out.valid[where] = False
@@ -323,8 +363,8 @@ class CgMotionEstimator:
         A centripetal term of a guessed rate would feed the guess of the next.
         """
         left = math.exp(-duration / _COASTS)
-        p_tilt, p_yaw = self._first_covariance(), self._first_covariance()
-        for own, first in ((self._p_tilt, p_tilt), (self._p_yaw, p_yaw)):
+        p_tilt, p_pitch, p_yaw = (self._first_covariance() for _ in range(3))
+        for own, first in ((self._p_tilt, p_tilt), (self._p_pitch, p_pitch), (self._p_yaw, p_yaw)):
             first[2, 2] = own[2, 2]  # biases do not move
             own[:] = left * own + (1.0 - left) * first
         self._state[1] *= left
@@ -357,7 +397,9 @@ class CgMotionEstimator:
         bias = _GYRO_BIAS_DENSITY if self._gyro_fit.any() else _BIAS_DENSITY
         # wrong angles and gains turn an acceleration that lasts into an angular acceleration: slow, not white
         alpha = with_slow_error(alpha, self._lasting.error_variance * weights.turn_gain, tilt, dt)
-        return np.array([alpha, _BIAS_DENSITY, tilt, _YAW_STD**2 * _YAW_TIME / dt, gyro, bias, _GYRO_BIAS**2])
+        surge = math.hypot(_SURGE_ERROR, self.speed_std / _SPEED_ERROR_TIME) / self._gravity
+        pitch = surge**2 * s.tilt_correlation_time / dt
+        return np.array([alpha, _BIAS_DENSITY, tilt, _YAW_STD**2 * _YAW_TIME / dt, gyro, bias, _GYRO_BIAS**2, pitch])
 
     def predict(self, motion: Array, rate: Array) -> Array:
         """Return what the accelerometers read for a motion, sensor axes, shape (K, 3 S)."""
@@ -374,7 +416,8 @@ class CgMotionEstimator:
         accel = np.empty_like(block.motion)
         remove_gravity(block.motion, block.tilt, g, self._free, accel)
         covariance = block.covariance.copy()
-        covariance[[0, 1], [0, 1]] += g**2 * block.tilt_variance
+        covariance[0, 0] += g**2 * block.pitch_variance
+        covariance[1, 1] += g**2 * block.roll_variance
         return accel, covariance
 
     def residual_test(self) -> ResidualTest:
@@ -448,6 +491,7 @@ class CgMotionEstimator:
             self._drift = np.outer(moved, moved)
         if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on
             roll, pitch, yaw = np.maximum(before, np.diagonal(self._drift))[3:].tolist()
+            self._p_pitch[2, 2] = max(self._p_pitch[2, 2], pitch)
             self._p_tilt[2, 2], self._p_yaw[2, 2] = max(self._p_tilt[2, 2], roll, pitch), max(self._p_yaw[2, 2], yaw)
         return self._drift
 
@@ -462,10 +506,12 @@ class CgMotionEstimator:
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
-            "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_yaw": self._p_yaw.tolist(),
+            "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_pitch": self._p_pitch.tolist(),
+            "p_yaw": self._p_yaw.tolist(),
             "variance": self.variance.tolist(), "own_variance": self._own_variance.tolist(),
             "residuals": self._sums.save(), "faults": self._faults.save(), "turning": self._turning.save(),
             "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
+            "speed": self._speed.tolist(), "surge": self._surge.tolist(),
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
         }  # fmt: skip
 
@@ -473,6 +519,7 @@ class CgMotionEstimator:
         """Continue from :meth:`save`."""
         self._state = np.array(saved["state"], dtype=float)
         self._p_tilt = np.array(saved["p_tilt"], dtype=float)
+        self._p_pitch = np.array(saved.get("p_pitch", saved["p_tilt"]), dtype=float)
         self._p_yaw = np.array(saved["p_yaw"], dtype=float)
         # variances that messages state are kept, those of the vehicle file are the ones of now: their scale may have been changed
         before = np.array(saved["variance"], dtype=float)
@@ -483,6 +530,8 @@ class CgMotionEstimator:
         self._turning.load(saved.get("turning", self._turning.save()))
         self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
         self._lasting.load(saved["lasting"])
+        self._speed = np.array(saved.get("speed", [0.0] * 4), dtype=float)
+        self._surge = np.array(saved.get("surge", [0.0] * 2), dtype=float)
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
         self._last_good = np.array(saved["last_good"], dtype=float)
         self._cache.clear()

@@ -15,14 +15,15 @@ BoolArray = NDArray[np.bool_]
 @dataclasses.dataclass(frozen=True)
 class MotionBlock:
     """CG motion at K ticks: specific force and angular acceleration (K, 6), rate, tilt (K, 3), what the accelerometers read for
-    it (K, C); variance of the rate (3,).
+    it (K, C); variances of roll, rate (3,) and pitch.
     """
 
     motion: Array
     covariance: Array
     rate: Array
     tilt: Array
-    tilt_variance: float
+    roll_variance: float
     predicted: Array
     valid: BoolArray
     rate_variance: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    pitch_variance: float = 0.0

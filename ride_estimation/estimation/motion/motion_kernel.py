@@ -65,11 +65,52 @@ def advance_covariance(
 
 
 @compile_kernel
+def _without_surge(innovation: float, surge: float, gain: float, slow: Array) -> float:
+    """Return the innovation of the pitch, low-passed in two stages, without the acceleration of the vehicle over gravity."""
+    slow[0] += gain * (innovation - slow[0])
+    slow[1] += gain * (slow[0] - slow[1])
+    return float(slow[1] + surge)
+
+
+@compile_kernel
+def follow_speed(speed: Array, there: NDArray[np.bool_], gain: float, dt: float, state: Array, surge: Array) -> None:
+    """Write the rate of a speed through two stages of a low-pass, from zero on where the speed begins to be measured.
+
+    Parameters
+    ----------
+    speed, there
+        At the ticks of a block, shape (K,) [m/s], and whether it was measured.
+    gain
+        Share of a new value in each stage.
+    dt
+        Tick [s].
+    state
+        Last speed, both stages, ticks since the speed is there, shape (4,), in place.
+    surge
+        Output, shape (K,) [m/s^2].
+    """
+    for k in range(speed.shape[0]):
+        if not there[k]:
+            state[:] = 0.0
+        else:
+            rate = (speed[k] - state[0]) / dt if state[3] > 0.0 else 0.0
+            state[1] += gain * (rate - state[1])
+            state[2] += gain * (state[1] - state[2])
+            state[0] = speed[k]
+            state[3] += 1.0
+        surge[k] = state[2]
+
+
+@compile_kernel
 def cg_block(
     y: Array, directions: Array, points: Array, weights: Array, gyro: Array, use_gyro: bool, gravity: float, dt: float,
-    state: Array, p_tilt: Array, p_yaw: Array, noise: Array, motion: Array, rate: Array, tilt: Array,
+    state: Array, p_tilt: Array, p_pitch: Array, p_yaw: Array, noise: Array, surge: Array, surge_gain: float, slow: Array,
+    motion: Array, rate: Array, tilt: Array,
 ) -> None:  # fmt: skip
     """Estimate specific force, angular acceleration, angular rate and tilt at the ticks of a block.
+
+    The specific force shows the tilt but for the horizontal acceleration. Where the speed of the vehicle is measured, its rate
+    is the longitudinal one: ``pitch = -(f_x - d(speed)/dt) / g``, both through the same low-pass, which a noisy speed needs.
 
     Parameters
     ----------
@@ -83,15 +124,21 @@ def cg_block(
         Mean angular rate of the gyros, shape (K, 3).
     state
         (5, 3): angle, rate, bias of rate or angular acceleration, last angular acceleration, started flag; in place.
-    p_tilt, p_yaw
-        Covariances of :func:`advance_covariance`, in place.
+    p_tilt, p_pitch, p_yaw
+        Covariances of :func:`advance_covariance`, in place; that of the pitch is its own where the speed is measured.
     noise
         angular acceleration variance, bias density, tilt pseudo variance, yaw pseudo variance, gyro variance, gyro bias
-        density, gyro bias variance.
+        density, gyro bias variance, pitch pseudo variance where the speed is measured.
+    surge, surge_gain
+        Low-passed rate of the vehicle's speed, shape (K,) [m/s^2], and the share of a new value in each of two stages of that
+        low-pass; share zero: the speed is not measured.
+    slow
+        Innovation of the pitch after each stage, shape (2,), in place.
     motion, rate, tilt
         Outputs (K, 6), (K, 3), (K, 3).
     """
     gain = np.zeros(3)
+    gain_pitch = np.zeros(3)
     gain_yaw = np.zeros(3)
     w = np.zeros(3)
     pseudo = np.zeros(3)
@@ -118,9 +165,13 @@ def cg_block(
                 state[3, a] = motion[k, 3 + a]
         if use_gyro:
             _advance_gyro(p_tilt, dt, noise[4], noise[5], noise[2], gain)
+            if surge_gain > 0.0:
+                _advance_gyro(p_pitch, dt, noise[4], noise[5], noise[7], gain_pitch)
             _advance_gyro(p_yaw, dt, noise[4], noise[5], noise[3], gain_yaw)
         else:
             advance_covariance(p_tilt, dt, noise[0], noise[1], noise[2], gain)
+            if surge_gain > 0.0:
+                advance_covariance(p_pitch, dt, noise[0], noise[1], noise[7], gain_pitch)
             advance_covariance(p_yaw, dt, noise[0], noise[1], noise[3], gain_yaw)
         roll_turn = w[2] * state[0, 1] if use_gyro else 0.0
         pitch_turn = -w[2] * state[0, 0] if use_gyro else 0.0
@@ -128,6 +179,8 @@ def cg_block(
             g0 = gain[0] if a < 2 else gain_yaw[0]
             g1 = gain[1] if a < 2 else gain_yaw[1]
             g2 = gain[2] if a < 2 else gain_yaw[2]
+            if a == 1 and surge_gain > 0.0:
+                g0, g1, g2 = gain_pitch[0], gain_pitch[1], gain_pitch[2]
             if use_gyro:
                 state[0, a] += dt * w[a]
                 if a == 0:
@@ -135,6 +188,10 @@ def cg_block(
                 elif a == 1:
                     state[0, a] += dt * pitch_turn
                 innovation = pseudo[a] - state[0, a]
+                if a == 1 and surge_gain > 0.0:
+                    # linear in the specific force: a ratio of shaking forces has a mean of its own
+                    innovation = -motion[k, 0] / gravity - state[0, 1]
+                    innovation = _without_surge(innovation, surge[k] / gravity, surge_gain, slow)
                 state[0, a] += g0 * innovation
                 state[2, a] += g2 * innovation
                 state[1, a] = w[a]
@@ -144,6 +201,10 @@ def cg_block(
                 state[0, a] += dt * state[1, a] + dt * dt * (old / 3.0 + new / 6.0)
                 state[1, a] += 0.5 * dt * (old + new)
                 innovation = pseudo[a] - state[0, a]
+                if a == 1 and surge_gain > 0.0:
+                    # linear in the specific force: a ratio of shaking forces has a mean of its own
+                    innovation = -motion[k, 0] / gravity - state[0, 1]
+                    innovation = _without_surge(innovation, surge[k] / gravity, surge_gain, slow)
                 state[0, a] += g0 * innovation
                 state[1, a] = min(max(state[1, a] + g1 * innovation, -LARGEST_RATE), LARGEST_RATE)
                 state[2, a] += g2 * innovation
@@ -154,8 +215,9 @@ def cg_block(
 
 @compile_kernel
 def follow_slow(
-    motion: Array, tilt: Array, gravity: float, gain: float, square_gain: float, mean_gain: float, slow: Array, square: float
-) -> float:
+    motion: Array, tilt: Array, surge: Array, gravity: float, gain: float, square_gain: float, mean_gain: float, slow: Array,
+    square: float,
+) -> float:  # fmt: skip
     """Follow the difference between the tilt the specific force shows and the estimated one; return its variance.
 
     Its mean over a long time is no acceleration but an error of the estimated tilt: it does not count.
@@ -164,6 +226,8 @@ def follow_slow(
     ----------
     motion, tilt
         Of a block, shapes (K, 6) and (K, 3).
+    surge
+        Rate of the vehicle's speed, which is no error of the tilt, shape (K,) [m/s^2].
     gain, square_gain
         Shares of the block in the slow difference and in its variance.
     mean_gain
@@ -176,7 +240,7 @@ def follow_slow(
     ticks = motion.shape[0]
     f0, f1, roll, pitch = 0.0, 0.0, 0.0, 0.0
     for k in range(ticks):
-        f0 += motion[k, 0]
+        f0 += motion[k, 0] - surge[k]
         f1 += motion[k, 1]
         roll += tilt[k, 0]
         pitch += tilt[k, 1]

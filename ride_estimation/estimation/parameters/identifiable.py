@@ -76,7 +76,7 @@ def describe(
         missing.append("mount forces and parameters: the vehicle file names no mount between this body and a base")
     travelled = {s.mount for s in arrangement.transducers}
     silent = [m.name for m, told in zip(arrangement.mounts, arrangement.base_told[:, 2]) if not told]
-    sideways = [m.name for m in arrangement.mounts] if arrangement.base_told.any() and not arrangement.has_base_motion else []
+    horizontal = [m.name for m in arrangement.mounts] if arrangement.base_told.any() and not arrangement.has_base_motion else []
     bare = [name for name in silent if name not in travelled]
     if bare:
         rests = "the split of the forces among the mounts rests on stiffness ratios"
@@ -87,10 +87,10 @@ def describe(
             "invisible there (34 to 40 % of the dynamic force in pilot runs, up to 80 % on frames that twist much)"
         )
         advice.append(f"a triaxial accelerometer at the base of {', '.join(bare)} would tell deflections, stiffness and damping")
-    if sideways:
+    if horizontal:
         missing.append(
-            "sideways deflection, stiffness and damping: they take a triaxial accelerometer at every mount base; sideways forces "
-            "are shared by stiffness ratios"
+            "horizontal deflection, stiffness and damping: they take a triaxial accelerometer at every mount base; horizontal "
+            "forces are shared by stiffness ratios"
         )
     half = [name for name in silent if name in travelled]
     if half:
