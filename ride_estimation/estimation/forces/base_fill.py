@@ -51,7 +51,7 @@ class BaseFill:
         place = np.array([m.position if s is None else s.position for m, s in both]).reshape(-1, 3)
         self._place = place - place.mean(axis=0) if len(place) else place
         self._seen = arrangement.base_seen
-        self._has = self._seen.any(axis=1)
+        self._has: BoolArray = np.asarray(self._seen.any(axis=1), dtype=bool)
         #: axes that nothing measures at a mount and that other bases tell
         self._made_up: BoolArray = np.logical_and(~self._seen, self._seen.any(axis=0))
         self._transport = base_transport(arrangement.mounts, arrangement.base_sensors)
