@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import pathlib
-import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -49,17 +50,19 @@ def diagnosed(folder: pathlib.Path) -> dict[str, Any]:
         command = [sys.executable, "-m", "ride_estimation.cli.main", "diagnose", str(folder / "run"), "--validate"]
         command += [str(folder / "run2"), "--out", out, "--no-report"]
         command += ["--vehicle", str(vehicle)] if vehicle.exists() else []
-        began, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+        began = time.perf_counter()
+        errors = pathlib.Path(out) / "stderr.txt"
+        with errors.open("w") as stderr, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stderr) as child:
+            _, status, spent = os.wait4(child.pid, 0)  # the resources of this child alone, its peak of memory among them
+            child.returncode = os.waitstatus_to_exitcode(status)
         record: dict[str, Any] = {
-            "run": folder.name, "seconds": time.perf_counter() - began, "code": done.returncode,
-            "processor_seconds": spent.ru_utime + spent.ru_stime - used.ru_utime - used.ru_stime,
+            "run": folder.name, "seconds": time.perf_counter() - began, "code": child.returncode,
+            "processor_seconds": spent.ru_utime + spent.ru_stime, "peak_mb": spent.ru_maxrss / 1024.0,
         }  # fmt: skip
         written = pathlib.Path(out) / "diagnosis.json"
-        if done.returncode or not written.exists():
-            last = done.stderr.strip().splitlines()[-1:] or [""]
-            return record | {"verdict": "crashed" if done.returncode == 1 else "refused", "causes": [], "error": last[0]}
+        if child.returncode or not written.exists():
+            last = errors.read_text().strip().splitlines()[-1:] or [""]
+            return record | {"verdict": "crashed" if child.returncode == 1 else "refused", "causes": [], "error": last[0]}
         document = json.loads(written.read_text())
     record |= {k: document.get(k) for k in ("verdict", "sentence", "causes", "gain", "warnings", "remarks")}
     return record
@@ -133,7 +136,7 @@ def _line(record: dict[str, Any], truth: dict[str, Any]) -> str:
     place = {True: "place", False: "wrong place"}.get(verdict.get("place", ""), "")
     return (
         f"{mark} {record['run']:11s} | {true} | {record['verdict']} | {said} | {place} | {errors} | {numbers} | "
-        f"{record['processor_seconds']:.0f} s"
+        f"{record['processor_seconds']:.0f} s, {record['peak_mb']:.0f} MB"
     )
 
 
@@ -144,6 +147,7 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
     clean, double = [r for r in rows if r["clean"]], [r for r in rows if r["pair"]]
     placed = [r for r in rows if "place" in r]
     sized = [r["magnitude"] for r in rows if r.get("magnitude")]
+    times, peak = [r["processor_seconds"] for r, _ in pairs], max(r["peak_mb"] for r, _ in pairs)
 
     def rate(name: str, hits: list[bool]) -> str:
         return f"{name}: {sum(hits)} of {len(hits)}"
@@ -156,6 +160,7 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
         rate("clean with a cause named", [r["alarm"] for r in clean]),
         rate("two effects exact", [r["exact"] for r in double]) + "; " + rate("first right", [r["first"] for r in double]),
         rate("magnitude inside 2 std", [abs(abs(v) - abs(t)) <= 2.0 * s for t, v, s in sized]),
+        f"processor time: median {statistics.median(times):.0f} s, longest {max(times):.0f} s; largest memory {peak:.0f} MB",
     ])  # fmt: skip
 
 

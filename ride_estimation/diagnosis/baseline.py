@@ -98,7 +98,8 @@ def mean_table(scene: Scene) -> MeanTable:
             if s.kind == "displacement" or s.dc:
                 rows.append(s)
                 values.append(float(m - d - (gravity[s.sensor][s.component] if s.kind == "acceleration" else 0.0)))
-    std = np.array([tolerances.bias if s.kind == "acceleration" else tolerances.travel_zero for s in rows])
+    installed = [tolerances.of(plant.vehicle.sensors[s.sensor]) for s in rows]
+    std = np.array([i.bias if s.kind == "acceleration" else i.travel_zero for s, i in zip(rows, installed)])
     return MeanTable(tuple(rows), np.array(values) / std, std, gravity)
 
 
@@ -327,11 +328,12 @@ def sensor_error_means(table: MeanTable, sensor: str, kind: str, component: int)
 
 def _sensor_columns(scene: Scene, columns: ColumnSet, table: MeanTable) -> None:
     tolerances = scene.settings.tolerances
-    kinds: tuple[tuple[str, float], ...] = (
-        ("gain", tolerances.gain), ("misalignment", tolerances.misalignment), ("position", tolerances.position),
-        ("delay", tolerances.delay), ("bandwidth", tolerances.bandwidth),
-    )
     for sensor in scene.plant.sensors:
+        installed = tolerances.of(scene.plant.vehicle.sensors[sensor])
+        kinds: tuple[tuple[str, float], ...] = (
+            ("gain", installed.gain), ("misalignment", installed.misalignment), ("position", installed.position),
+            ("delay", installed.delay), ("bandwidth", tolerances.bandwidth),
+        )
         axes = [s.component for s in (*scene.plant.outputs, *scene.plant.inputs) if s.sensor == sensor]
         displacement = scene.plant.vehicle.sensors[sensor].kind == "displacement"
         for kind, std in kinds:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from ride_estimation.sensors.installation import USUAL
+from ride_estimation.sensors.installation import USUAL, Installation
+from ride_estimation.sensors.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -14,7 +15,7 @@ class Tolerances:
 
     Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation. Those of sensors are
     :data:`ride_estimation.sensors.installation.USUAL`; inertia is that of a CAD model or a swing test. An installation that is
-    worse is found as a cause; who knows it beforehand states it here.
+    worse is found as a cause; who knows it beforehand states it as ``installation`` of the sensor in the vehicle file.
 
     Attributes
     ----------
@@ -51,6 +52,17 @@ class Tolerances:
     inertia: float = 0.05
     stiffness: float = 0.5
     damping: float = 0.7
+
+    def of(self, sensor: Sensor) -> Installation:
+        """Return the standard deviations of the errors of one sensor, larger ones where its file states such.
+
+        A file that states smaller ones, as after a calibration, makes no fault of what every good installation has.
+        """
+        stated = sensor.installation
+        usual = Installation(**{f.name: getattr(self, f.name) for f in dataclasses.fields(Installation)})
+        if stated is None:
+            return usual
+        return Installation(**{f: max(value, getattr(stated, f)) for f, value in dataclasses.asdict(usual).items()})
 
 
 @dataclasses.dataclass(frozen=True)

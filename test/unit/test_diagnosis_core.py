@@ -36,6 +36,7 @@ from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
 from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, shows_elsewhere, within_library
+from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.signals.recording import UniformRun
 
 
@@ -192,6 +193,20 @@ def test_calibration_recovers_stiffness_and_damping_of_a_quarter_car():
     # truth 44 kN/m and 2 kN s/m; 0.5 % noise, 40 s: standard errors below 0.3 % and 1 %
     assert found.scene.state.stiffness[0] * np.exp(found.fit.coefficients[0]) == pytest.approx(44e3, rel=0.01)
     assert found.scene.state.damping[0] * np.exp(found.fit.coefficients[1]) == pytest.approx(2e3, rel=0.03)
+
+
+def test_a_worse_installation_of_the_file_counts_and_a_better_one_makes_no_fault():
+    vehicle = quarter_car()
+    stated = Installation(gain=0.02, misalignment=0.001, bias=0.3)
+    told = dataclasses.replace(vehicle.sensors["body"], installation=stated)
+    vehicle = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "body": told})
+    plant = build_plant(vehicle, {"body": 3, "base": 3})
+    scene = Scene(plant, measurement(plant, quarter_car_run(5, 12.0)), ModelState(*file_parameters(plant)), Settings())
+    table = mean_table(scene)
+    std = {(a.kind, a.place): a.prior_std for a in baseline_columns(scene, table, file_parameters(plant))[0]}
+    assert (std["gain", "body"], std["misalignment", "body"]) == (0.02, USUAL.misalignment)
+    assert (std["gain", "base"], std["delay", "body"]) == (USUAL.gain, USUAL.delay)
+    assert {s.sensor: float(v) for s, v in zip(table.signals, table.std)} == {"body": 0.3, "base": USUAL.bias}
 
 
 def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
