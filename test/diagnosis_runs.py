@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -44,6 +45,39 @@ def hiding_law(form: str, size: float) -> Callable[[float, float], float]:
         force = law_force(code, parameters, memory, x, v, step, after)
         memory[:] = after
         return float(force)
+
+    return law
+
+
+def bolt_in_a_hole(clearance: float, level: float) -> Callable[[float, float], float]:
+    """Return a slider that gives way at a force [N] behind a clearance [m] and a contact that stiffens: friction behind play.
+
+    For one run: it remembers where it slid to.
+    """
+    soft = 0.05 * SITE.deflection
+    slid, last = 0.0, 1.0 - math.exp(-(2.5**1.5))
+
+    def law(x: float, v: float) -> float:
+        nonlocal slid
+        most = 0.5 * clearance + 2.5 * soft
+        slid = min(max(slid, x - most), x + most)
+        depth = max(abs(x - slid) - 0.5 * clearance, 0.0) / soft
+        return math.copysign(level * (1.0 - math.exp(-(depth**1.5))) / last, x - slid)
+
+    return law
+
+
+def iwan_chain(level: float, reach: float, count: int = 12) -> Callable[[float, float], float]:
+    """Return parallel elements of one stiffness that slide at evenly spread forces, the last after a stroke [m] (Iwan 1966)."""
+    limits = np.arange(1, count + 1) / np.arange(1, count + 1).sum() * level
+    stiffness = limits[-1] / reach
+    forces, before = np.zeros(count), 0.0
+
+    def law(x: float, v: float) -> float:
+        nonlocal before
+        np.clip(forces + stiffness * (x - before), -limits, limits, out=forces)
+        before = x
+        return float(forces.sum())
 
     return law
 

@@ -17,7 +17,7 @@ from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit, combined_effects
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy
-from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis
+from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.isolability import confusions
@@ -316,7 +316,7 @@ def _soft_mount(work: Work, state: ModelState, log_std: Array) -> Fitted | None:
     accepted = work.selection.accepted
     laws = [(f.hypothesis.cause, f.hypothesis.ports) for f in (accepted.fitted if accepted is not None else ())]
     bent = {p for _, ports in laws for p in ports}
-    curved = {p for cause, ports in laws if library()[cause].BENDS_SPRING for p in ports}
+    curved = {p for cause, ports in laws if library()[cause].LAW is Law.ELASTIC for p in ports}
     soft = soft_mount(work.calibrated, state.stiffness, log_std, bent, curved)
     seen = work.calibrated.scene if accepted is None else accepted.scene
     return soft if soft is not None and _elsewhere(soft, seen, work) >= work.settings.significance else None

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import MeanTable
-from ride_estimation.diagnosis.hypothesis import Sign
+from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.hypothesis import Law, Sign
 from ride_estimation.diagnosis.operators import friction_level, relaxed
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.scene import Scene
@@ -25,6 +26,7 @@ from ride_estimation.diagnosis.sites import Site, force_columns, sites
 Array = NDArray[np.float64]
 
 _BENDS = (0.5, 1.0, 1.8)  # of a piecewise linear law, over the rms of deflection or rate
+_STOPS = (0.5, 1.0, 1.8, 2.6)  # of a law of that kind that may be a stop
 _SLIDES = (0.03, 0.3, 1.0)  # reach of hysteresis, over the rms of the deflection
 _CELLS_HZ = (0.2, 1.0, 4.0, 16.0)  # corners of relaxation
 _FOLDS = 4
@@ -96,14 +98,44 @@ def _general(scene: Scene, x: Array, v: Array, x_rms: float, v_rms: float) -> li
     """Return the columns of a law of general form: elastic, dissipative, mixed, with memory, inertial."""
     u, w = x / x_rms, v / v_rms
     bends = [np.maximum(sign * part - bend, 0.0) for part in (u, w) for bend in _BENDS for sign in (1.0, -1.0)]
-    spectrum, omega = scene.grid.spectrum(u), scene.grid.omega
-    memory = [friction_level(x, reach * x_rms) for reach in _SLIDES]
-    memory += [scene.grid.signal(relaxed(omega, spectrum, corner)) for corner in _CELLS_HZ]
-    acceleration = scene.derivative(v)
+    memory = [*(friction_level(x, reach * x_rms) for reach in _SLIDES), *_cells(scene, u)]
+    acceleration = scene.grid.filtered(v, 1j * scene.grid.omega)
     return [
         *bends, np.tanh(w / _ROUNDING), u * w, u * np.abs(w), np.abs(u) * w, *memory,
         acceleration / max(float(np.std(acceleration)), 1e-12),
     ]
+
+
+def form_columns(scene: Scene, law: Law, axis: str, ports: tuple[int, ...]) -> list[Column]:
+    """Return the columns of any law of a kind at some ports: what a named law of that kind may describe badly.
+
+    Parameters
+    ----------
+    law
+        What the force depends on.
+    axis, ports
+        Where it sits.
+    """
+
+    def forms(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+        u, w = x / x_rms, v / v_rms
+        turning = np.tanh(w / _ROUNDING)
+        if law is Law.ELASTIC:
+            bends = [np.maximum(sign * u - bend, 0.0) for bend in _STOPS for sign in (1.0, -1.0)]
+            return [*bends, *(bend * w for bend in bends[-4:]), np.abs(u) * w]
+        if law is Law.VISCOUS:
+            return [np.maximum(sign * w - bend, 0.0) for bend in _BENDS for sign in (1.0, -1.0)]
+        if law is Law.SLIDING:
+            return [turning, *(friction_level(x, reach * x_rms) for reach in _SLIDES)]
+        return _cells(scene, u)
+
+    return force_columns(scene, Site("", axis, ports), forms)
+
+
+def _cells(scene: Scene, u: Array) -> list[Array]:
+    """Return Maxwell cells of unit stiffness along a deflection."""
+    omega = scene.grid.omega
+    return [scene.grid.filtered(u, relaxed(omega, np.ones(len(omega), complex), corner)) for corner in _CELLS_HZ]
 
 
 def _predicted(scene: Scene, problem: Regression, rows: Array, site: Site) -> float:

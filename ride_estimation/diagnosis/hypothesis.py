@@ -34,6 +34,15 @@ class Sign(enum.IntEnum):
     NEGATIVE = -1
 
 
+class Law(enum.Enum):
+    """What the force of a mount depends on."""
+
+    ELASTIC = "deflection"  #: a mount has no one spring rate with it
+    VISCOUS = "rate"
+    SLIDING = "reversals of the deflection"
+    RELAXING = "past deflection"
+
+
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:
     """One cause at one place.
@@ -144,8 +153,8 @@ class Cause(abc.ABC):
     RIVALS: ClassVar[tuple[str, ...]]
     WOULD_REFUTE: ClassVar[str]
     MEASURE_NEXT: ClassVar[str] = ""
-    #: a law over deflection: with it a mount has no one spring rate
-    BENDS_SPRING: ClassVar[bool] = False
+    #: what the force of a law depends on, None of a cause that is no law of a mount
+    LAW: ClassVar[Law | None] = None
 
     @abc.abstractmethod
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:

@@ -70,6 +70,36 @@ def loose_share(x: Array, half: float) -> Array:
     return np.asarray(1.0 - np.minimum(out, 1.0))
 
 
+@compile_kernel
+def _slid_behind(x: Array, half: float, reach: float, out: Array) -> None:
+    y, most = 0.0, half + reach
+    for i in range(1, len(x)):
+        y = min(max(y + x[i] - x[i - 1], -most), most)
+        depth = abs(y) - half
+        out[i] = 0.0 if depth <= 0.0 else (depth if y > 0.0 else -depth) / reach
+
+
+def loose_friction(x: Array, half: float, reach: float) -> Array:
+    """Return the share -1..1 of the level of dry friction in series with a play and a spring, shape (N,).
+
+    What lies between the part and the slider is ``y``, the stop operator of the deflection between plus and minus
+    ``half + reach`` (Krasnoselskii and Pokrovskii 1989); the force is ``max(|y| - half, 0) / reach`` with the sign of y: nothing
+    while the play is crossed, then up to the level at which the slider gives way.
+
+    Parameters
+    ----------
+    x
+        Deflection [m].
+    half
+        Half of the play [m].
+    reach
+        Stroke from contact to sliding [m].
+    """
+    out = np.zeros(len(x))
+    _slid_behind(np.ascontiguousarray(x, dtype=float), float(half), max(float(reach), 1e-12), out)
+    return out
+
+
 def relaxed(omega: Array, spectrum: ComplexArray, corner_hz: float) -> ComplexArray:
     """Return the spectrum of a unit Maxwell cell, ``i w tau / (1 + i w tau)``."""
     s = 1j * omega / (2.0 * np.pi * corner_hz)

@@ -429,10 +429,6 @@ class Scene:
         """Return the whitened rows of columns of effects, shape (B, L * ny, q); see :meth:`rows`."""
         return self._dealt(self._injector.whitened(columns, single))
 
-    def derivative(self, signal: Array) -> Array:
-        """Return the time derivative of a signal within the kept band, shape (N,)."""
-        return self.grid.signal(1j * self.grid.omega * self.grid.spectrum(signal))
-
     def with_deflection_noise(self, seed: int) -> Scene:
         """Return the scene with one realisation of the error that the measured base motion leaves in the deflections."""
         rng = np.random.default_rng(seed)

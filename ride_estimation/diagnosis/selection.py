@@ -22,9 +22,10 @@ from ride_estimation.diagnosis.candidates import (
     taken,
     within,
 )
+from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit, FullFitter, tolerance_of
-from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw, free_law
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw, form_columns, free_law
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Sign
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.regression import Regression
@@ -337,18 +338,23 @@ class Selector:
         """Return the share of a candidate's gain that nothing else at the places of the other causes can bring.
 
         A law that describes a cause badly leaves a residual that other causes fit to some extent. Whatever the library can say
-        about the places of the known causes stands for that; what it takes over is no evidence for one more cause.
+        about the places of the known causes, and any law there that depends on what theirs depend on, stands for that; what
+        these take over is no evidence for one more cause.
         """
         mine = best.hypothesis
         near = [
             s for s in scores
             if any(same_place(s.hypothesis, k.hypothesis) for k in kept) and not same_place(s.hypothesis, mine)
         ][:_SLACK]
-        if not near:
-            return 1.0
         parts = [s.hypothesis.columns(scene, s.shape) for s in near]
         slack = [c for columns in parts for c in columns]
         signs = [sign for s, columns in zip(near, parts) for sign in s.hypothesis.column_signs(len(columns))]
+        for k in kept:
+            if (law := library()[k.hypothesis.cause].LAW) is not None:
+                slack += form_columns(scene, law, k.hypothesis.axis, k.hypothesis.ports)
+        signs += [Sign.ANY] * (len(slack) - len(signs))
+        if not slack:
+            return 1.0
         own = mine.columns(scene, best.fit.fitted[best.contested].shape)
         everything, own_signs = [*slack, *own], mine.column_signs(len(own))
         normal, right = projector.reduce(scene.push(everything, single=True), mean_rows(self._cal.table, everything))
@@ -407,8 +413,8 @@ class Selector:
             return False
         # a second cause of a few per cent may be the part of the first that its law describes badly
         share_of_all = (before - best.fit.misfit) / max(self.base_misfit - floor, 1e-9)
-        elsewhere = accepted is None or not any(same_place(best.hypothesis, f.hypothesis) for f in accepted.fitted)
-        its_own = elsewhere and current.own > _OWN
+        apart = accepted is None or all(_told_apart(best.hypothesis, f.hypothesis) for f in accepted.fitted)
+        its_own = apart and current.own > _OWN
         # what a badly described law leaves is not explained down to the noise by a cause at another place
         whole = its_own and removed > 1.0 - self._settings.unexplained and share_of_all > _LEAST
         least = _MINOR if its_own else self._settings.relevance
@@ -453,3 +459,9 @@ class Selector:
             if fewer.misfit - fit.misfit < self._settings.relevance * removed:
                 return fewer
         return fit
+
+
+def _told_apart(a: Hypothesis, b: Hypothesis) -> bool:
+    """Return whether two causes sit at different places or are laws of one mount that depend on different things."""
+    laws = [library()[h.cause].LAW for h in (a, b)]
+    return not same_place(a, b) or (None not in laws and laws[0] is not laws[1])

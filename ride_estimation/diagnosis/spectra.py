@@ -96,6 +96,12 @@ class FrequencyGrid:
         times = self.refinement
         return self.signal(rfft(signal, n=times * self.padded, axis=0)[self.first : self.last] / times)
 
+    def filtered(self, signal: Array, response: ComplexArray) -> Array:
+        """Return a signal at the sample rate, or at ``refinement`` times it, through a response (F,) at the kept bins."""
+        times = self.refinement if len(signal) > self.samples else 1
+        spectrum = response * rfft(signal, n=times * self.padded)[self.first : self.last] / times
+        return self.refined(spectrum) if times > 1 else self.signal(spectrum)
+
     def decimated_signal(self, spectrum: NDArray[Any]) -> Array:
         """Return decimated signals scaled so that unit white noise in the kept band has one unit per degree of freedom."""
         full = np.zeros((self.decimated // 2 + 1, *spectrum.shape[1:]), dtype=spectrum.dtype)

@@ -32,6 +32,7 @@ _MOSTLY_NOISE = (
 )
 _NEAR = 1.5  # error over noise floor above which a clean verdict does not claim to reach the noise
 _FORM_LEFT = 0.05  # mean share of the residual that the right cause leaves because the real law has another form
+_TAIL = 3.0  # of what right causes leave: means that scatter by the factor 1.8 from one kind of mount to the next
 _FITS_ANYTHING = 1.0 / 30.0  # share of what else a model misses that a law of general form at the best of all places fits
 _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
@@ -80,10 +81,12 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
 
     One effect outside the library rivals every set of causes. A further cause has its prior, so an unknown effect that takes
     several causes to describe gets the likelier the more they are. Two shares tell a cause that only mimics the real one:
-    what remains is exponential with a small mean for the right cause and anything up to all of it for a mimic; what a law of
-    general form explains beyond the right cause is exponential too, with the mean :data:`~hypothesis.FORM` and a share of
-    whatever else the model misses, and for a mimic anything from FORM on, every order of magnitude alike. They are no
-    independent evidence: the one that says more counts.
+    what remains is small on average for the right cause and anything up to all of it for a mimic; what a law of general form
+    explains beyond the right cause is small too, on average :data:`~hypothesis.FORM` and a share of whatever else the model
+    misses, and for a mimic anything from FORM on, every order of magnitude alike. They are no independent evidence: the one that
+    says more counts. How far real laws are from those of a library is known as an average over mounts at best, and that
+    differs from one kind of mount to the next: the shares of a right cause are exponential with an unknown mean, which is
+    the distribution of Lomax (1954), with a tail that makes nobody certain.
 
     Parameters
     ----------
@@ -95,10 +98,17 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
         The law without a name that explains most of that.
     """
     odds = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
-    left = _FORM_LEFT * math.exp(min(remaining, 1.0) / _FORM_LEFT)
-    mean, share = FORM + _FITS_ANYTHING * law.left, min(law.share, 1.0)
-    beyond = mean * math.exp(share / mean) / (max(share, FORM) * math.log(1.0 / FORM))
+    left = 1.0 / _right(min(remaining, 1.0), _FORM_LEFT)
+    share = min(law.share, 1.0)
+    mimic = 1.0 / (max(share, FORM) * math.log(1.0 / FORM))
+    beyond = mimic / _right(share, FORM + _FITS_ANYTHING * law.left)
     return 1.0 / (1.0 + odds * max(left, beyond))
+
+
+def _right(share: float, mean: float) -> float:
+    """Return the probability density of a share that a right cause leaves, Lomax with a mean and :data:`_TAIL`."""
+    scale = (_TAIL - 1.0) * mean
+    return _TAIL / scale * (1.0 + share / scale) ** -(_TAIL + 1.0)
 
 
 def _axis_of(scene: Scene, fitted: Fitted) -> str:

@@ -6,10 +6,11 @@ from __future__ import annotations
 import math
 
 import pytest
-from diagnosis_runs import SITE, hiding_law, quarter_car, quarter_car_run
+from diagnosis_runs import SITE, bolt_in_a_hole, hiding_law, iwan_chain, quarter_car, quarter_car_run
 from worlds.hiding import law_of
 
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.extension import parts_of
 
 #: cause, form and size of a law that leaves 4 to 10 % to the linear model; of a play in which the weight rests, 22 %
 LAWS = [
@@ -57,3 +58,29 @@ def test_a_planted_law_is_named_and_pays_on_the_other_run(cause, form, size):
         _, (_, slip, *_) = law_of(form, SITE, size)
         assert level.unit == "N"
         assert abs(level.value - slip) < 2.5 * level.std
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clearance", [0.3, 0.6])
+def test_friction_in_series_with_play_is_told_with_its_level_and_clearance(clearance):
+    level = 0.12 * SITE.force
+    run, other = (quarter_car_run(s, law=bolt_in_a_hole(clearance * SITE.deflection, level)) for s in (31, 32))
+    answer = diagnose(quarter_car(), run, [other])
+    assert answer.verdict == "explained"
+    assert [(c.id, c.location, c.axis) for c in answer.causes] == [("coulomb_friction", "strut", "z")]
+    told = {p.name: p for p in answer.causes[0].parameters}
+    for name, true in (("friction level", level), ("clearance before it", clearance * SITE.deflection)):
+        assert abs(told[name].value - true) < 2.0 * told[name].std
+    assert answer.gain is not None
+    assert answer.gain.validation[0].extended < 1.3 * answer.gain.validation[0].noise_floor
+
+
+@pytest.mark.slow
+def test_long_sliding_is_friction_and_no_further_cause():
+    run, other = (quarter_car_run(s, law=iwan_chain(0.16 * SITE.force, 0.8 * SITE.deflection)) for s in (31, 32))
+    answer = diagnose(quarter_car(), run, [other])
+    assert [c.id for c in answer.causes] == ["coulomb_friction"]
+    assert "clearance before it" not in {p.name for p in answer.causes[0].parameters}
+    assert answer.extended is not None
+    element = answer.extended.mounts["strut"].elements["z"]
+    assert any(getattr(part, "KIND", "") == "bouc_wen" for part in parts_of(element))

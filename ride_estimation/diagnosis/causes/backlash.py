@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import loose_share
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
@@ -40,7 +40,7 @@ class Backlash(Cause):
     WOULD_REFUTE = "a stiffness that does not fall at small strokes"
     MEASURE_NEXT = "move the mount by hand or with a pry bar through its rest position with a dial gauge"
 
-    BENDS_SPRING = True
+    LAW = Law.ELASTIC
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return two hypotheses per site: play of the mount and play in the joint of its damper."""

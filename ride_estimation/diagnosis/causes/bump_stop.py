@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -65,7 +65,7 @@ class BumpStop(Cause):
     WOULD_REFUTE = "a misfit that is not confined to the largest deflections"
     MEASURE_NEXT = "a drive over single bumps, or the witness marks and the free travel of the stop"
 
-    BENDS_SPRING = True
+    LAW = Law.ELASTIC
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site and side."""

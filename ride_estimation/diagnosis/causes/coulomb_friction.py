@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.bent import BENT_ABOVE
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_parallel
-from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.operators import friction_level
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
+from ride_estimation.diagnosis.operators import friction_level, loose_friction
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 
 _COLUMNS = 3
+_BEHIND = "behind a spring or a play"
+#: half of the play in rms deflections at and below which there is none, and the exponent of Bouc-Wen for a spring and a slider
+_NO_PLAY, _SHARP = 0.02, 20.0
 
 
 def _law(reach: float, rounding: float) -> Callable[[Array, Array, float, float], list[Array]]:
@@ -45,9 +48,10 @@ class CoulombFriction(Cause):
     RIVALS = ("damping_nonlinearity", "viscoelasticity", "stiffness_nonlinearity")
     WOULD_REFUTE = "a friction level that grows with stroke or speed: repeat the run on a rougher and on a smoother road"
     MEASURE_NEXT = "slow stroke of the mount on a bench at two speeds: the loop height of friction does not change with speed"
+    LAW = Law.SLIDING
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site."""
+        """Return two hypotheses per site: friction of the mount, and friction in series with a play."""
         grid = tuple({"reach": r, "rounding": w} for r, w in ((0.01, 0.06), (0.03, 0.15), (0.1, 0.06)))
         bounds = (Shape("reach", 0.03, 0.004, 0.5), Shape("rounding", 0.1, 0.02, BENT_ABOVE))
 
@@ -57,7 +61,7 @@ class CoulombFriction(Cause):
 
             return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports)
 
-        return [build(site) for site in sites(scene)]
+        return [h for site in sites(scene) for h in (build(site), _behind_a_play(site))]
 
     def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m].
@@ -66,6 +70,16 @@ class CoulombFriction(Cause):
         """
         site = site_of(scene, fitted)
         out: list[Reported] = []
+        if fitted.hypothesis.variant == _BEHIND:
+            for i, p in enumerate(site.ports):
+                label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+                level, x_rms = float(fitted.coefficients[i]), scene.scales[p][0]
+                clearance, reach = 2.0 * fitted.shape["half"] * x_rms, fitted.shape["slope"] * x_rms
+                out.append(Reported(f"friction level{label}", level, float(np.hypot(fitted.std(i), FORM**0.5 * level)), "N"))
+                if _has_play(fitted):
+                    out.append(Reported(f"clearance before it{label}", float(clearance), 0.2 * float(clearance), "m"))
+                out.append(Reported(f"stroke from contact to sliding{label}", float(reach), 0.5 * float(reach), "m"))
+            return tuple(out)
         for i, p in enumerate(site.ports):
             part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
             share = fitted.coefficients[part]
@@ -82,6 +96,15 @@ class CoulombFriction(Cause):
     def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Put a friction element parallel to every mount of the site."""
         site = site_of(scene, fitted)
+        if fitted.hypothesis.variant == _BEHIND:
+            if _has_play(fitted):
+                return vehicle, (f"friction behind a play at {site.location} {site.axis}: vehicle files hold no such element",)
+            for i, p in enumerate(site.ports):
+                port, level = scene.plant.ports[p], float(fitted.coefficients[i])
+                slope = level / (fitted.shape["slope"] * scene.scales[p][0])
+                sharp = {"friction_n": level, "slope_n_per_m": slope, "exponent": _SHARP}
+                vehicle = add_parallel(vehicle, port.mount, port.axis, "bouc_wen", sharp)
+            return vehicle, ()
         for i, p in enumerate(site.ports):
             port = scene.plant.ports[p]
             x_rms = scene.scales[p][0]
@@ -100,3 +123,23 @@ class CoulombFriction(Cause):
                 }
                 vehicle = add_parallel(vehicle, port.mount, port.axis, "stribeck_friction", values)
         return vehicle, ()
+
+
+def _has_play(fitted: Fitted) -> bool:
+    return fitted.shape["half"] > 1.01 * _NO_PLAY
+
+
+def _behind_a_play(site: Site) -> Hypothesis:
+    """Return a slider behind a spring and a clearance, as a clamped bolt in an oversize hole; either may be nothing."""
+
+    def columns(scene: Scene, shape: Shapes) -> list[Column]:
+        def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+            return [loose_friction(x, float(shape["half"]) * x_rms, float(shape["slope"]) * x_rms)]
+
+        return force_columns(scene, site, law)
+
+    grid = tuple({"half": h, "slope": 0.1} for h in (0.06, 0.2, 0.6))
+    bounds = (Shape("half", 0.2, _NO_PLAY, 1.5), Shape("slope", 0.1, 0.01, 1.0))
+    return Hypothesis(
+        CoulombFriction.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports, variant=_BEHIND
+    )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.bent import Family, bent_forms, bent_hypotheses
 from ride_estimation.diagnosis.extension import add_damper_curve
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import site_of
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -35,6 +35,7 @@ class DampingNonlinearity(Cause):
     RIVALS = ("coulomb_friction", "viscoelasticity", "bump_stop")
     WOULD_REFUTE = "the same damping ratio at small and at large speed"
     MEASURE_NEXT = "force-speed curve of the damper at several constant speeds, both directions"
+    LAW = Law.VISCOUS
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.bent import Family, bent_forms, bent_hypotheses
 from ride_estimation.diagnosis.extension import add_force_table
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import site_of
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -34,7 +34,7 @@ class StiffnessNonlinearity(Cause):
     WOULD_REFUTE = "the same spring rate on a smooth and on a rough road"
     MEASURE_NEXT = "slow force-deflection line of the mount over its full stroke"
 
-    BENDS_SPRING = True
+    LAW = Law.ELASTIC
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""

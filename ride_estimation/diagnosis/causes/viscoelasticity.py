@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.extension import add_parallel
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import relaxed
 from ride_estimation.diagnosis.scene import Scene
 from ride_estimation.diagnosis.sites import Site, site_of, sites
@@ -38,6 +38,7 @@ class Viscoelasticity(Cause):
     RIVALS = ("sensor_delay", "coulomb_friction", "missing_degree_of_freedom")
     WOULD_REFUTE = "a relaxation strength that depends on amplitude: repeat the run at half and double roughness"
     MEASURE_NEXT = "dynamic stiffness of the mount on a bench at one amplitude from 0.5 to 30 Hz"
+    LAW = Law.RELAXING
 
     def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
         """Return one hypothesis per site."""
