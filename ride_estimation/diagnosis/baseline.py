@@ -146,9 +146,9 @@ class ColumnSet:
         full = six @ self._scene.plant.body_map(body)
         return np.asarray(np.einsum("fij,fj->fi", self._scene.response.output_from_wrench, full))
 
-    def finish(self) -> tuple[tuple[Adjustable, ...], ComplexArray, Array]:
-        """Return adjustables, output spectra (F, ny, p) and mean rows (K, p)."""
-        return tuple(self.adjustables), np.stack(self._spectra, axis=2), np.stack(self._means, axis=1)
+    def finish(self) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
+        """Return adjustables, their output spectra (F, ny) and mean rows (K, p)."""
+        return tuple(self.adjustables), self._spectra, np.stack(self._means, axis=1)
 
 
 def baseline_columns(
@@ -166,14 +166,18 @@ def baseline_columns(
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
     adjustables, spectra, means = baseline_spectra(scene, table, prior)
-    parts = [scene.rows(spectra[:, :, i : i + _BATCH]) for i in range(0, len(adjustables), _BATCH)]
-    return adjustables, np.concatenate(parts, axis=2), means
+    rows = np.empty((*scene.residual.shape, len(adjustables)))
+    while spectra:
+        done = len(adjustables) - len(spectra)
+        rows[:, :, done : done + _BATCH] = scene.rows(np.stack(spectra[:_BATCH], axis=2))
+        del spectra[:_BATCH]
+    return adjustables, rows, means
 
 
 def baseline_spectra(
     scene: Scene, table: MeanTable, prior: tuple[Array, Array]
-) -> tuple[tuple[Adjustable, ...], ComplexArray, Array]:
-    """Return the adjustables of a scene with their output spectra (F, ny, p) and mean rows (K, p)."""
+) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
+    """Return the adjustables of a scene, their output spectra (F, ny) and mean rows (K, p)."""
     columns = ColumnSet(scene, table)
     for item, spectrum in port_adjustables(scene, prior):
         columns.add(item, spectrum)

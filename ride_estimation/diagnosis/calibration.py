@@ -323,6 +323,7 @@ def _gauss_newton(
     # tolerances join once stiffness and damping are near: they must not soak up a linearisation error
     frozen, damped = (True, _DAMPED) if start is None else (False, 0)
     for number in range(iterations):
+        best = None  # the rows of two models at once take twice the memory
         scene = Scene(plant, data, state, settings)
         used = np.arange(scene.blocks.count) if blocks is None else blocks
         if number == iterations - 1:

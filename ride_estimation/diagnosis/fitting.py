@@ -56,6 +56,8 @@ class FullFit:
         Sum of squares on the fit blocks.
     held_out
         Sum of squares on the select blocks with the coefficients of the fit blocks alone.
+    inefficiency
+        Nominal degrees of freedom per independent sample of what the model misses.
     penalty
         Squared deviations from priors and mean readings.
     price
@@ -73,6 +75,7 @@ class FullFit:
     block_misfit: Array
     misfit: float
     held_out: float
+    inefficiency: float
     penalty: float
     price: float
 
@@ -403,8 +406,9 @@ class FullFitter:
         on_fit = float(misfit[self._blocks].sum())
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
-            scene, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out, penalty, cost
-        )
+            scene, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
+            scene.inefficiency, penalty, cost,
+        )  # fmt: skip
 
     def _choose_families(
         self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],

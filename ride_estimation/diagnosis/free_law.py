@@ -99,7 +99,7 @@ def _general(scene: Scene, x: Array, v: Array, x_rms: float, v_rms: float) -> li
     u, w = x / x_rms, v / v_rms
     bends = [np.maximum(sign * part - bend, 0.0) for part in (u, w) for bend in _BENDS for sign in (1.0, -1.0)]
     memory = [*(friction_level(x, reach * x_rms) for reach in _SLIDES), *_cells(scene, u)]
-    acceleration = scene.grid.filtered(v, 1j * scene.grid.omega)
+    acceleration = scene.grid.filtered(v, np.asarray(1j * scene.grid.omega, dtype=np.complex128))
     return [
         *bends, np.tanh(w / _ROUNDING), u * w, u * np.abs(w), np.abs(u) * w, *memory,
         acceleration / max(float(np.std(acceleration)), 1e-12),
@@ -135,7 +135,7 @@ def form_columns(scene: Scene, law: Law, axis: str, ports: tuple[int, ...]) -> l
 def _cells(scene: Scene, u: Array) -> list[Array]:
     """Return Maxwell cells of unit stiffness along a deflection."""
     omega = scene.grid.omega
-    return [scene.grid.filtered(u, relaxed(omega, np.ones(len(omega), complex), corner)) for corner in _CELLS_HZ]
+    return [scene.grid.filtered(u, relaxed(omega, np.ones(len(omega), np.complex128), corner)) for corner in _CELLS_HZ]
 
 
 def _predicted(scene: Scene, problem: Regression, rows: Array, site: Site) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -24,8 +24,8 @@ def usable_threads() -> int:
     return min(cores, _MOST)
 
 
-def in_order(work: Callable[[Item], Value], items: Sequence[Item], threads: int) -> list[Value]:
-    """Return the value of every item, in the order of the items.
+def in_order(work: Callable[[Item], Value], items: Sequence[Item], threads: int) -> Iterator[Value]:
+    """Yield the value of every item, in the order of the items, as soon as it is there.
 
     Parameters
     ----------
@@ -42,6 +42,7 @@ def in_order(work: Callable[[Item], Value], items: Sequence[Item], threads: int)
         What the first item in order raised.
     """
     if threads < 2 or len(items) < 2:
-        return [work(item) for item in items]
+        yield from map(work, items)
+        return
     with concurrent.futures.ThreadPoolExecutor(min(threads, len(items))) as pool:
-        return list(pool.map(work, items))
+        yield from pool.map(work, items)

@@ -116,7 +116,11 @@ def predict(base: Scene, data: Measurement, model: Model, settings: Settings, bl
     adjustables, spectra, _ = baseline_spectra(scene, mean_table(scene), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     weights = np.array([values.get(a.name, 0.0) for a in adjustables])
-    return Prediction(scene, scene.predicted_spectrum + spectra @ weights, missed < _GUESS)
+    adjusted = scene.predicted_spectrum.copy()
+    for weight, spectrum in zip(weights, spectra):
+        if weight != 0.0:
+            adjusted += weight * spectrum
+    return Prediction(scene, adjusted, missed < _GUESS)
 
 
 def _settled(

@@ -115,6 +115,38 @@ class Regression:
         places, fresh = self._fresh
         return fresh[:, :, -1] if places else self._shared[:, :, -1]
 
+    def rows(self, blocks: IntArray) -> NDArray[np.float32]:
+        """Return columns and residual of some blocks in single precision, shape (blocks * R, p + 1)."""
+        places, fresh = self._fresh
+        out = np.empty((len(blocks), *self._shared.shape[1:]), dtype=np.float32)
+        for row, block in enumerate(blocks):
+            out[row] = self._shared[block]
+            out[row][:, places] = fresh[block]
+        return out.reshape(-1, out.shape[2])
+
+    def extended(self, rows: Array, means: Array, std: float) -> Regression:
+        """Return the regression with further baseline columns.
+
+        Parameters
+        ----------
+        rows, means
+            Shapes (B, R, q) and (K, q).
+        std
+            Prior standard deviation of their coefficients.
+        """
+        other, (p, q), (places, fresh) = copy.copy(self), (self.count, rows.shape[2]), self._fresh
+        other._shared = np.empty((*rows.shape[:2], p + q + 1))
+        other._shared[:, :, :p], other._shared[:, :, -1] = self._shared[:, :, :p], self._shared[:, :, -1]
+        other._shared[:, :, [i if i < p else -1 for i in places]] = fresh
+        other._shared[:, :, p : p + q] = rows
+        other._fresh = [], other._shared[:, :, :0]
+        other.count, other.grams = p + q, self.candidate_grams(rows)
+        root = np.sqrt(self.temper)
+        other.mean_columns = np.hstack([self.mean_columns, root * means])
+        other.prior_std = np.concatenate([self.prior_std, np.full(q, std / root)])
+        other.prior_offset = np.concatenate([self.prior_offset, np.zeros(q)])
+        return other
+
     def _products(self, rows: Array) -> Array:
         """Return the block products of columns and residual with some rows, (B, R, q) -> (B, p + 1, q)."""
         places, fresh = self._fresh

@@ -16,39 +16,57 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclasses.dataclass(frozen=True)
 class LinearResponse:
-    """Transfer functions at F frequencies.
+    """Transfer functions at F frequencies; those that only the noise of a run is told from are made when asked for.
 
     Attributes
     ----------
+    plant
+        Matrices.
+    omega
+        Angular frequencies [rad/s], shape (F,), without zero.
     coordinate_from_wrench
         Shape (F, n, n).
     coordinate_from_base
         From base acceleration, shape (F, n, nb).
     output_from_coordinate
         Shape (F, ny, n).
-    output_from_wrench, output_from_base, output_from_input
-        Shapes (F, ny, n), (F, ny, nb), (F, ny, nu).
+    output_from_wrench, output_from_input
+        Shapes (F, ny, n), (F, ny, nu).
     output_from_port
         From a tension in a port, shape (F, ny, P).
-    deflection_from_base, deflection_from_input, deflection_from_port, deflection_from_wrench
-        Shapes (F, P, nb), (F, P, nu), (F, P, P), (F, P, n).
+    deflection_from_port
+        Shape (F, P, P).
     base_from_input
         Shape (F, nb, nu).
     """
 
+    plant: Plant
     omega: Array
     coordinate_from_wrench: ComplexArray
     coordinate_from_base: ComplexArray
     output_from_coordinate: ComplexArray
     output_from_wrench: ComplexArray
-    output_from_base: ComplexArray
     output_from_input: ComplexArray
     output_from_port: ComplexArray
-    deflection_from_base: ComplexArray
-    deflection_from_input: ComplexArray
     deflection_from_port: ComplexArray
-    deflection_from_wrench: ComplexArray
     base_from_input: ComplexArray
+
+    @property
+    def output_from_base(self) -> ComplexArray:
+        """Return the outputs from base acceleration, shape (F, ny, nb)."""
+        direct = self.plant.out_base * (-1.0 / (self.omega**2)[:, None, None])
+        return np.asarray(self.output_from_coordinate @ self.coordinate_from_base + direct)
+
+    @property
+    def deflection_from_base(self) -> ComplexArray:
+        """Return the deflections of the ports from base acceleration, shape (F, P, nb)."""
+        direct = self.plant.port_base * (-1.0 / (self.omega**2)[:, None, None])
+        return np.asarray(self.plant.port_map @ self.coordinate_from_base - direct)
+
+    @property
+    def deflection_from_wrench(self) -> ComplexArray:
+        """Return the deflections of the ports from a wrench on the coordinates, shape (F, P, n)."""
+        return np.asarray(self.plant.port_map @ self.coordinate_from_wrench)
 
 
 def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> LinearResponse:
@@ -79,20 +97,15 @@ def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> Lin
     base_input = (
         plant.base_direct + plant.lever_motion(slope) + plant.gravity_tilt(slope) * displacement_from_acceleration
     )
-    x_base: ComplexArray = plant.port_map @ q_base - plant.port_base * displacement_from_acceleration
-    x_wrench: ComplexArray = plant.port_map @ compliance
     return LinearResponse(
+        plant=plant,
         omega=omega,
         coordinate_from_wrench=compliance,
         coordinate_from_base=q_base,
         output_from_coordinate=y_q.astype(complex),
         output_from_wrench=y_wrench,
-        output_from_base=y_base,
         output_from_input=y_base @ base_input,
         output_from_port=-y_wrench @ plant.port_map.T,
-        deflection_from_base=x_base,
-        deflection_from_input=x_base @ base_input,
-        deflection_from_port=-x_wrench @ plant.port_map.T,
-        deflection_from_wrench=x_wrench,
+        deflection_from_port=-(plant.port_map @ compliance) @ plant.port_map.T,
         base_from_input=base_input.astype(complex),
     )

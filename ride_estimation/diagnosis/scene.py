@@ -318,7 +318,8 @@ class Scene:
         self.disturbance = np.concatenate([std, doubt], axis=1)
         #: how they reach the outputs and the deflections: static loads that turn with their bases included
         self.noise_transfer = np.concatenate([r.output_from_input + r.output_from_wrench @ turned, output], axis=2)
-        self._deflection_noise = np.concatenate([r.deflection_from_input + r.deflection_from_wrench @ turned, deflection], axis=2)
+        of_input = r.deflection_from_base @ r.base_from_input
+        self._deflection_noise = np.concatenate([of_input + r.deflection_from_wrench @ turned, deflection], axis=2)
 
     @property
     def _smoothing(self) -> int:

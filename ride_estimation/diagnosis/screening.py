@@ -99,7 +99,7 @@ class Projector:
         self._factor = cho_factor(normal * np.outer(self._scale, self._scale) + 1e-11 * np.eye(p))
         self._solution = self._solve(right)
         # single precision halves the traffic; the score of a column survives it, the normal matrix above is double
-        self._full = np.ascontiguousarray(regression.full[blocks].reshape(-1, p + 1), dtype=np.float32)
+        self._full = regression.rows(blocks)
 
     def _solve(self, right: Array) -> Array:
         scale = self._scale if right.ndim == 1 else self._scale[:, None]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,9 @@ _STRAINED = 4.0
 _OWN, _MINOR = 0.5, 0.02
 #: share of the original residual that a further cause removes at least, also where that is all that is left
 _LEAST = 0.01
+
+#: prior standard deviation of a coefficient that nothing is known of
+_FREE = 1e12
 
 Build = Callable[[Scene], Sequence[Hypothesis]]
 
@@ -207,7 +210,7 @@ class Selector:
         """Return a selection of several accepted causes without the one that the others need least."""
         places = range(len(accepted.fitted))
         trials = self._fitted([[f for i, f in enumerate(accepted.fitted) if i != drop] for drop in places], 2, accepted)
-        temper = temper_of(accepted.misfit / self._dof, accepted.scene.inefficiency)
+        temper = temper_of(accepted.misfit / self._dof, accepted.inefficiency)
         drop = max(places, key=lambda i: trials[i].log_likelihood(temper))
         contests = tuple(c for i, c in enumerate(selection.contests) if i != drop)
         return dataclasses.replace(selection, accepted=trials[drop], contests=contests)
@@ -239,12 +242,32 @@ class Selector:
         """Return whether the budget of full fits is used up."""
         return self._fits >= self._settings.most_fits
 
-    def _fitted(
+    def _each_fitted(
         self, sets: Sequence[Sequence[Score | Fitted]], passes: int, after: FullFit | None
-    ) -> list[FullFit]:
-        """Return the full fits of some sets of hypotheses, in their order."""
+    ) -> Iterator[FullFit]:
+        """Yield the full fits of some sets of hypotheses, in their order; each holds the trajectory of its model."""
         self._fits += len(sets)
-        return in_order(lambda start: self._fitter.fit(start, passes, after), sets, self._threads)
+        yield from in_order(lambda start: self._fitter.fit(start, passes, after), sets, self._threads)
+
+    def _fitted(self, sets: Sequence[Sequence[Score | Fitted]], passes: int, after: FullFit | None) -> list[FullFit]:
+        """Return the full fits of some sets of hypotheses, in their order."""
+        return list(self._each_fitted(sets, passes, after))
+
+    def _lightened(self, found: list[tuple[FullFit, int]]) -> list[tuple[FullFit, int]]:
+        """Return the fits of a round so far, those that cannot become the best any more without their trajectories.
+
+        Trajectories take a hundred megabytes each. The common temper of a round only falls with further fits, and a lower one
+        favours smaller misfits.
+        """
+        temper = self._common_temper(f for f, _ in found)
+        best = max((f for f, _ in found), key=lambda f: f.log_likelihood(temper))
+        return [
+            (f if f is best or f.misfit < best.misfit else f.slim(self._cal.scene, self._cal.regression), place)
+            for f, place in found
+        ]
+
+    def _common_temper(self, fits: Iterable[FullFit]) -> float:
+        return min((temper_of(f.misfit / self._dof, f.inefficiency) for f in fits), default=1.0)
 
     def _puzzling(self, accepted: FullFit) -> bool:
         """Return whether so much is left that the accepted causes may be wrong ones that stand for several others.
@@ -256,7 +279,7 @@ class Selector:
 
     def _solved(self, before: FullFit, after: FullFit) -> bool:
         """Return whether a further cause tried on trust, with the earlier ones contested, explains what was left."""
-        temper = temper_of(after.misfit / self._dof, after.scene.inefficiency)
+        temper = temper_of(after.misfit / self._dof, after.inefficiency)
         gain = after.log_likelihood(temper) - before.log_likelihood(temper)
         excess = max(before.misfit - self._dof, 1e-9)
         return (
@@ -315,13 +338,13 @@ class Selector:
             found.append((accepted, place))
             short = [s for s in short if not same_model(s, accepted.fitted[place])]
         passes = 3 if accepted is None else 2
-        for fit in self._fitted([[*kept, s] for s in short], passes, accepted):
+        for fit in self._each_fitted([[*kept, s] for s in short], passes, accepted):
             meaningful = all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
             if meaningful and (accepted is None or (beyond_tolerance(fit) and not at_bounds(fit.fitted[-1]))):
-                found.append((fit, len(kept)))
-        temper = min((temper_of(f.misfit / self._dof, f.scene.inefficiency) for f, _ in found), default=1.0)
+                found = self._lightened([*found, (fit, len(kept))])
+        temper = self._common_temper(f for f, _ in found)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), i) for f, i in found), key=lambda c: -c.log_likelihood)
-        # the trajectory of a fit takes a hundred megabytes; of those that lost only the numbers are asked for
+        # of those that lost only the numbers are asked for
         lost = [dataclasses.replace(c, fit=c.fit.slim(self._cal.scene, self._cal.regression)) for c in candidates[1:]]
         candidates = [*candidates[:1], *lost]
         own = 1.0
@@ -375,14 +398,7 @@ class Selector:
             i for i in range(accepted.rows.shape[2])
             if accepted.coefficients[base.count + i] != 0.0 and not skipped.start <= i < skipped.stop
         ]
-        columns = np.concatenate([base.columns, accepted.rows[:, :, used]], axis=2)
-        root = np.sqrt(base.temper)
-        means = np.hstack([base.mean_columns / root, accepted.means[:, used]])
-        return accepted.scene, Regression(
-            base.residual, columns, base.mean_residual / root, means,
-            np.concatenate([base.prior_std * root, np.full(len(used), 1e12)]),
-            np.concatenate([base.prior_offset, np.zeros(len(used))]), base.temper,
-        )
+        return accepted.scene, base.extended(accepted.rows[:, :, used], accepted.means[:, used], _FREE)
 
     def _reference(self, accepted: FullFit | None, temper: float) -> float:
         if accepted is None:
@@ -426,7 +442,7 @@ class Selector:
     def _without_idle(self, fit: FullFit) -> FullFit:
         """Return the fit without hypotheses that the others make unnecessary (backward check)."""
         while len(fit.fitted) > 1:
-            temper = temper_of(fit.misfit / self._dof, fit.scene.inefficiency)
+            temper = temper_of(fit.misfit / self._dof, fit.inefficiency)
             enough = fit.log_likelihood(temper) - self._settings.significance
             # a fit along the trajectory of the full model is a lower bound of what the others reach on their own
             needed = 2.0 * temper * (_CLEARLY * self._settings.significance) + fit.misfit

@@ -108,7 +108,7 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
 def _right(share: float, mean: float) -> float:
     """Return the probability density of a share that a right cause leaves, Lomax with a mean and :data:`_TAIL`."""
     scale = (_TAIL - 1.0) * mean
-    return _TAIL / scale * (1.0 + share / scale) ** -(_TAIL + 1.0)
+    return _TAIL / scale * math.pow(1.0 + share / scale, -(_TAIL + 1.0))
 
 
 def _axis_of(scene: Scene, fitted: Fitted) -> str:

@@ -91,9 +91,9 @@ def test_values_come_in_the_order_of_the_items_whoever_is_ready_first():
         time.sleep(0.02 if item == 0 else 0.0)
         return item * item
 
-    assert in_order(work, [0, 1, 2, 3], 3) == in_order(work, [0, 1, 2, 3], 1) == [0, 1, 4, 9]
+    assert list(in_order(work, [0, 1, 2, 3], 3)) == list(in_order(work, [0, 1, 2, 3], 1)) == [0, 1, 4, 9]
     with pytest.raises(ZeroDivisionError):
-        in_order(lambda item: 1 // item, [1, 0], 2)
+        list(in_order(lambda item: 1 // item, [1, 0], 2))
 
 
 def test_an_answer_does_not_depend_on_the_number_of_threads():
