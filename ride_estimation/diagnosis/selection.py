@@ -166,7 +166,7 @@ class Selector:
         contests: dict[Identity, Round] = {}
         for number in range(self._settings.maximum_causes):
             current = self._round(accepted)
-            self._rounds.append(current)
+            record = self._recorded(current)
             self._progress((number + 1) / self._settings.maximum_causes)
             if not current.candidates:
                 break
@@ -175,7 +175,7 @@ class Selector:
                 break
             before, known = accepted, dict(contests)
             accepted = self._narrowed(current.candidates[0].fit)
-            contests[identity(accepted.fitted[-1].hypothesis)] = current
+            contests[identity(accepted.fitted[-1].hypothesis)] = record
             if number and worthwhile:
                 accepted = self._contested(self._without_idle(accepted), contests)
             elif number:
@@ -266,6 +266,15 @@ class Selector:
             for f, place in found
         ]
 
+    def _without_trajectory(self, candidate: Candidate) -> Candidate:
+        return dataclasses.replace(candidate, fit=candidate.fit.slim(self._cal.scene, self._cal.regression))
+
+    def _recorded(self, current: Round) -> Round:
+        """Put the numbers of a round on record and return them; the trajectory of its winner lives as long as it is accepted."""
+        record = dataclasses.replace(current, candidates=tuple(map(self._without_trajectory, current.candidates)))
+        self._rounds.append(record)
+        return record
+
     def _common_temper(self, fits: Iterable[FullFit]) -> float:
         return min((temper_of(f.misfit / self._dof, f.inefficiency) for f in fits), default=1.0)
 
@@ -301,12 +310,11 @@ class Selector:
             if place is None:
                 continue
             current = self._round(accepted, place)
-            self._rounds.append(current)
-            best = current.candidates[0]
-            contests[identity(best.hypothesis)] = current
+            record, best = self._recorded(current), current.candidates[0]
+            contests[identity(best.hypothesis)] = record
             if best.fit is not accepted:
                 accepted = self._narrowed(best.fit)
-                contests[identity(accepted.fitted[-1].hypothesis)] = current
+                contests[identity(accepted.fitted[-1].hypothesis)] = record
                 others = [identity(f.hypothesis) for f in accepted.fitted[:-1]]
                 pending = [*pending, *(i for i in others if i not in pending)]
         return accepted
@@ -344,9 +352,7 @@ class Selector:
                 found = self._lightened([*found, (fit, len(kept))])
         temper = self._common_temper(f for f, _ in found)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), i) for f, i in found), key=lambda c: -c.log_likelihood)
-        # of those that lost only the numbers are asked for
-        lost = [dataclasses.replace(c, fit=c.fit.slim(self._cal.scene, self._cal.regression)) for c in candidates[1:]]
-        candidates = [*candidates[:1], *lost]
+        candidates = [*candidates[:1], *map(self._without_trajectory, candidates[1:])]
         own = 1.0
         if candidates and kept:
             own = self._own_share(scene, projector, scores, kept, candidates[0])
