@@ -242,9 +242,9 @@ class Regression:
             Of the new regression.
         """
         other = copy.copy(self)
-        places = [*index, self.count]
-        other._shared = self.full
-        other._fresh = places, np.concatenate([rows, residual[:, :, None]], axis=2)
+        earlier = [i for i, place in enumerate(self._fresh[0]) if place not in index and place != self.count]
+        places = [*(self._fresh[0][i] for i in earlier), *index, self.count]
+        other._fresh = places, np.concatenate([self._fresh[1][:, :, earlier], rows, residual[:, :, None]], axis=2)
         cross = other._products(other._fresh[1])
         other.grams = self.grams.copy()
         other.grams[:, :, places] = cross
