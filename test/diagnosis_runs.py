@@ -89,10 +89,11 @@ def quarter_car_run(
     law: Callable[[float, float], float] | None = None,
     noise: float = 0.005,
     sag: float | None = None,
+    roughness: float = 1.0,
 ) -> UniformRun:
     """Integrate ``m a = -k x - c v - law(x, v)`` over a random base with semi-implicit steps of 1/16 sample.
 
-    With ``sag`` [m] a transducer ``travel`` reads the deflection plus that.
+    ``roughness`` multiplies the base motion. With ``sag`` [m] a transducer ``travel`` reads the deflection plus that.
     """
     rng = np.random.default_rng(seed)
     fine = FINE
@@ -102,7 +103,7 @@ def quarter_car_run(
     shape = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0)
     spectrum = shape * np.exp(2j * np.pi * rng.random(len(f)))
     base = np.fft.irfft(spectrum, n)
-    scale = 0.006 / np.std(base)
+    scale = 0.006 * roughness / np.std(base)
     w = 2j * np.pi * f
     u = scale * base
     du, ddu = (scale * np.fft.irfft(spectrum * w**p, n) for p in (1, 2))

@@ -6,8 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit, tolerance_of
+from ride_estimation.diagnosis.hypothesis import Law
 from ride_estimation.diagnosis.prediction import (
     Prediction,
     block_squares,
@@ -17,11 +20,14 @@ from ride_estimation.diagnosis.prediction import (
     predict,
 )
 from ride_estimation.diagnosis.result import Gain, ValidationGain
-from ride_estimation.diagnosis.scene import measurement
+from ride_estimation.diagnosis.scene import Scene, measurement
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS
 from ride_estimation.diagnosis.verdict import MISSED, shows_elsewhere
 from ride_estimation.diagnosis.work import Work, within_tolerance
 from ride_estimation.signals.recording import UniformRun
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
 #: share to which the noise floor itself is known: less above it is nothing that remains
@@ -105,9 +111,14 @@ def measured_gain(
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
             )
         before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
+        known = _in_range(work.selection.accepted, better.scene, judged)
+        inside = None
+        if len(known) < len(judged):
+            there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
+            inside = (there[0], there[1], min(noise_floor(probe.scene, s0, known), *there))
         results.append(ValidationGain(
             other.name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
-            min(noise_floor(probe.scene, s0, judged), before, left),
+            min(noise_floor(probe.scene, s0, judged), before, left), inside,
         ))
     judge = work.splits.judge
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
@@ -123,6 +134,32 @@ def measured_gain(
     if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
     return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
+
+
+def _in_range(accepted: FullFit | None, scene: Scene, blocks: IntArray) -> IntArray:
+    """Return the blocks of another run in which the laws stay within what they were fitted on, all where those are too few.
+
+    A stop that the other road hits twice as deep is the same stop, and what it does there no run has told.
+    """
+    if accepted is None:
+        return blocks
+    inside = np.ones(len(blocks), dtype=bool)
+    for law, name in ((Law.ELASTIC, "deflection"), (Law.VISCOUS, "deflection_rate")):
+        laws = [f.hypothesis.ports for f in accepted.fitted if library()[f.hypothesis.cause].LAW is law]
+        ports = sorted({p for group in laws for p in group})
+        if ports:
+            seen = _extremes(accepted.scene, getattr(accepted.scene, name)[:, ports], np.arange(accepted.scene.blocks.count))
+            here = _extremes(scene, getattr(scene, name)[:, ports], blocks)
+            inside &= np.all((here[0] >= seen[0].min(axis=0)) & (here[1] <= seen[1].max(axis=0)), axis=1)
+    return blocks[inside] if np.count_nonzero(inside) >= max(LEAST_BLOCKS, len(blocks) // 4) else blocks
+
+
+def _extremes(scene: Scene, signals: Array, blocks: IntArray) -> tuple[Array, Array]:
+    """Return the smallest and largest values of signals (N, q) in some blocks, shape (blocks, q) each."""
+    parts = [signals[scene.block_window(blocks[i : i + 1]) > 0.0] for i in range(len(blocks))]
+    # both scatter about zero, which stands for blocks without samples
+    least, most = ([f(part, axis=0, initial=0.0) for part in parts] for f in (np.min, np.max))
+    return np.array(least), np.array(most)
 
 
 def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, float]:

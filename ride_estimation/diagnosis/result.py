@@ -54,6 +54,9 @@ class ValidationGain:
         Pooled NRMSE of the compared channels [-].
     ci95
         Block-bootstrap interval of ``baseline - extended``.
+    in_range
+        ``baseline``, ``extended`` and ``noise_floor`` of the blocks whose strokes and rates the fitted run had at the mounts of
+        the named laws, where there are others: beyond them a law is extrapolated, which says nothing of its kind.
     """
 
     run: str
@@ -61,6 +64,7 @@ class ValidationGain:
     extended: float
     ci95: tuple[float, float]
     noise_floor: float
+    in_range: tuple[float, float, float] | None = None
 
 
 @dataclasses.dataclass(frozen=True)

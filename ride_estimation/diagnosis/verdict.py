@@ -193,10 +193,11 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
 def left_elsewhere(gain: Gain) -> float | None:
     """Return the share of the energy above the noise floor that named causes leave where nothing was fitted.
 
-    None where there is little to leave: a fault that shows in mean readings or strained tolerances.
+    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts. None where there is little
+    to leave: a fault that shows in mean readings or strained tolerances.
     """
-    before, after, floor = (np.array([getattr(v, name) ** 2 for v in gain.validation])
-                            for name in ("baseline", "extended", "noise_floor"))
+    judged = [v.in_range or (v.baseline, v.extended, v.noise_floor) for v in gain.validation]
+    before, after, floor = np.array(judged).T ** 2
     removable = float(np.sum(before - floor))
     return float(np.sum(np.maximum(after - floor, 0.0))) / removable if removable > float(np.sum(floor)) else None
 
@@ -249,6 +250,9 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
         f"extending the model {does} the error on {where} from {100 * judged.baseline:.1f} % to "
         f"{100 * judged.extended:.1f} % (noise floor {floor:.1f} %)"
     )
+    if judged.in_range is not None:
+        plain, better, _ = judged.in_range
+        effect += f", within the strokes and rates of the fitted run from {100 * plain:.1f} % to {100 * better:.1f} %"
     rest = ""
     if judged.extended > MISSED * judged.noise_floor and _FORM_LEFT < _energy(judged) < 1.0:
         rest = f"; {100 * _energy(judged):.0f} % of the error energy above the noise floor remain unexplained{_left_to(law)}"

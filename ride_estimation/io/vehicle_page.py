@@ -59,7 +59,8 @@ _SENSORS = {
 
 _INSTALLATION = (
     "How well a sensor is installed: one standard deviation per kind of error. It is the prior of `calibrate --drive`, which\n"
-    "writes here what it leaves uncertain. `zero` is for transducers only, which else have `gain` and `delay`."
+    "writes here what it leaves uncertain; `diagnose` counts larger errors than usual as calibration where they are stated here.\n"
+    "`zero` is for transducers only, which else have `gain` and `delay`."
 )
 
 

@@ -84,3 +84,23 @@ def test_long_sliding_is_friction_and_no_further_cause():
     assert answer.extended is not None
     element = answer.extended.mounts["strut"].elements["z"]
     assert any(getattr(part, "KIND", "") == "bouc_wen" for part in parts_of(element))
+
+
+@pytest.mark.slow
+def test_a_stop_that_a_rougher_road_hits_deeper_is_judged_within_the_strokes_of_the_fitted_run():
+    def stop(x: float, v: float) -> float:
+        depth = max(abs(x) - 1.8 * SITE.deflection, 0.0)
+        return math.copysign(0.03 * SITE.force * math.expm1(depth / (0.35 * SITE.deflection)), x)
+
+    run, rougher = quarter_car_run(31, law=stop), quarter_car_run(32, law=stop, roughness=1.5)
+    answer = diagnose(quarter_car(), run, [rougher])
+    assert [c.id for c in answer.causes] == ["bump_stop"]
+    assert answer.gain is not None
+    judged = answer.gain.validation[0]
+    assert judged.in_range is not None
+    plain, extended, _ = judged.in_range
+    assert extended < 0.3 * plain
+    assert judged.extended > 0.3 * judged.baseline  # twice as deep nobody knows it, and the answer stands all the same
+    assert answer.verdict == "explained"
+    assert answer.causes[0].confidence > 0.9
+    assert "within the strokes and rates of the fitted run" in answer.sentence
