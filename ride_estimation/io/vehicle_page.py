@@ -59,7 +59,7 @@ _SENSORS = {
 
 _INSTALLATION = (
     "How well a sensor is installed: one standard deviation per kind of error. It is the prior of `calibrate --drive`, which\n"
-    "writes here what it leaves uncertain; `diagnose` counts larger errors than usual as calibration where they are stated here.\n"
+    "writes here what it leaves uncertain; `diagnose` takes larger errors than usual for calibration where it says so.\n"
     "`zero` is for transducers only, which else have `gain` and `delay`."
 )
 
