@@ -107,7 +107,17 @@ def quarter_car_run(
     w = 2j * np.pi * f
     u = scale * base
     du, ddu = (scale * np.fft.irfft(spectrum * w**p, n) for p in (1, 2))
-    step = 1.0 / (rate_hz * fine)
+    return ridden(f"quarter_car_{seed}", (u, du, ddu), rng, rate_hz, law, noise, sag)
+
+
+def ridden(
+    name: str, base: tuple[np.ndarray, np.ndarray, np.ndarray], rng: np.random.Generator, rate_hz: float = RATE_HZ,
+    law: Callable[[float, float], float] | None = None, noise: float = 0.005, sag: float | None = None,
+) -> UniformRun:
+    """Integrate the quarter car over a base given with its two derivatives in steps of 1/16 sample."""
+    u, du, ddu = base
+    fine, n = FINE, len(u)
+    count, step = n // fine, 1.0 / (rate_hz * fine)
     z, v = u[0], du[0]
     acceleration, deflection = np.empty(n), np.empty(n)
     for i in range(n):
@@ -118,10 +128,10 @@ def quarter_car_run(
         z += step * v
     zero = np.zeros(count)
     data = {}
-    for name, values in (("body", acceleration), ("base", ddu)):
+    for sensor, values in (("body", acceleration), ("base", ddu)):
         clean = np.stack([zero, zero, values[::fine] + GRAVITY], axis=1)
-        data[name] = clean + noise * rng.standard_normal(clean.shape)
+        data[sensor] = clean + noise * rng.standard_normal(clean.shape)
     if sag is not None:
         data["travel"] = (deflection[::fine] + sag + 1e-4 * rng.standard_normal(count))[:, None]
-    valid = {name: np.ones(count, dtype=bool) for name in data}
-    return UniformRun(f"quarter_car_{seed}", rate_hz, 0, data, valid)
+    valid = {sensor: np.ones(count, dtype=bool) for sensor in data}
+    return UniformRun(name, rate_hz, 0, data, valid)

@@ -114,7 +114,8 @@ def diagnose(
     validate
         Validation runs of the same vehicle: they neither fit nor select.
     settings
-        Analysis band and limits of the search; as they are by default, and perturbed copies of the run asked too, where None.
+        Analysis band and limits of the search; where None, as they are by default, and perturbed copies of the run are asked
+        too.
     rate_hz
         Of the common time base [Hz]; the fastest sensor, 400 Hz at most, where None.
     report
@@ -131,7 +132,8 @@ def diagnose(
     measured = _uniform(run.recording, rate_hz)
     others = [_uniform(other.recording, rate_hz) for other in validate]
     chain = diagnose_travel if needs_travel(run.vehicle, measured) else diagnose_run
-    answer = chain(run.vehicle, measured, others, Settings(stability=True) if settings is None else settings, report)
+    chosen = Settings(stability=True) if settings is None else settings
+    answer = chain(run.vehicle, measured, others, chosen, report)
     answer = dataclasses.replace(answer, warnings=(*answer.warnings, *_unused_rates(measured)))
     checksum, duration = run.recording.checksum, measured.samples / measured.rate_hz
     facts = {"path": run.recording.name, "checksum": checksum, "duration_s": duration}

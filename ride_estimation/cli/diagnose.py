@@ -32,7 +32,7 @@ STAGES = {"reading": 0.03, "searching for causes": 0.92, "report": 0.05}
 
 def run(options: argparse.Namespace) -> int:
     """Diagnose one run."""
-    settings = Settings(stability=not options.no_stability)
+    settings = Settings(stability=not options.quick, plan_next=options.next_run)
     if options.band is not None:
         low, high = options.band
         if not 0.0 < low < high:
@@ -158,6 +158,8 @@ def _say(answer: Diagnosis, folder: Path, options: argparse.Namespace) -> int:
     from ride_estimation.diagnosis.result import INSUFFICIENT
 
     print(answer.sentence)
+    if answer.next_run is not None:
+        print(answer.next_run.sentence)
     for line in (*answer.remarks, *answer.warnings):
         print(f"  {line}")
     # an answer that says nothing about the vehicle writes it as it came: nothing was extended

@@ -21,6 +21,7 @@ from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.isolability import confusions
+from ride_estimation.diagnosis.next_run import next_run
 from ride_estimation.diagnosis.outlier import CALIBRATION, SOFT_MOUNT, soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.prediction import Prediction, block_squares, pooled_nrmse, predict
@@ -221,6 +222,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     remarks += _installation(work, {c.location for c in causes})
     residual = residual_summary(base, extended, remaining, accepted is not None)
+    further = next_run(work) if settings.plan_next and causes else None
     doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
     sentence = describe(verdict, causes, gain, remaining, law) + doubt + (f" {stable.sentence}" if stable is not None else "")
     return Diagnosis(
@@ -237,6 +239,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
         evidence=make_evidence(base, extended),
         isolability=isolability,
         stability=stable,
+        next_run=further,
     )
 
 

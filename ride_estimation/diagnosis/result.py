@@ -17,6 +17,10 @@ Array = NDArray[np.float64]
 NO_DISCREPANCY, EXPLAINED, UNEXPLAINED, INSUFFICIENT = "no_discrepancy", "explained", "unexplained", "insufficient_data"
 
 
+#: probability of the right choice from which on a run is said to separate two explanations
+DECIDES = 0.8
+
+
 @dataclasses.dataclass(frozen=True)
 class Rival:
     """A cause that was considered instead."""
@@ -203,6 +207,74 @@ class Stability:
 
 
 @dataclasses.dataclass(frozen=True)
+class CandidateRun:
+    """A run that could be driven next.
+
+    Attributes
+    ----------
+    words
+        Road, speed or manoeuvre.
+    first, second
+        Probability that the run ranks two explanations rightly if the first, or the second, is true.
+    """
+
+    words: str
+    first: float
+    second: float
+
+    @property
+    def worse(self) -> float:
+        """Return the smaller of both."""
+        return min(self.first, self.second)
+
+
+@dataclasses.dataclass(frozen=True)
+class NextRun:
+    """What separates two explanations that a run leaves alive.
+
+    Attributes
+    ----------
+    first, second
+        The named cause and its rival, in words.
+    odds
+        Of the rival over the named cause after this run.
+    tried
+        Runs that were simulated with both; the first is this run once more, for comparison.
+    sensor
+        What else separates such causes: a sensor or a test.
+    """
+
+    first: str
+    second: str
+    odds: float
+    tried: tuple[CandidateRun, ...]
+    sensor: str
+
+    @property
+    def best(self) -> CandidateRun:
+        """Return the other run that separates them best whichever is true; the earlier one of equals."""
+        return max(self.tried[1:], key=lambda c: round(c.worse, 3))
+
+    @property
+    def sentence(self) -> str:
+        """Return what to drive next, in words."""
+        best, pair = self.best, f"{self.first} from {self.second}"
+        if best.worse < DECIDES:
+            return f"No simulated run is expected to distinguish {pair}; what separates them: {self.sensor}."
+        return (
+            f"Next run: {best.words}. It is expected to distinguish {pair}, rightly with a probability of "
+            f"{100 * best.first:.0f} % if the first is true and {100 * best.second:.0f} % if the second is."
+        )
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            "first": self.first, "second": self.second, "odds": self.odds, "run": self.best.words, "sensor": self.sensor,
+            "sentence": self.sentence, "tried": [dataclasses.asdict(c) for c in self.tried],
+        }  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -216,6 +288,8 @@ class Diagnosis:
         Causes this run cannot tell apart and what would separate them, in words; they are among the warnings too.
     stability
         Whether perturbed copies of the run give the same answer, already part of the confidence; None where it was not asked.
+    next_run
+        What to drive next where a rival of a named cause is alive; None where none is, or it was not asked.
     """
 
     verdict: str
@@ -231,6 +305,7 @@ class Diagnosis:
     evidence: Evidence | None = None
     isolability: tuple[str, ...] = ()
     stability: Stability | None = None
+    next_run: NextRun | None = None
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -246,6 +321,7 @@ class Diagnosis:
             "remarks": list(self.remarks),
             "isolability": list(self.isolability),
             "stability": None if self.stability is None else self.stability.to_mapping(),
+            "next_run": None if self.next_run is None else self.next_run.to_mapping(),
             "warnings": list(self.warnings),
         }
 

@@ -109,6 +109,8 @@ class Settings:
         Seed of the resampling.
     stability
         Ask perturbed copies of the run whether they give the same answer; half as much work again.
+    plan_next
+        Where a rival of a named cause is alive, simulate with both which run would tell them apart.
     threads
         Number of threads that fit and score candidates; 0: one per core, four at most. The answer does not depend on it.
     """
@@ -131,5 +133,6 @@ class Settings:
     bootstrap: int = 400
     seed: int = 1
     stability: bool = False
+    plan_next: bool = False
     threads: int = 0
     tolerances: Tolerances = dataclasses.field(default_factory=Tolerances)

@@ -174,6 +174,12 @@ def _next(page: Page, diagnosis: Diagnosis) -> None:
         page.text(f"{_title(cause)} would be refuted by {cause.would_refute}.")
         if cause.measure_next:
             page.text(f"To make sure: {cause.measure_next}.")
+    if diagnosis.next_run is not None:
+        page.text(diagnosis.next_run.sentence)
+        page.table(
+            ["run, simulated with both", f"right if {diagnosis.next_run.first}", f"right if {diagnosis.next_run.second}"],
+            [[c.words, f"{100 * c.first:.0f} %", f"{100 * c.second:.0f} %"] for c in diagnosis.next_run.tried],
+        )
 
 
 def _ladder(page: Page, diagnosis: Diagnosis) -> None:

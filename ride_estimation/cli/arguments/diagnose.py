@@ -46,8 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_channels_argument(parser)
     add_part_arguments(parser)
     parser.add_argument(
-        "--no-stability", action="store_true", help="do not ask perturbed copies of the run whether they give the same answer"
+        "--quick", action="store_true", help="ask no perturbed copies of the run whether they give the same answer"
     )
+    parser.add_argument(
+        "--next-run", action="store_true",
+        help="where a rival of a cause is alive, simulate with both which run separates them (minutes; see known_limits.md)",
+    )  # fmt: skip
     parser.add_argument("--no-report", action="store_true", help="write no report.html")
     # --rate of this group is also the rate of the common time base of a vehicle run (default: the fastest sensor, 400 at most)
     add_reading_arguments(parser)
