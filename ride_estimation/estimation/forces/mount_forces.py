@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, Equilibrium
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.frames import AXES
+from ride_estimation.vehicles.vehicle import Mount
 
 Array = NDArray[np.float64]
 
@@ -93,6 +95,35 @@ def static_share(wrench: Array, stiffness: Array, weight: Array) -> Array:
     if np.linalg.norm(wrench @ force - weight) > 1e-6 * np.linalg.norm(weight):
         force = share_by_stiffness(wrench, stiffness) @ weight
     return np.asarray(force)
+
+
+def static_split(mounts: Sequence[Mount], wrench: Array, shared: Array, weight: Array) -> tuple[Array, Array]:
+    """Return the static forces, shape (M, 3) [N], and what equilibrium leaves of their covariance, (3 M, 3 M) [N^2].
+
+    Loads that the file states, else shares of the weight, with standard deviations; equilibrium holds without error:
+    ``f = s + K (w - G s)``, ``K = S G^T (G S G^T)^+``.
+
+    Parameters
+    ----------
+    mounts
+        M of them.
+    wrench, weight
+        As in :func:`static_share`.
+    shared
+        Its result.
+    """
+    prior, std = shared.copy(), STATIC_LOAD_STD * np.abs(shared)
+    for i, mount in enumerate(mounts):
+        if mount.static_load is not None:
+            load = mount.static_load
+            prior[3 * i + 2] = load.value
+            std[3 * i + 2] = STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std
+    # what is carried sideways at rest follows from equilibrium alone
+    std = np.maximum(std, 1e-6 * max(float(np.abs(weight).max(initial=0.0)), 1.0))
+    gain = share_by_stiffness(wrench, std**2)
+    left = np.eye(len(prior)) - gain @ wrench
+    force = prior + gain @ (weight - wrench @ prior) if any(m.static_load for m in mounts) else shared
+    return force.reshape(len(mounts), 3), (left * std**2) @ left.T
 
 
 def double_cross_gradient(vector: Array, arms: Array) -> Array:
@@ -221,28 +252,9 @@ class MountForceEstimator:
         ratio = self._stiffness if self._of_file is None else self._of_file
         share = share_by_stiffness(self._g, ratio)
         shared = static_share(self._g, ratio, weight[self._free])
-        self.static_force, self._static_left = self._weighed(shared, weight[self._free])
+        self.static_force, self._static_left = static_split(self.arrangement.mounts, self._g, shared, weight[self._free])
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
-
-    def _weighed(self, shared: Array, weight: Array) -> tuple[Array, Array]:
-        """Return the static forces, shape (M, 3), and what equilibrium leaves of their covariance, (3 M, 3 M).
-
-        Loads that the file states, else shares of the weight, with standard deviations; equilibrium holds without error:
-        ``f = s + K (w - G s)``, ``K = S G^T (G S G^T)^+``.
-        """
-        prior, std = shared.copy(), STATIC_LOAD_STD * np.abs(shared)
-        for i, mount in enumerate(self.arrangement.mounts):
-            if mount.static_load is not None:
-                load = mount.static_load
-                prior[3 * i + 2] = load.value
-                std[3 * i + 2] = STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std
-        # what is carried sideways at rest follows from equilibrium alone
-        std = np.maximum(std, 1e-6 * max(float(np.abs(weight).max(initial=0.0)), 1.0))
-        gain = share_by_stiffness(self._g, std**2)
-        left = np.eye(len(prior)) - gain @ self._g
-        force = prior + gain @ (weight - self._g @ prior) if any(m.static_load for m in self.arrangement.mounts) else shared
-        return force.reshape(self._count, 3), (left * std**2) @ left.T
 
     def observe(
         self,

@@ -8,33 +8,28 @@ stiffness, damping, inertia and bracket tilt. What no drive shows keeps the stan
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, signal
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.readings import axes
+from ride_estimation.estimation.model.run_readings import SHORTEST_SEGMENT_S, run_readings
 from ride_estimation.estimation.model.states import error_std
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.correction import Correction
-from ride_estimation.signals.recording import Channel, Recording
+from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: shortest part without a gap that is used, and shortest sum of them [s]
-_SHORTEST_PART_S, _SHORTEST_S = 5.0, 20.0
-#: highest rate of the model [Hz]: mounts and cabs move below 40 Hz
-_RATE = 125.0
-#: degree of the interpolating splines, longest step that is interpolated [periods]
-_SPLINE, _GAP_PERIODS = 7, 3.5
+#: shortest sum of segments [s]
+_SHORTEST_S = 20.0
 #: rms of the moving readings over their noise, below which there is nothing to calibrate with
 _LEAST_SIGNAL = 5.0
 #: an error is determined where its standard deviation fell below this share of the prior
@@ -119,85 +114,18 @@ def calibrate_drive(recording: Recording, vehicle: Vehicle) -> DriveCalibration:
     InputDataError
         Too short, a sensor missing, or hardly any motion.
     """
-    plant = Plant(vehicle)
-    missing = [s.name for s in plant.sensors if s.name not in recording.channels or not len(recording.channels[s.name].stamp_ns)]
-    if missing:
-        raise InputDataError(f"{recording.name}: no samples of {', '.join(missing)}; every sensor of the model is needed")
-    tracks = {s.name: _track(recording.name, recording.channels[s.name], s) for s in plant.sensors}
-    rate = min(_RATE, *(track.rate for track in tracks.values()))
-    segments = _segments(tracks, rate)
-    duration = sum(len(s) for s in segments) / rate
+    found = run_readings(recording, vehicle)
+    plant, segments = found.plant, found.segments
+    duration = sum(len(s) for s in segments) * found.dt
     if duration < _SHORTEST_S:
         raise InputDataError(
             f"{recording.name}: {duration:.1f} s in which all {len(plant.sensors)} sensors spoke without a gap for "
-            f"{_SHORTEST_PART_S:g} s or longer; at least {_SHORTEST_S:g} s are needed"
+            f"{SHORTEST_SEGMENT_S:g} s or longer; at least {_SHORTEST_S:g} s are needed"
         )
-    # white noise that is left below the new rate
-    quiet = {
-        n: dataclasses.replace(s, noise_std=s.noise_std * math.sqrt(rate / tracks[n].rate)) if n in tracks else s
-        for n, s in vehicle.sensors.items()
-    }
-    plant = Plant(dataclasses.replace(vehicle, sensors=quiet))
     _require_motion(recording.name, segments, plant)
-    joint = JointEstimate(plant, segments, 1.0 / rate)
+    joint = JointEstimate(plant, segments, found.dt)
     joint.fit()
     return _result(vehicle, plant, joint, duration)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Track:
-    """Good samples of one sensor: time [s], corrected values (N, C), mean rate [Hz], parts without a gap as index pairs."""
-
-    time: Array
-    values: Array
-    rate: float
-    parts: tuple[tuple[int, int], ...]
-
-
-def _track(name: str, channel: Channel, sensor: Sensor) -> _Track:
-    width = 1 if sensor.kind == "displacement" else 3
-    values = sensor.correction.apply(channel.values)[:, :width]
-    stamps = channel.stamp_ns - sensor.correction.delay_ns
-    good = np.all(np.isfinite(values), axis=1) & np.all(np.abs(values) < sensor.reach, axis=1) & (channel.stamp_ns > 0)
-    stamps, first = np.unique(stamps[good], return_index=True)
-    values = values[good][first]
-    if len(stamps) < _SPLINE + 1:
-        raise InputDataError(f"{name}: {sensor.name} has {len(stamps)} good samples; others are not finite or cut off")
-    time = np.asarray(stamps * 1e-9, dtype=np.float64)
-    period = float(np.median(np.diff(time)))
-    edges = np.r_[0, np.flatnonzero(np.diff(time) > _GAP_PERIODS * period) + 1, len(time)].tolist()
-    return _Track(time, values, 1.0 / period, tuple(itertools.pairwise(edges)))
-
-
-def _segments(tracks: Mapping[str, _Track], rate: float) -> list[Array]:
-    """Return the readings of all sensors on one time base, where none has a gap.
-
-    Splines of high degree through the samples: a cubic through four takes 0.4 % of a signal at a tenth of the sample rate, more
-    than the gains that are looked for. They are taken at twice the rate and low-passed.
-    """
-    begin = max(t.time[0] for t in tracks.values())
-    count = int((min(t.time[-1] for t in tracks.values()) - begin) * 2.0 * rate)
-    if count < 2:
-        return []
-    grid = begin + np.arange(count) / (2.0 * rate)
-    columns, good = [], np.ones(count, dtype=bool)
-    for track in tracks.values():
-        out, there = np.zeros((count, track.values.shape[1])), np.zeros(count, dtype=bool)
-        for first, stop in track.parts:
-            if stop - first > _SPLINE:
-                inside = (grid >= track.time[first]) & (grid <= track.time[stop - 1])
-                start = track.time[first]
-                spline = interpolate.make_interp_spline(track.time[first:stop] - start, track.values[first:stop], k=_SPLINE)
-                out[inside], there = spline(grid[inside] - start), there | inside
-        columns.append(out)
-        good &= there
-    values = np.hstack(columns)
-    fir = signal.firwin(41, 0.5, window=("kaiser", 8.0))
-    edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
-    return [
-        signal.resample_poly(values[a:b], 1, 2, axis=0, padtype="line", window=fir)
-        for a, b in zip(edges[::2], edges[1::2]) if (b - a) / (2.0 * rate) >= _SHORTEST_PART_S
-    ]  # fmt: skip
 
 
 def _require_motion(name: str, segments: Sequence[Array], plant: Plant) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.arrangement import USUAL_SHARES, Arrangement, arrange, relative_tilt_maps
+from ride_estimation.estimation.forces.mount_forces import static_share, static_split
 from ride_estimation.estimation.model.states import FastStates, SlowStates, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
@@ -162,20 +163,15 @@ class Plant:
     def constants(self, theta: Array) -> Constants:
         """Return the constants of a vector of slow states in physical units.
 
-        Every mount carries its share of the weight as vertical springs share it, or what the vehicle file states.
+        Every mount carries its share of the weight as vertical springs share it, or what the vehicle file states, in equilibrium.
         """
         s, body = self.slow, self.arrangement.body
         k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
         root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
         inertia = root @ body.inertia @ root * mass / self.arrangement.file_mass
         points = self.points(cg)
-        vertical = points[2::3][:, [2, 3, 4]]
-        weight = np.array([mass * self.gravity, 0.0, 0.0])
-        static = np.zeros((len(self.mounts), 3))
-        static[:, 2] = k[2::3] * (vertical @ np.linalg.solve(vertical.T @ (k[2::3, None] * vertical), weight))
-        for i, mount in enumerate(self.mounts):
-            if mount.static_load is not None:
-                static[i, 2] = mount.static_load.value
+        weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0])
+        static, _ = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
         tilt = self._tilt + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
         rigid, deforming, corners = (np.exp(theta[part]) for part in (s.log_rigid, s.log_deforming, s.log_corners))
         model = float(np.exp(theta[s.log_model][0]))

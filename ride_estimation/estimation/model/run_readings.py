@@ -1,0 +1,136 @@
+# Copyright 2026 ride_estimation contributors
+"""Readings of a recorded run on one time base, as the model takes them: corrected, without gaps, band-limited."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, signal
+
+from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.model.plant import Plant
+from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.recording import Channel, Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: shortest part without a gap that is used [s]
+SHORTEST_SEGMENT_S = 5.0
+#: highest rate of the model [Hz]: mounts and cabs move below 40 Hz
+_RATE = 125.0
+#: degree of the interpolating splines, longest step that is interpolated [periods]
+_SPLINE, _GAP_PERIODS = 7, 3.5
+
+
+@dataclasses.dataclass(frozen=True)
+class RunReadings:
+    """A run as the model takes it.
+
+    Attributes
+    ----------
+    plant
+        Vehicle; its sensors with the noise that is left in the readings.
+    segments
+        Parts without a gap, readings of shape (T, C) in the order of the plant's sensors.
+    dt
+        Sample [s].
+    """
+
+    plant: Plant
+    segments: tuple[Array, ...]
+    dt: float
+
+
+def run_readings(recording: Recording, vehicle: Vehicle) -> RunReadings:
+    """Return the readings of a run.
+
+    Parameters
+    ----------
+    recording
+        The run.
+    vehicle
+        Its corrections are taken off the readings.
+
+    Raises
+    ------
+    ConfigurationError
+        The vehicle is none the model describes.
+    InputDataError
+        A sensor of the model is missing.
+    """
+    plant = Plant(vehicle)
+    missing = [s.name for s in plant.sensors if s.name not in recording.channels or not len(recording.channels[s.name].stamp_ns)]
+    if missing:
+        raise InputDataError(f"{recording.name}: no samples of {', '.join(missing)}; every sensor of the model is needed")
+    tracks = {s.name: _track(recording.name, recording.channels[s.name], s) for s in plant.sensors}
+    rate = min(_RATE, *(track.rate for track in tracks.values()))
+    # white noise that is left below the new rate
+    quiet = {
+        n: dataclasses.replace(s, noise_std=s.noise_std * math.sqrt(rate / tracks[n].rate)) if n in tracks else s
+        for n, s in vehicle.sensors.items()
+    }
+    return RunReadings(Plant(dataclasses.replace(vehicle, sensors=quiet)), _segments(tracks, rate), 1.0 / rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Track:
+    """Good samples of one sensor: time [s], corrected values (N, C), mean rate [Hz], parts without a gap as index pairs."""
+
+    time: Array
+    values: Array
+    rate: float
+    parts: tuple[tuple[int, int], ...]
+
+
+def _track(name: str, channel: Channel, sensor: Sensor) -> _Track:
+    width = 1 if sensor.kind == "displacement" else 3
+    values = sensor.correction.apply(channel.values)[:, :width]
+    stamps = channel.stamp_ns - sensor.correction.delay_ns
+    good = np.all(np.isfinite(values), axis=1) & np.all(np.abs(values) < sensor.reach, axis=1) & (channel.stamp_ns > 0)
+    stamps, first = np.unique(stamps[good], return_index=True)
+    values = values[good][first]
+    if len(stamps) < _SPLINE + 1:
+        raise InputDataError(f"{name}: {sensor.name} has {len(stamps)} good samples; others are not finite or cut off")
+    time = np.asarray(stamps * 1e-9, dtype=np.float64)
+    period = float(np.median(np.diff(time)))
+    edges = np.r_[0, np.flatnonzero(np.diff(time) > _GAP_PERIODS * period) + 1, len(time)].tolist()
+    return _Track(time, values, 1.0 / period, tuple(itertools.pairwise(edges)))
+
+
+def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[Array, ...]:
+    """Return the readings of all sensors on one time base, where none has a gap.
+
+    Splines of high degree through the samples: a cubic through four takes 0.4 % of a signal at a tenth of the sample rate, more
+    than the gains that are looked for. They are taken at a multiple of the rate that no sensor exceeds, so that no noise is
+    aliased, and low-passed.
+    """
+    fine = max(2, *(math.ceil(t.rate / rate - 1e-3) for t in tracks.values()))
+    begin = max(t.time[0] for t in tracks.values())
+    count = int((min(t.time[-1] for t in tracks.values()) - begin) * fine * rate)
+    if count < 2:
+        return ()
+    grid = begin + np.arange(count) / (fine * rate)
+    columns, good = [], np.ones(count, dtype=bool)
+    for track in tracks.values():
+        out, there = np.zeros((count, track.values.shape[1])), np.zeros(count, dtype=bool)
+        for first, stop in track.parts:
+            if stop - first > _SPLINE:
+                inside = (grid >= track.time[first]) & (grid <= track.time[stop - 1])
+                start = track.time[first]
+                spline = interpolate.make_interp_spline(track.time[first:stop] - start, track.values[first:stop], k=_SPLINE)
+                out[inside], there = spline(grid[inside] - start), there | inside
+        columns.append(out)
+        good &= there
+    values = np.hstack(columns)
+    fir = signal.firwin(20 * fine + 1, 1.0 / fine, window=("kaiser", 8.0))
+    edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
+    return tuple(
+        signal.resample_poly(values[a:b], 1, fine, axis=0, padtype="line", window=fir)
+        for a, b in zip(edges[::2], edges[1::2]) if (b - a) / (fine * rate) >= SHORTEST_SEGMENT_S
+    )  # fmt: skip
