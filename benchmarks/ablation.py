@@ -114,7 +114,8 @@ def _mechanisms() -> dict[str, Mechanism]:
         "nothing": Mechanism("pipeline", "_LOOK", importlib.import_module("ride_estimation.estimation.pipeline")._LOOK, ""),
         # motion of the body
         "residual covariance": Mechanism(
-            "motion.cg_motion", "residual_doubt", returns((1.0, zero6)), "covariance of the motion from what the sensors leave"
+            "motion.cg_motion", "residual_covariance", returns((1.0, zero6)),
+            "covariance of the motion from what the sensors leave",
         ),
         "disagreement": Mechanism(
             "motion.cg_motion", "CgMotionEstimator.disagreement", returns((1.0, zero6, zero6)),
@@ -131,7 +132,8 @@ def _mechanisms() -> dict[str, Mechanism]:
             "accelerations that last turn wrong angles and gains into a slow angular acceleration",
         ),
         "rate from residuals": Mechanism(
-            "motion.spare_rate", "SpareRate.observe", returns(False), "angular rate from centripetal acceleration without a gyro"
+            "motion.residual_rate", "ResidualRate.observe", returns(False),
+            "angular rate from centripetal acceleration without a gyro",
         ),
         "centripetal covariance": Mechanism(
             "motion.cg_motion", "centripetal_covariance", returns(zero6), "uncertain rates in bends widen the motion"
@@ -174,17 +176,18 @@ def _mechanisms() -> dict[str, Mechanism]:
         ),
         # parameters
         "installation errors in parameters": Mechanism(
-            "sensor_errors.mounting_doubt", "MountingDoubt.std", no_std, "angles and gains of sensors in the std of k and c"
+            "sensor_errors.installation_uncertainty", "InstallationUncertainty.std", no_std,
+            "angles and gains of sensors in the std of k and c",
         ),
         "amplitude dependence": Mechanism(
-            "parameters.amplitude", "AmplitudeDependence.std", property(lambda self: np.zeros(self._slots)),
+            "parameters.amplitude", "AmplitudeDependence.std", property(lambda self: np.zeros(self._free_parameters)),
             "laws that are not linear widen k and c",
         ),
         "periodic excitation": Mechanism(
-            "parameters.repetition", "Repetition.observe", returns(False), "an engine that idles teaches nothing"
+            "parameters.periodic_excitation", "PeriodicExcitation.observe", returns(False), "an engine that idles teaches nothing"
         ),
         "limit of rotation": Mechanism(
-            "parameters.parameter_estimator", "_LEANING", np.inf, "nothing is learned at large rotations"
+            "parameters.parameter_estimator", "_LARGEST_ROTATION", np.inf, "nothing is learned at large rotations"
         ),
         "contradicting intervals": Mechanism(
             "parameters.parameter_filter", "ParameterFilter._follow", returns(None), "follows slow changes of parameters"
@@ -199,7 +202,7 @@ def _mechanisms() -> dict[str, Mechanism]:
             "parameters.parameter_estimator", "_REVIEWS", (), "the first seconds are estimated again as a whole"
         ),
         "reviews after large innovations": Mechanism(
-            "parameters.parameter_estimator", "_RESTLESS", np.inf, "the last seconds are estimated again after such"
+            "parameters.parameter_estimator", "_LARGE_INNOVATIONS", np.inf, "the last seconds are estimated again after such"
         ),
         "share of rotation": Mechanism(
             "parameters.parameter_estimator", "FOLLOW_STD", 1e-6, "share of the brackets' rotation that the mounts follow"

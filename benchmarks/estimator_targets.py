@@ -57,7 +57,7 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
 
 def looked_back(pipeline: Pipeline, blocks: list[OutputBlock]) -> SmoothedForces:
     """Return the smoothed forces of a finished run, as ``replay`` computes them."""
-    recorder = SmootherRecorder(pipeline.arrangement)
+    recorder = SmootherRecorder(pipeline.geometry)
     for block in blocks:
         recorder.take(block)
     signals = {name: joined(blocks, name) for name in SIGNALS}

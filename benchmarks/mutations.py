@@ -50,7 +50,7 @@ class Mutation:
 
 MUTATIONS = (
     Mutation(
-        "motion/cg_motion.py", "covariance[[0, 1], [0, 1]] += g**2 * block.tilt_variance", "pass",
+        "motion/cg_motion.py", "covariance[0, 0] += g**2 * block.pitch_variance", "pass",
         "uncertain tilt in the CG acceleration",
     ),
     Mutation(
@@ -58,12 +58,12 @@ MUTATIONS = (
         "return weights.covariance", "uncertain angular rate in the CG motion",
     ),
     Mutation(
-        "motion/residual_doubt.py", "return factor, bias * (weights @ weights.T)", "return 1.0, bias * (weights @ weights.T)",
-        "residuals larger than the stated noise",
+        "motion/residual_covariance.py", "return factor, bias * (weights @ weights.T)",
+        "return 1.0, bias * (weights @ weights.T)", "residuals larger than the stated noise",
     ),
     Mutation(
-        "motion/residual_doubt.py", "return factor, bias * (weights @ weights.T)", "return factor, 0.0 * (weights @ weights.T)",
-        "biases of the sensors in the motion",
+        "motion/residual_covariance.py", "return factor, bias * (weights @ weights.T)",
+        "return factor, 0.0 * (weights @ weights.T)", "biases of the sensors in the motion",
     ),
     Mutation(
         "motion/loads.py", "spread = np.array([self.mass_std**2, self.inertia_relative_std**2, rate_variance])",
@@ -129,7 +129,7 @@ MUTATIONS = (
         "installation errors of the sensors in k and c",
     ),
     Mutation(
-        "parameters/anchors.py", "return math.exp(mean), math.hypot(1.0 / math.sqrt(float(np.sum(weights))), spread)",
+        "parameters/mass_reference.py", "return math.exp(mean), math.hypot(1.0 / math.sqrt(float(np.sum(weights))), spread)",
         "return math.exp(mean), 1.0 / math.sqrt(float(np.sum(weights)))", "force references that contradict each other",
     ),
     Mutation(

@@ -5,7 +5,7 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.published_frames import published_frames
 
@@ -16,7 +16,7 @@ def publishers(context: LaunchContext) -> list[Node]:
     vehicle = load_vehicle(given["vehicle"])
     nodes = []
     names = {"cg_frame": given["cg_frame"], "mount_prefix": given["mount_frame_prefix"]}
-    for frame in published_frames(vehicle, arrange(vehicle).body.name, **names):
+    for frame in published_frames(vehicle, geometry_of(vehicle).body.name, **names):
         pose = zip(("x", "y", "z", "qx", "qy", "qz", "qw"), (*frame.position, *frame.quaternion), strict=True)
         arguments = [word for name, value in pose for word in (f"--{name}", str(float(value)))]
         arguments += ["--frame-id", given["vehicle_frame"], "--child-frame-id", frame.name]

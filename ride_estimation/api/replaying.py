@@ -18,8 +18,8 @@ from ride_estimation.assessment.durability import DEFAULT_SLOPE, checked_slope
 from ride_estimation.assessment.run_assessment import EIGHT_HOURS_S, RunAssessment, assess_run
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.carried_points import CarriedPoint, carried_document, carried_points
-from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
@@ -178,7 +178,7 @@ class Replay:
             for name in ("run.mcap", "run_layout.json"):
                 (folder / name).unlink(missing_ok=True)  # of an earlier call, beside new results
             if mcap:
-                body = arrange(self.run.vehicle).body
+                body = geometry_of(self.run.vehicle).body
                 write_run_mcap(folder / "run.mcap", self.run.recording, self.run.vehicle, body, self.result)
                 write_json(folder / "run_layout.json", run_layout(self.result.mount_names))
                 written += ["run.mcap", "run_layout.json"]
@@ -263,16 +263,16 @@ def replay(
     # sensors of a carried body serve the comparison with its simulation
     served = tuple(f" samples of {point.sensor}, which the estimator does not use" for point in carried if point.sensor)
     warnings = tuple(w for w in all_warnings(recording, vehicle, quality, result) if not w.endswith(served))
-    layout = body_layout(vehicle, pipeline.arrangement.body.name).sentence(pipeline.arrangement.body.name)
+    layout = body_layout(vehicle, pipeline.geometry.body.name).sentence(pipeline.geometry.body.name)
     side = side_signals(recording, vehicle, result, carried)
     assessment = assess_run(
         result.mount_names, result.force, result.force_std, result.valid, tick_rate(result),
         side.accelerations, side.cells, slope, daily_exposure_s,
-        mass_relative_std(result, pipeline.arrangement.body.name),
+        mass_relative_std(result, pipeline.geometry.body.name),
     )  # fmt: skip
     document = result_document(recording, vehicle, result, quality, warnings, (layout,), assessment, settings)
     document["carried_bodies"] = carried_document(carried, result.valid)
-    document["inertia_kg_m2"] = pipeline.loads.moments(pipeline.arrangement.body)
+    document["inertia_kg_m2"] = pipeline.loads.moments(pipeline.geometry.body)
     return Replay(run, result, quality, assessment, side, warnings, layout, document)
 
 

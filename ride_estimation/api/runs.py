@@ -12,7 +12,7 @@ import numpy as np
 
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.io.recorded_run import read_recorded_run
 from ride_estimation.io.run_events import moment, run_events
 from ride_estimation.io.vehicle_file import body_layout, load_vehicle
@@ -131,7 +131,7 @@ def require_layout(vehicle: Vehicle) -> None:
     ConfigurationError
         Names what is not determined.
     """
-    body = arrange(vehicle).body.name
+    body = geometry_of(vehicle).body.name
     check = body_layout(vehicle, body)
     if not check.complete:
         raise ConfigurationError(check.sentence(body), where=f"sensor layout of {vehicle.name}")

@@ -17,7 +17,7 @@ from ride_estimation.cli.fleet import collect, find_recordings, folder_name, say
 from ride_estimation.cli.fleet_task import FleetRow, FleetTask, finished_row
 from ride_estimation.cli.replay import ReplayJob
 from ride_estimation.errors import ConfigurationError, InputDataError, RideEstimationError
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.io.bag_source import SUFFIXES
 from ride_estimation.io.files.channel_map import load_channel_map
 from ride_estimation.io.files.suffixes import READ_SUFFIXES
@@ -166,7 +166,7 @@ def _job(project: Project, planned: PlannedRun, options: argparse.Namespace) -> 
         load_channel_map(Path(chosen.channels), job.vehicle.sensors)
     if planned.payload_kg:
         place = None if planned.payload_position_m is None else np.array(planned.payload_position_m)
-        loaded = with_payload(job.vehicle, arrange(job.vehicle).body.name, planned.payload_kg, place)
+        loaded = with_payload(job.vehicle, geometry_of(job.vehicle).body.name, planned.payload_kg, place)
         job = dataclasses.replace(job, vehicle=loaded)
     require_layout(job.vehicle)
     return job

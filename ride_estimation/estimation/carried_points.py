@@ -85,18 +85,18 @@ def carried_points(recording: Recording, pipeline: Pipeline, run: OfflineRun) ->
     recording, pipeline, run
         What was read, the estimator it went through, what it found.
     """
-    arrangement = pipeline.arrangement
-    if arrangement.carried is None or len(run.stamp_ns) < 2:
+    geometry = pipeline.geometry
+    if geometry.carried is None or len(run.stamp_ns) < 2:
         return ()
-    vehicle = arrangement.vehicle
+    vehicle = geometry.vehicle
     s = run.signals
     motion = np.ascontiguousarray(s["cg_specific_force"])
     rate = np.ascontiguousarray(s["angular_rate"])
     dt = float(np.median(np.diff(run.stamp_ns))) * 1e-9
-    bodies = CarriedBodies(arrangement, pipeline.settings).motions(motion, rate, dt)
+    bodies = CarriedBodies(geometry, pipeline.settings).motions(motion, rate, dt)
     found = []
     for body, (moved, spread) in bodies.items():
-        cg = arrangement.carried.bodies[body].cg
+        cg = geometry.carried.bodies[body].cg
         std = np.hypot(spread[:, :3], s["cg_accel_std"][:, :3])
         point = CarriedPoint(body, "", moved[:, :3], std)
         sensors = [v for v in vehicle.sensors.values() if v.body == body and v.kind in ("accelerometer", "imu") and v.triaxial]

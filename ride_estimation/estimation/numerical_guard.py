@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import RideEstimationError
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.frames import AXES
@@ -54,20 +54,20 @@ class NumericalGuard:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body and mounts; its masses and the full scale of its sensors tell the largest load, the laws of its mounts (springs, gaps
         and stiffness of stops) how far that load deflects them.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
+    def __init__(self, geometry: Geometry) -> None:
         #: words -> times
         self.faults: Counter[str] = Counter()
         self._good = math.inf
-        self._mounts = len(arrangement.mounts)
-        reach = max((s.reach for s in arrangement.body_sensors if math.isfinite(s.reach)), default=_LARGEST_ACCELERATION)
+        self._mounts = len(geometry.mounts)
+        reach = max((s.reach for s in geometry.body_sensors if math.isfinite(s.reach)), default=_LARGEST_ACCELERATION)
         #: largest force a mount can carry, and the largest load on the body [N]: all its weight at the largest acceleration
-        self.largest = _ON_ONE_MOUNT * arrangement.file_mass * (reach + arrangement.vehicle.gravity)
-        ends = [[[self._travel(m.elements.get(axis), sign) for sign in (-1.0, 1.0)] for axis in AXES] for m in arrangement.mounts]
+        self.largest = _ON_ONE_MOUNT * geometry.file_mass * (reach + geometry.vehicle.gravity)
+        ends = [[[self._travel(m.elements.get(axis), sign) for sign in (-1.0, 1.0)] for axis in AXES] for m in geometry.mounts]
         #: deflections at which the laws of the file take that force, compression and extension, shape (M, 3, 2) [m]
         self.travel = np.array(ends).reshape(self._mounts, 3, 2)
 

@@ -201,7 +201,7 @@ def run_offline(
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
     history = _History(pipeline)
-    recorder = SmootherRecorder(pipeline.arrangement, "" if smoothing else SWITCHED_OFF)
+    recorder = SmootherRecorder(pipeline.geometry, "" if smoothing else SWITCHED_OFF)
     reports = _Reports(pipeline)
     count = 0
     for found, taken in pipeline.replay(recording):
@@ -287,7 +287,7 @@ def _joined(
     sensors = list(blocks[0].measured)
     stamps, valid = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("stamp_ns", "valid"))
     return OfflineRun(
-        mount_names=pipeline.arrangement.mount_names,
+        mount_names=pipeline.geometry.mount_names,
         signals=signals,
         stamp_ns=stamps,
         valid=valid,

@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.common.channel_layout import ChannelLayout
 from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.common.saved_state import STATE_SCHEMA, all_finite, check_state
 from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.faults.checkpoints import Checkpoints
 from ride_estimation.estimation.faults.health import Health, base_messages, rate_message, residual_message, sensor_messages
 from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.faults.input_checks import InputChecks
-from ride_estimation.estimation.faults.learned_copies import LearnedCopies
 from ride_estimation.estimation.faults.restoring import restarted
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.estimation.forces.base_fill import BaseFill
@@ -41,9 +41,9 @@ from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.motion_kernel import force_at
 from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT, NumericalGuard, fault_messages
 from ride_estimation.estimation.output import OutputBlock
-from ride_estimation.estimation.parameters.anchors import MassAnchor
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
 from ride_estimation.estimation.parameters.identifiable import describe
+from ride_estimation.estimation.parameters.mass_reference import MassReference
 from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
 from ride_estimation.estimation.parameters.static_travel import Load, StaticTravel
 from ride_estimation.frames import AXES
@@ -84,8 +84,8 @@ class Pipeline:
     def __init__(self, vehicle: Vehicle, settings: PipelineSettings | None = None) -> None:
         self.vehicle = vehicle
         self.settings = settings or PipelineSettings()
-        self.arrangement = arrange(vehicle.with_noise_scaled(self.settings.noise_scale))
-        a = self.arrangement
+        self.geometry = geometry_of(vehicle.with_noise_scaled(self.settings.noise_scale))
+        a = self.geometry
         self._motion = self._new_motion()
         self._loads = InertialLoads.of(a.body)
         self._carried = CarriedBodies(a, self.settings)
@@ -95,7 +95,7 @@ class Pipeline:
         self._law = MountLaw(a)
         self._forces = MountForceEstimator(a, self._law, self._deflection.known, self.tilting)
         self._parameters = ParameterEstimator(a, self.tilting, self.settings)
-        self._anchor = MassAnchor(a, self._parameters.slots)
+        self._mass_reference = MassReference(a, self._parameters.free_parameters)
         self._travel = StaticTravel(a)
         #: what static travel says of a load that the file does not know
         self._load: Load | None = None
@@ -104,23 +104,23 @@ class Pipeline:
         preload = dict(zip(assembly.components, np.round(assembly.static_tension, 3).tolist(), strict=True))
         self._ports = tuple((name, axis) for name in a.mount_names for axis in AXES)
         self._shown = RangeMeter(*(preload.get(port) for port in self._ports))
-        cells = [vehicle.sensors[name] for name, _ in self._anchor.cells]
+        cells = [vehicle.sensors[name] for name, _ in self._mass_reference.cells]
         meter = a.speed_sensor
         used = [*a.body_sensors, *(s for s in a.base_sensors if s is not None), *a.transducers, *cells]
         used += [] if meter is None else [meter]
         self._sensors = tuple({s.name: s for s in used}.values())
         self._aligner = self._new_aligner()
         self._index = {s.name: i for i, s in enumerate(self._sensors)}
-        self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._anchor.cells)
+        self._layout = ChannelLayout.of(a, self._sensors, self._aligner.columns, self._mass_reference.cells)
         self._checks = InputChecks(a, self._sensors, self._layout, self._aligner.columns, self._motion)
         self._force = np.array([0.0, 0.0, vehicle.gravity])
         self._excess, self._rate = 1.0, np.zeros(3)
         self._agree()
-        self._copies = LearnedCopies()
+        self._checkpoints = Checkpoints()
         self._unknown, self._restarts = Counter[str](), Counter[str]()
         self._ticks = self._invalid_ticks = 0
         self._dt, self._stamp = 0.0, 0
-        self._run_time = self._next_anchor = 0.0
+        self._run_time = self._next_reference = 0.0
         self._due: Callable[[], bool] | None = None
         self._guard = NumericalGuard(a)
         self._apply()
@@ -128,7 +128,7 @@ class Pipeline:
         self._begin = self._learned()
 
     def _new_motion(self) -> CgMotionEstimator:
-        a = self.arrangement
+        a = self.geometry
         made = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, self.vehicle.gravity, self.settings)
         made.speed_std = 0.0 if a.speed_sensor is None else a.speed_sensor.noise_std
         return made
@@ -195,9 +195,9 @@ class Pipeline:
         self._due = None
         self.tilting.reset()
         self._forces.take_tilt()
-        self._parameters = ParameterEstimator(self.arrangement, self.tilting, self.settings)
-        self._anchor = MassAnchor(self.arrangement, self._parameters.slots)
-        self._copies.clear()
+        self._parameters = ParameterEstimator(self.geometry, self.tilting, self.settings)
+        self._mass_reference = MassReference(self.geometry, self._parameters.free_parameters)
+        self._checkpoints.clear()
         self._apply()
         self._forget_sizes()
         self._restart(reason)
@@ -239,7 +239,7 @@ class Pipeline:
 
     def _begin_from_checkpoint(self) -> None:
         """Begin anew after a numerical fault, with what was learned before it."""
-        learned, self._due = self._copies.checkpoint() or self._begin, None
+        learned, self._due = self._checkpoints.checkpoint() or self._begin, None
         self._new_body()
         self._agree()
         self._forget_sizes()
@@ -281,7 +281,7 @@ class Pipeline:
         lost, whole = ticks - int(np.count_nonzero(motion.valid)), bool(block.valid.all())
         if not lost:
             for name, i, cell in layout.cell_readings(block, self._sensors):
-                self._anchor.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
+                self._mass_reference.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
         seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
@@ -291,7 +291,7 @@ class Pipeline:
             self._hints.observe(seen, dt)
             if self._checks.weighs:
                 shared = self._forces.shared(support)[:, :, :2] / self._factor
-                body = force_at(motion.motion, motion.rate, self.arrangement.arms)[:, :, 2]
+                body = force_at(motion.motion, motion.rate, self.geometry.arms)[:, :, 2]
                 self._checks.weigh(support / self._factor, shared, body)
             self._checks.learn(dt)
             return True
@@ -344,12 +344,12 @@ class Pipeline:
         return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added + self._constant)
 
     def _learned(self) -> dict[str, Any]:
-        return {"parameters": self._parameters.snapshot(), "anchor": self._anchor.save(), "tilt": self.tilting.save()}
+        return {"parameters": self._parameters.snapshot(), "anchor": self._mass_reference.save(), "tilt": self.tilting.save()}
 
     def _go_back_to(self, learned: dict[str, Any]) -> None:
         """Return to what was learned at another time; filters of the signals begin anew."""
         self._parameters.load(learned["parameters"])
-        self._anchor.load(learned["anchor"])
+        self._mass_reference.load(learned["anchor"])
         self.tilting.load(learned["tilt"])
         self.tilting.restart()
         self._forces.take_tilt()
@@ -357,7 +357,7 @@ class Pipeline:
 
     def _forget(self) -> None:
         """Forget what was learned in this run."""
-        self._copies.clear()
+        self._checkpoints.clear()
         self._go_back_to(self._begin)
 
     def _begin_anew(self, reason: str) -> None:
@@ -370,8 +370,8 @@ class Pipeline:
         """Return to what was learned before a sensor became faulty; deflections it spoiled start again from rest."""
         spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
-            spoiled = list(range(len(self.arrangement.mounts)))
-        copies = self._copies.take(self._run_time, verdict.spoiled)
+            spoiled = list(range(len(self.geometry.mounts)))
+        copies = self._checkpoints.take(self._run_time, verdict.spoiled)
         if copies is not None and spoiled:
             self._deflection.load(restarted(self._deflection.save(), copies[1], spoiled))
         self._parameters.restart()
@@ -382,7 +382,7 @@ class Pipeline:
             self._forget()
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
-        ticks, count = len(block.values), len(self.arrangement.mounts)
+        ticks, count = len(block.values), len(self.geometry.mounts)
         base, base_ok = self._layout.bases(block, count)
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
@@ -391,7 +391,7 @@ class Pipeline:
         if self._checks.bases_in_doubt:
             self._fill.doubt()
         if self.tilting.learns:
-            body = force_at(motion.motion, motion.rate, self.arrangement.arms)
+            body = force_at(motion.motion, motion.rate, self.geometry.arms)
             if self.tilting.observe(base, body, measured, dt):
                 self._forces.take_tilt()
         expected, rest = np.zeros((count, 3)), self._forces.equilibrium(support)
@@ -423,18 +423,18 @@ class Pipeline:
         if complete:
             self._shown.observe(deflection.deflection.reshape(len(support), -1), dt)
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
-        if moved or self._run_time >= self._next_anchor:
-            self._next_anchor = self._run_time + 1.0
+        if moved or self._run_time >= self._next_reference:
+            self._next_reference = self._run_time + 1.0
             self._look_for_load()
-            self._anchor.update(
+            self._mass_reference.update(
                 p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
-        self._copies.keep(self._run_time, self._learned, self._deflection.save)
+        self._checkpoints.keep(self._run_time, self._learned, self._deflection.save)
 
     def _look_for_load(self) -> None:
         """Ask static travel and the place of the CG whether the body carries something that its file does not know."""
-        p, anchor = self._parameters, self._anchor
+        p, anchor = self._parameters, self._mass_reference
         if self._travel.tells:
             self._load = self._travel.found()
             anchor.take_static_travel(self._load)
@@ -459,8 +459,8 @@ class Pipeline:
 
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""
-        self._factor, relative = self._anchor.factor()
-        body = self.arrangement.body
+        self._factor, relative = self._mass_reference.factor()
+        body = self.geometry.body
         inertia, inertia_std = self._parameters.inertia()
         cg_offset, cg_std = self._cg_offset()
         self._loads = InertialLoads(
@@ -469,10 +469,10 @@ class Pipeline:
         )  # fmt: skip
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
-        a, self._forces.mass = self.arrangement, self._loads.mass
+        a, self._forces.mass = self.geometry, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
         self._forces.cg_offset = cg_offset
-        self._forces.follow, self._forces.load_share = self._parameters.follow, self._anchor.doubt
+        self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.doubt
         self._forces.parameter_std = self._parameters.stds()
 
     # -- results ----------------------------------------------------------------------------------------------------------
@@ -487,8 +487,8 @@ class Pipeline:
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
         doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.doubt
-        doubt = doubt or self._anchor.load_doubt
-        return (self._anchor.mass(self._stamp), *self._anchor.absolute(self._parameters.estimates(), doubt))
+        doubt = doubt or self._mass_reference.load_doubt
+        return (self._mass_reference.mass(self._stamp), *self._mass_reference.absolute(self._parameters.estimates(), doubt))
 
     def seen(self) -> dict[tuple[str, str], DataRange | None]:
         """Return the motion and preload that the data showed of every mount axis since the start, None where none yet."""
@@ -498,22 +498,22 @@ class Pipeline:
         """Return what the data can and cannot tell, in words."""
         self._settle()
         p = self._parameters
-        return describe(self.arrangement, self.parameters(), self._anchor.anchored, p.null_directions(), p.notes())
+        return describe(self.geometry, self.parameters(), self._mass_reference.anchored, p.null_directions(), p.notes())
 
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""
         self._settle()
         test = self._motion.residual_test()
         ratio = {
-            s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.arrangement.body_sensors)
+            s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.geometry.body_sensors)
         }
         sensors = self._checks.health(self._aligner.health(), ratio)
         messages = fault_messages(self._guard.faults) + self._checks.messages()
         messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
-        messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.arrangement)
-        messages += [*self.arrangement.ignored, *self._parameters.notes(), *self._anchor.notes(), *self.tilting.notes()]
-        if self._copies.taken:
-            messages.append(f"{self._copies.taken} times updates of the last seconds were rolled back for a faulty sensor")
+        messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.geometry)
+        messages += [*self.geometry.ignored, *self._parameters.notes(), *self._mass_reference.notes(), *self.tilting.notes()]
+        if self._checkpoints.taken:
+            messages.append(f"{self._checkpoints.taken} times updates of the last seconds were rolled back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
         return Health(
             sensors, dict(self._restarts), dict(self._unknown), self._ticks, self._invalid_ticks, test, self._forces.consistency,
@@ -535,9 +535,9 @@ class Pipeline:
     def _state(self) -> dict[str, Any]:
         return {
             "schema": STATE_SCHEMA, "vehicle": self.vehicle.checksum, "sensors": [s.name for s in self._sensors],
-            "mounts": list(self.arrangement.mount_names), "settings": dataclasses.asdict(self.settings),
+            "mounts": list(self.geometry.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
-            "parameters": self._parameters.save(), "anchor": self._anchor.save(), "run_time": self._run_time,
+            "parameters": self._parameters.save(), "anchor": self._mass_reference.save(), "run_time": self._run_time,
             "travel": self._travel.save(), "tilt": self.tilting.save(), "carried": self._carried.save(), **self._checks.save(),
         }  # fmt: skip
 
@@ -549,7 +549,7 @@ class Pipeline:
         InputDataError
             A state of another vehicle file or of another version.
         """
-        check_state(state, self._sensors, self.arrangement.mount_names)
+        check_state(state, self._sensors, self.geometry.mount_names)
         self._due = None
         self._checks.load(state)
         self._motion.leave_out_gyros(self._checks.gyros.found)
@@ -560,7 +560,7 @@ class Pipeline:
         self._forces.take_tilt()
         self._deflection.load(state["deflection"])
         self._parameters.load(state["parameters"])
-        self._anchor.load(state["anchor"])
+        self._mass_reference.load(state["anchor"])
         self._travel.load(state["travel"])
         self._run_time = float(state["run_time"])
         self._apply()

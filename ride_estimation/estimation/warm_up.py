@@ -26,7 +26,7 @@ def warm_up(vehicle: Vehicle, settings: PipelineSettings) -> None:
         Of the pipeline.
     """
     pipeline = Pipeline(vehicle, settings)
-    body = {s.name for s in pipeline.arrangement.body_sensors}
+    body = {s.name for s in pipeline.geometry.body_sensors}
     period_ns = round(1e9 / _RATE_HZ)
     for k in range(round(_LENGTH_S * _RATE_HZ)):
         wave = sum(math.sin(2.0 * math.pi * f * k / _RATE_HZ) for f in _HZ)

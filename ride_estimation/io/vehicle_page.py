@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ride_estimation.estimation.common.settings import PipelineSettings
-from ride_estimation.estimation.parameters.anchors import DEFAULT_STD
+from ride_estimation.estimation.parameters.mass_reference import DEFAULT_STD
 from ride_estimation.io.document import Field, read_yaml, recorded_fields
 from ride_estimation.io.vehicle_file import vehicle_from_mapping
 from ride_estimation.resources import shared_path

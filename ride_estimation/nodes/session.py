@@ -64,12 +64,12 @@ class Session:
     @property
     def body(self) -> Body:
         """Return the body whose loads are estimated."""
-        return self.pipeline.arrangement.body
+        return self.pipeline.geometry.body
 
     @property
     def mount_names(self) -> tuple[str, ...]:
         """Return the mounts whose forces are estimated, the order of every (.., M, 3) array."""
-        return self.pipeline.arrangement.mount_names
+        return self.pipeline.geometry.mount_names
 
     def warm_up(self) -> None:
         """Run a made-up drive through a throw-away pipeline, so that all kernels are compiled before the first message."""

@@ -15,7 +15,7 @@ from worlds.roads import Road
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.maxwell import Maxwell
 from ride_estimation.elements.sum_of_elements import SumOfElements
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.parameters.rls import RecursiveLeastSquares
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -215,8 +215,8 @@ def test_mass_with_known_stiffness_follows_a_load_of_400_kg():
 def test_six_equations_leave_six_directions_one_of_them_pure_warp():
     """4.7: rank 6 of 12; corner forces +-1 vertical make no wrench on symmetric corners; splitting by stiffness misses them."""
     vehicle = load_vehicle(TRUCK_CAB)
-    arrangement = arrange(vehicle)
-    g = arrangement.wrench
+    geometry = geometry_of(vehicle)
+    g = geometry.wrench
     assert np.linalg.matrix_rank(g) == 6
     vertical = g[:, 2::3]
     _, singular, directions = np.linalg.svd(vertical)

@@ -479,14 +479,14 @@ def test_noise_and_forgetting_can_be_tuned_while_running(ros_single: Ros, name: 
 
 def test_noise_scaled_live_reaches_the_estimate_and_not_the_vehicle(ros_single: Ros) -> None:
     node = estimator(ros_single)
-    before = {s.name: s.noise_std for s in node.session.pipeline.arrangement.body_sensors}
+    before = {s.name: s.noise_std for s in node.session.pipeline.geometry.body_sensors}
     feed(node, 1.0)
     variance = np.array(node.session.pipeline.save_state()["motion"]["variance"])
     assert set_parameter(ros_single, "noise_scale", 3.0).successful
     pipeline = node.session.pipeline
     # what was learned is kept, the noise that it was learned with is not
     assert np.array(pipeline.save_state()["motion"]["variance"]) == pytest.approx(9.0 * variance)
-    assert {s.name: s.noise_std / 3.0 for s in pipeline.arrangement.body_sensors} == pytest.approx(before)
+    assert {s.name: s.noise_std / 3.0 for s in pipeline.geometry.body_sensors} == pytest.approx(before)
     assert {name: pipeline.vehicle.sensors[name].noise_std for name in before} == before
 
 

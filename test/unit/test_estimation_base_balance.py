@@ -8,15 +8,15 @@ import json
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults.base_balance import BaseBalance
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.io.vehicle_file import load_vehicle
 
 DT = 0.01
 SECONDS = 25.0
-ARRANGEMENT = arrange(load_vehicle("truck_cab"))
-TRAVEL = arrange(load_vehicle("truck_cab_transducers"))
+ARRANGEMENT = geometry_of(load_vehicle("truck_cab"))
+TRAVEL = geometry_of(load_vehicle("truck_cab_transducers"))
 LAW = MountLaw(ARRANGEMENT)
 COUNT = len(ARRANGEMENT.mounts)
 
@@ -53,8 +53,8 @@ def balance_of(
     given: BaseBalance | None = None,
 ) -> BaseBalance:  # fmt: skip
     """Return a balance that has seen a ride, block by block."""
-    arrangement = ARRANGEMENT if displaced is None else TRAVEL
-    found = given or BaseBalance(arrangement)
+    geometry = ARRANGEMENT if displaced is None else TRAVEL
+    found = given or BaseBalance(geometry)
     horizontal, travel = np.zeros((10, COUNT, 2)), np.zeros((len(load), 0)) if displaced is None else displaced
     columns = np.zeros((len(load), COUNT, 3))
     columns[:, :, 2] = readings

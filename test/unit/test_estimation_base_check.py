@@ -12,7 +12,7 @@ from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults.base_check import DISAGREES, BaseCheck
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.signals.alignment import Block
@@ -36,7 +36,7 @@ def judged(
     motion, sensors = run(kind, seed)
     wrong = tuple(dataclasses.replace(s, **changes) if s.name == victim else s for s in sensors)  # type: ignore[arg-type]
     clean, faulty = (measure(motion, s, RATE, seed, noise_share=0.01) for s in (sensors, wrong))
-    base = [s for s in arrange(believed_vehicle(clean, seed=seed)).base_sensors if s is not None]
+    base = [s for s in geometry_of(believed_vehicle(clean, seed=seed)).base_sensors if s is not None]
     late = (clean.time >= BEGIN) & (clean.time < END)
     values = np.hstack([np.where(late[:, None], faulty.data[s.name], clean.data[s.name]) for s in base])
     check = BaseCheck(base, range(len(base)), range(0, 3 * len(base), 3))
@@ -91,6 +91,6 @@ def test_no_road_is_a_fault(kind: str, seed: int) -> None:
 
 def test_two_bases_have_nothing_to_spare() -> None:
     motion, sensors = run("any", 8)
-    base = [s for s in arrange(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8)).base_sensors if s is not None]
+    base = [s for s in geometry_of(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8)).base_sensors if s is not None]
     for count in (0, 1, 2):
         assert not BaseCheck(base[:count], range(count), range(0, 3 * count, 3)).possible

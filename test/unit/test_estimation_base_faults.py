@@ -14,7 +14,7 @@ from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults.base_faults import BaseFaults
 from ride_estimation.estimation.faults.health import base_messages
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
@@ -42,7 +42,7 @@ def watched(
     data = measure(motion, wrong, RATE, seed, noise_share=0.01)
     if mix:
         data.data[victim] = data.data[victim][:, np.abs(mix) - 1] * np.sign(mix)
-    base = [s for s in arrange(believed_vehicle(data, seed=seed)).base_sensors if s is not None]
+    base = [s for s in geometry_of(believed_vehicle(data, seed=seed)).base_sensors if s is not None]
     values = np.hstack([data.data[s.name] for s in base])
     watch = BaseFaults(base, range(len(base)), range(0, 3 * len(base), 3), GRAVITY)
     nothing = GateVerdict(np.ones((BLOCK, len(base)), dtype=bool), False, (), (), False, 1.0)
@@ -112,7 +112,7 @@ def test_verdict_is_kept() -> None:
 
 def test_two_bases_have_nothing_to_spare() -> None:
     motion, sensors = run("any", 611)
-    base = arrange(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8)).base_sensors
+    base = geometry_of(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8)).base_sensors
     few = [s for s in base if s is not None][:2]
     watch = BaseFaults(few, range(2), range(0, 6, 3), GRAVITY)
     assert not watch.possible
@@ -121,7 +121,7 @@ def test_two_bases_have_nothing_to_spare() -> None:
 
 def test_base_sensors_at_the_wrong_mounts_are_named() -> None:
     motion, sensors = run("any", 611)
-    right = arrange(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8))
+    right = geometry_of(believed_vehicle(measure(motion, sensors, RATE, 8), seed=8))
     assert base_messages(right) == []
     first, second, *rest = right.base_sensors
     messages = base_messages(dataclasses.replace(right, base_sensors=(second, first, *rest)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.forces.base_fill import BaseFill
 from ride_estimation.io.vehicle_file import load_vehicle
 
@@ -17,7 +17,7 @@ OTHER = np.array([-0.3, 0.4, 1.2])
 
 def used(away: tuple[float, float], end: float) -> tuple[np.ndarray, np.ndarray, list[tuple[float, int]]]:
     """Return block means of what is used at the first mount and of its true motion, and when which sensor was used again."""
-    rng, fill = np.random.default_rng(4), BaseFill(arrange(load_vehicle("truck_cab")))
+    rng, fill = np.random.default_rng(4), BaseFill(geometry_of(load_vehicle("truck_cab")))
     found, truth, returned = [], [], []
     for k in range(round(end / DT / BLOCK)):
         time = k * BLOCK * DT
@@ -49,7 +49,7 @@ def test_after_a_short_absence_a_sensor_is_used_as_it_reads_at_once() -> None:
 
 def test_a_fault_that_is_found_within_ten_seconds_is_not_in_the_mean() -> None:
     """The first sensor reads 5 m/s^2 too much for eight seconds before it is left out."""
-    fill = BaseFill(arrange(load_vehicle("truck_cab")))
+    fill = BaseFill(geometry_of(load_vehicle("truck_cab")))
     for k in range(500):
         time = k * BLOCK * DT
         base = np.broadcast_to([0.0, 0.0, 9.81], (BLOCK, 4, 3)) + OFFSETS

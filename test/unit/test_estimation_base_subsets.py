@@ -12,8 +12,8 @@ from worlds.adapters import START_NS, arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.forces.base_fill import BaseFill
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
@@ -43,16 +43,16 @@ def vehicle_with(bases, axes="xyz"):
 
 
 def test_sideways_takes_all_bases():
-    assert arrange(vehicle_with(MOUNTS)).base_told.all()
-    three = arrange(vehicle_with(MOUNTS[:3]))
+    assert geometry_of(vehicle_with(MOUNTS)).base_told.all()
+    three = geometry_of(vehicle_with(MOUNTS[:3]))
     assert three.base_seen.all(axis=1).tolist() == [True, True, True, False]
     assert three.base_told.tolist() == [[False, False, True]] * 3 + [[False] * 3]
-    upright = arrange(vehicle_with(MOUNTS, "z"))
+    upright = geometry_of(vehicle_with(MOUNTS, "z"))
     assert upright.base_told.tolist() == [[False, False, True]] * 4
 
 
 def test_a_missing_base_moves_as_the_others_of_a_rigid_frame():
-    fill = BaseFill(arrange(vehicle_with(MOUNTS[:3])))
+    fill = BaseFill(geometry_of(vehicle_with(MOUNTS[:3])))
     place = np.array([m.position for m in world()[2].mounts.values()])
     base = np.zeros((5, 4, 3))
     base[:, :3] = 9.81 * np.eye(3)[2] + (1.0 + 0.5 * place[:3, :1]) * np.eye(3)[2]
@@ -64,7 +64,7 @@ def test_a_missing_base_moves_as_the_others_of_a_rigid_frame():
 
 
 def test_axes_that_no_base_measures_are_not_made_up():
-    fill = BaseFill(arrange(vehicle_with(MOUNTS, "z")))
+    fill = BaseFill(geometry_of(vehicle_with(MOUNTS, "z")))
     base = np.zeros((5, 4, 3))
     base[:, :, 2] = 9.81
     found, _ = fill.fill(base, np.ones((5, 4), dtype=bool), 0.02)
@@ -72,10 +72,10 @@ def test_axes_that_no_base_measures_are_not_made_up():
 
 
 def test_mounts_that_could_carry_the_body_alone_leave_no_scale():
-    assert weighed_share(arrange(vehicle_with(MOUNTS))) == 1.0
-    assert weighed_share(arrange(vehicle_with(MOUNTS[:3]))) > 0.4
-    assert weighed_share(arrange(vehicle_with(MOUNTS[:2]))) > 0.4
-    diagonal = arrange(vehicle_with(("front_left", "rear_right")))
+    assert weighed_share(geometry_of(vehicle_with(MOUNTS))) == 1.0
+    assert weighed_share(geometry_of(vehicle_with(MOUNTS[:3]))) > 0.4
+    assert weighed_share(geometry_of(vehicle_with(MOUNTS[:2]))) > 0.4
+    diagonal = geometry_of(vehicle_with(("front_left", "rear_right")))
     assert weighed_share(diagonal) < 0.2
     estimator = ParameterEstimator(diagonal, BracketTilt(diagonal), PipelineSettings())
     assert not estimator.possible
@@ -83,7 +83,7 @@ def test_mounts_that_could_carry_the_body_alone_leave_no_scale():
 
 
 def test_nothing_is_learned_along_forces_of_unseen_mounts():
-    three = arrange(vehicle_with(MOUNTS[:3]))
+    three = geometry_of(vehicle_with(MOUNTS[:3]))
     unseen = unseen_acceleration(three)
     estimator = ParameterEstimator(three, BracketTilt(three), PipelineSettings())
     noise = 1e-4 * np.eye(6)
@@ -97,7 +97,7 @@ def test_nothing_is_learned_along_forces_of_unseen_mounts():
     assert response.gain @ direction == pytest.approx(drive, abs=0.05 * np.abs(drive).max())
     weights = np.linalg.inv(noise + unseen)
     assert direction @ weights @ direction < 0.01 * direction @ np.linalg.inv(noise) @ direction
-    assert np.array_equal(unseen_acceleration(arrange(vehicle_with(MOUNTS))), np.zeros((6, 6)))
+    assert np.array_equal(unseen_acceleration(geometry_of(vehicle_with(MOUNTS))), np.zeros((6, 6)))
 
 
 def estimated(vehicle):

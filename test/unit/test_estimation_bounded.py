@@ -13,7 +13,7 @@ from worlds.plane_scenario import machine_case
 
 from ride_estimation.elements.bump_stop import BumpStop
 from ride_estimation.elements.sum_of_elements import SumOfElements
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import LARGEST_TRAVEL, DeflectionEstimator, Equilibrium
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -156,7 +156,7 @@ def test_a_planar_body_keeps_its_attitude_and_its_forces_live_and_smoothed():
 
 @pytest.mark.parametrize("silent", ["bases", "body in doubt"])
 def test_equilibrium_a_block_late_never_drives_the_deflections_apart(silent: str):
-    a = arrange(load_vehicle("truck_cab"))
+    a = geometry_of(load_vehicle("truck_cab"))
     count, ticks, dt = len(a.mounts), 10, 0.002
     estimator = DeflectionEstimator(a, BracketTilt(a))
     still = np.tile([0.0, 0.0, 9.80665, 0.0, 0.0, 0.0], (ticks, 1))
@@ -182,7 +182,7 @@ def test_equilibrium_a_block_late_never_drives_the_deflections_apart(silent: str
 
 @pytest.mark.parametrize("missing", ["body", "base"])
 def test_a_mount_that_nothing_tells_comes_to_rest_and_says_how_little_it_knows(missing: str):
-    a = arrange(load_vehicle("truck_cab"))
+    a = geometry_of(load_vehicle("truck_cab"))
     count, ticks, dt = len(a.mounts), 10, 0.002
     estimator = DeflectionEstimator(a, BracketTilt(a))
     still = np.tile([0.0, 0.0, 9.80665, 0.0, 0.0, 0.0], (ticks, 1))

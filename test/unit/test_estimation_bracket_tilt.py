@@ -14,7 +14,7 @@ from worlds.adapters import START_NS, arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import USUAL_SHARES, arrange
+from ride_estimation.estimation.common.geometry import USUAL_SHARES, geometry_of
 from ride_estimation.estimation.kinematics.bracket_tilt import _PRIOR_STD, BracketTilt
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -55,7 +55,7 @@ def readings(shares: tuple[float, ...], seed: int, seconds: float = 60.0) -> tup
 
 def learned(base: np.ndarray, body: np.ndarray, block: int = 100) -> BracketTilt:
     """Feed readings in blocks."""
-    tilt = BracketTilt(arrange(load_vehicle(VEHICLE)))
+    tilt = BracketTilt(geometry_of(load_vehicle(VEHICLE)))
     for k in range(0, len(base), block):
         part = slice(k, k + block)
         tilt.observe(base[part], body[part], np.ones((len(base[part]), 4), dtype=bool), 1.0 / RATE)
@@ -109,7 +109,7 @@ def test_without_excitation_the_prior_stays_and_a_tilting_frame_is_left_alone():
 def test_a_saved_state_continues_alike():
     base, body = readings((0.5, 0.0, 0.5, 0.0, 1.0, 1.0), 8, 40.0)
     whole, first = learned(base, body), learned(base[:4000], body[:4000])
-    second = BracketTilt(arrange(load_vehicle(VEHICLE)))
+    second = BracketTilt(geometry_of(load_vehicle(VEHICLE)))
     second.load(json.loads(json.dumps(first.save())))
     for k in range(4000, len(base), 100):
         second.observe(base[k : k + 100], body[k : k + 100], np.ones((100, 4), dtype=bool), 1.0 / RATE)

@@ -11,7 +11,7 @@ import pytest
 from scipy import signal
 
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.forces.carried_bodies import CarriedBodies
 from ride_estimation.estimation.motion.loads import InertialLoads
@@ -39,7 +39,7 @@ def truck_with(*bodies, mounts=()):
 
 
 def carried(vehicle, **settings):
-    return CarriedBodies(arrange(vehicle), PipelineSettings(**settings))
+    return CarriedBodies(geometry_of(vehicle), PipelineSettings(**settings))
 
 
 def random_motion(seconds=6.0, seed=3):
@@ -178,14 +178,14 @@ def test_the_stated_covariance_is_that_of_the_numbers_of_the_file():
     # of the moving part: a seat that is heavier at rest is in the standard deviation of the mass
     scatter = np.sqrt(np.mean(np.var(np.array(drawn), axis=1), axis=0))
     std = np.sqrt(np.diag(stated.covariance))
-    assert arrange(truck_with(body, mounts=[known])).carried_mass_std == pytest.approx(22.0)
+    assert geometry_of(truck_with(body, mounts=[known])).carried_mass_std == pytest.approx(22.0)
     # 30 draws: 13 % scatter; the covariance looks back over the last seconds only and is of first order
     np.testing.assert_allclose(std[2:5], scatter[2:5], rtol=0.35)
 
 
 def test_the_mounts_of_a_standing_truck_carry_cab_and_seat_with_their_moments():
     vehicle = truck_with(SEAT, mounts=[SPRING])
-    total = arrange(vehicle)
+    total = geometry_of(vehicle)
     arm = PLACE - TRUCK.bodies["cab"].cg
     assert total.file_mass == pytest.approx(TRUCK.bodies["cab"].mass.value + 110.0)
     np.testing.assert_allclose(
@@ -210,12 +210,12 @@ def test_bodies_that_are_not_only_carried_or_not_held_are_left_out_and_named():
         (truck_with(loose, mounts=[SPRING]), "seat on cab does not stand by the vehicle file"),
     )
     for vehicle, words in cases:
-        found = arrange(vehicle)
+        found = geometry_of(vehicle)
         assert found.carried is None
         assert words in found.ignored[0]
         assert any(words in m for m in Pipeline(vehicle).health().messages)
-    assert arrange(TRUCK).carried is None
-    assert arrange(TRUCK).ignored == ()
+    assert geometry_of(TRUCK).carried is None
+    assert geometry_of(TRUCK).ignored == ()
 
 
 def test_a_driver_on_a_seat_hangs_on_the_cab_through_it():
@@ -226,7 +226,7 @@ def test_a_driver_on_a_seat_hangs_on_the_cab_through_it():
     vehicle = truck_with(dataclasses.replace(SEAT, mass=Prior(35.0)), driver, mounts=[turned, cushion])
     motion, rate = random_motion()
     found = reaction(carried(vehicle), motion, rate)
-    assert arrange(vehicle).file_mass == pytest.approx(TRUCK.bodies["cab"].mass.value + 110.0)
+    assert geometry_of(vehicle).file_mass == pytest.approx(TRUCK.bodies["cab"].mass.value + 110.0)
     # transmissibility of two masses in series by hand at one frequency, from a pure heave
     omega = 2.0 * np.pi * 2.0
     t = np.arange(6000) / RATE

@@ -19,7 +19,7 @@ from worlds.laws import BOUC_WEN
 from worlds.vehicle_text import Belief
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.common.arrangement import Arrangement, arrange
+from ride_estimation.estimation.common.geometry import Geometry, geometry_of
 from ride_estimation.estimation.forces.mount_forces import STATIC_LOAD_STD, MountForceEstimator
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
@@ -70,7 +70,7 @@ def test_a_stated_cg_does_not_make_intervals_wider_than_the_offset_can_matter():
 def test_sensitivity_to_the_cg_is_how_far_parameters_move():
     first, second = estimated((0.0, 0.0, 0.0), 0.01)[3], estimated((0.004, 0.0, 0.0), 0.01)[3]
     own = first._parameters
-    vertical = [n for n, s in enumerate(own.slots) if s.axis == 2 and s.role == 0]
+    vertical = [n for n, s in enumerate(own.free_parameters) if s.axis == 2 and s.role == 0]
     predicted = -0.004 / OFFSET_UNIT * own._filter.memory.sensitivity(own._prior_std)[vertical, 0]
     moved = (second._parameters.theta - own.theta)[vertical]
     assert np.abs(moved).max() > 0.002
@@ -100,38 +100,38 @@ def with_static_loads(loads: dict[str, Prior]) -> Vehicle:
     return dataclasses.replace(vehicle, mounts=mounts)
 
 
-def forces_of(vehicle: Vehicle) -> tuple[Arrangement, MountForceEstimator]:
-    arrangement = arrange(vehicle)
-    known = np.ones((len(arrangement.mounts), 3), dtype=bool)
-    return arrangement, MountForceEstimator(arrangement, MountLaw(arrangement), known, BracketTilt(arrangement))
+def forces_of(vehicle: Vehicle) -> tuple[Geometry, MountForceEstimator]:
+    geometry = geometry_of(vehicle)
+    known = np.ones((len(geometry.mounts), 3), dtype=bool)
+    return geometry, MountForceEstimator(geometry, MountLaw(geometry), known, BracketTilt(geometry))
 
 
 def test_weighed_static_loads_are_the_static_forces_as_far_as_equilibrium_lets_them():
-    arrangement, plain = forces_of(load_vehicle("truck_cab"))
+    geometry, plain = forces_of(load_vehicle("truck_cab"))
     twist = np.array([100.0, -100.0, -100.0, 100.0])
     shared = plain.static_force[:, 2]
     # a twist that carries no wrench is what weighing tells and equilibrium does not
-    twist -= np.linalg.pinv(arrangement.wrench[:, 2::3]) @ (arrangement.wrench[:, 2::3] @ twist)
-    loads = {n: Prior(float(v), std=5.0) for n, v in zip(arrangement.mount_names, shared + twist)}
+    twist -= np.linalg.pinv(geometry.wrench[:, 2::3]) @ (geometry.wrench[:, 2::3] @ twist)
+    loads = {n: Prior(float(v), std=5.0) for n, v in zip(geometry.mount_names, shared + twist)}
     _, weighed = forces_of(with_static_loads(loads))
     np.testing.assert_allclose(weighed.static_force[:, 2], shared + twist, atol=1e-6 * shared.max())
     # readings that carry 5 % too much are corrected to the weight
-    heavy = {n: Prior(1.05 * float(v), std=5.0) for n, v in zip(arrangement.mount_names, shared)}
+    heavy = {n: Prior(1.05 * float(v), std=5.0) for n, v in zip(geometry.mount_names, shared)}
     _, corrected = forces_of(with_static_loads(heavy))
-    np.testing.assert_allclose(arrangement.wrench @ corrected.static_force.ravel(), arrangement.weight, atol=1e-6 * shared.max())
+    np.testing.assert_allclose(geometry.wrench @ corrected.static_force.ravel(), geometry.weight, atol=1e-6 * shared.max())
 
 
 def test_the_twist_of_static_loads_is_as_uncertain_as_weighing_or_levelling_leaves_it():
-    arrangement, plain = forces_of(load_vehicle("truck_cab"))
+    geometry, plain = forces_of(load_vehicle("truck_cab"))
     # drawn loads, each put right by equilibrium with the weights of its uncertainty
     rng = np.random.default_rng(5)
-    shared, g = plain.static_force[:, 2], arrangement.wrench[:, 2::3]
+    shared, g = plain.static_force[:, 2], geometry.wrench[:, 2::3]
     covariance = np.diag((STATIC_LOAD_STD * shared) ** 2)
     gain = covariance @ g.T @ np.linalg.pinv(g @ covariance @ g.T)
     drawn = shared * (1.0 + STATIC_LOAD_STD * rng.standard_normal((20_000, 4)))
-    right = drawn + (arrangement.weight - drawn @ g.T) @ gain.T
+    right = drawn + (geometry.weight - drawn @ g.T) @ gain.T
     np.testing.assert_allclose(np.sqrt(plain._static_variance()[2::3]), right.std(axis=0), rtol=0.03)
-    loads = {n: Prior(float(v), std=3.0) for n, v in zip(arrangement.mount_names, shared)}
+    loads = {n: Prior(float(v), std=3.0) for n, v in zip(geometry.mount_names, shared)}
     _, weighed = forces_of(with_static_loads(loads))
     assert np.all(np.sqrt(weighed._static_variance()[2::3]) <= 3.0)
 

@@ -19,8 +19,8 @@ from worlds.cab import Measurement, drive, measure, random_sensors, random_vehic
 from worlds.roads import Road
 from worlds.vehicle_text import Belief
 
-from ride_estimation.estimation.common.arrangement import arrange
 from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.parameters.static_travel import StaticTravel
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -142,13 +142,13 @@ def test_a_file_that_is_right_has_no_load(seed, travel):
 def lowered(mass: float, place: tuple[float, float]) -> StaticTravel:
     """What the mounts carry beyond rest under a load [kg] at a place from the CG [m], looked at for ten seconds."""
     vehicle = load_vehicle("truck_cab_transducers")
-    arrangement = arrange(vehicle)
+    geometry = geometry_of(vehicle)
     weight = mass * vehicle.gravity
-    total = arrangement.body.mass.value + mass
+    total = geometry.body.mass.value + mass
     push = np.array([0.0, 0.0, weight, weight * place[1], -weight * place[0], 0.0])
-    travel = StaticTravel(arrangement)
+    travel = StaticTravel(geometry)
     # for the file's mass all forces are smaller by the ratio of the masses
-    travel.observe(np.tile(-push * arrangement.body.mass.value / total, (3, 1)), np.zeros((3, len(arrangement.mounts))), 10.0)
+    travel.observe(np.tile(-push * geometry.body.mass.value / total, (3, 1)), np.zeros((3, len(geometry.mounts))), 10.0)
     return travel
 
 

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults.health import base_messages
 from ride_estimation.estimation.forces.base_fill import BaseFill
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
@@ -153,7 +153,7 @@ def test_base_sensors_beside_their_mounts_are_carried_over(twist):
         n: dataclasses.replace(s, position=s.position + shift[n.rsplit("_", 1)[1]]) if n.startswith("chassis_") else s
         for n, s in vehicle.sensors.items()
     }
-    a = arrange(dataclasses.replace(vehicle, sensors=moved))
+    a = geometry_of(dataclasses.replace(vehicle, sensors=moved))
     mounts, sensors = [m.position for m in a.mounts], [s.position for s in a.base_sensors]
     read, wanted = frame_readings(np.array(sensors), twist), frame_readings(np.array(mounts), twist)
     carried, ok = BaseFill(a).fill(read, np.ones((50, 4), dtype=bool), 0.1)
@@ -176,7 +176,7 @@ def test_lost_base_sensors_are_made_up_for_without_making_their_motion_larger(lo
         n: dataclasses.replace(s, position=s.position + rng.uniform(-0.03, 0.03, 3)) if n.startswith("chassis_") else s
         for n, s in vehicle.sensors.items()
     }
-    a = arrange(dataclasses.replace(vehicle, sensors=moved))
+    a = geometry_of(dataclasses.replace(vehicle, sensors=moved))
     read = rng.normal(size=(200, 4, 3)) + np.array([0.0, 0.0, GRAVITY])
     ok = np.ones((200, 4), dtype=bool)
     ok[:, lost] = False
@@ -197,7 +197,7 @@ def test_a_base_sensor_away_from_its_mount_that_cannot_be_carried_over_is_named(
     sensors["chassis_front_left"] = dataclasses.replace(
         sensors["chassis_front_left"], position=sensors["chassis_front_left"].position + np.array([0.3, 0.0, 0.4])
     )
-    a = arrange(dataclasses.replace(vehicle, sensors=sensors))
+    a = geometry_of(dataclasses.replace(vehicle, sensors=sensors))
     said = base_messages(a)
     assert len(said) == 1
     assert "chassis_front_left is 0.50 m from the base of front_left" in said[0]

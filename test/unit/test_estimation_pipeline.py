@@ -17,7 +17,7 @@ from worlds.vehicle_text import Belief
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.common.settings import PipelineSettings
-from ride_estimation.estimation.parameters.anchors import MassAnchor
+from ride_estimation.estimation.parameters.mass_reference import MassReference
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.vehicles.vehicle import ForceReference
 
@@ -196,8 +196,8 @@ def test_load_cell_anchors_the_mass():
     _, _, vehicle = world(0, 14.0)
     pipeline = Pipeline(vehicle)
     reference = ForceReference("load_cell", mount="front_left", sensor="cell", details={"relative_std": 0.01})
-    arrangement = dataclasses.replace(pipeline.arrangement, vehicle=dataclasses.replace(vehicle, force_references=(reference,)))
-    anchor = MassAnchor(arrangement, ())
+    geometry = dataclasses.replace(pipeline.geometry, vehicle=dataclasses.replace(vehicle, force_references=(reference,)))
+    anchor = MassReference(geometry, ())
     rng = np.random.default_rng(0)
     for k in range(400):
         t = (np.arange(25) + 25 * k) / 250.0

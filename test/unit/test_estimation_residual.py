@@ -13,7 +13,7 @@ from worlds.adapters import arrivals, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle, rotation_of_degrees
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults.health import SensorHealth, rate_message, residual_message
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.sensors.sensor import Sensor
@@ -47,7 +47,7 @@ def measured(seed: int, **fault):
 
 
 def estimator_of(vehicle):
-    a = arrange(vehicle)
+    a = geometry_of(vehicle)
     return CgMotionEstimator(a.body_sensors, a.body.cg, a.free, vehicle.gravity)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.estimation.parameters.parameter_change import common_change, moved, steady_scatter
-from ride_estimation.estimation.parameters.repetition import Repetition
+from ride_estimation.estimation.parameters.periodic_excitation import PeriodicExcitation
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -109,7 +109,7 @@ def test_a_line_repeats_itself_and_a_road_does_not():
         # 2 Hz, a tenth of critical damping
         road[n] = 1.983564 * road[n - 1] - 0.987513 * road[n - 2] + rng.normal(size=3)
     for signal, expected in ((line, True), (road, False)):
-        repetition = Repetition()
+        repetition = PeriodicExcitation()
         found = [repetition.observe(signal[n : n + 50], 0.005) for n in range(0, 2000, 50)]
         assert not any(found[:20])
         assert all(found[24:]) if expected else not any(found)

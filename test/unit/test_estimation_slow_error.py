@@ -8,7 +8,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionEstimator
 from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
@@ -19,7 +19,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 
 VEHICLE = load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml")
 #: sensors with a noise of 0.0002 m/s^2
-ARRANGEMENT = arrange(VEHICLE.with_noise_scaled(0.01))
+ARRANGEMENT = geometry_of(VEHICLE.with_noise_scaled(0.01))
 G, DT, BLOCK = 9.80665, 0.01, 10
 ANGLE = np.radians(0.3)
 

@@ -12,7 +12,7 @@ from worlds.adapters import START_NS, believed_vehicle
 from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.motion_kernel import follow_speed
 from ride_estimation.estimation.offline import EstimateDigest
@@ -102,7 +102,7 @@ def test_live_and_replay_are_the_same_with_a_speed_that_stops():
     data = measure(drive(cab, Road.random(rng), 5.0, 8310, step=1e-3), sensors, 250.0, 8310, noise_share=0.01, anti_alias=0.0)
     vehicle = believed_vehicle(data, seed=8310)
     vehicle = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "speed": METER})
-    assert arrange(vehicle).speed_sensor is METER
+    assert geometry_of(vehicle).speed_sensor is METER
     channels = {}
     for name in data.data:
         stamps = START_NS + np.round(data.stamps[name] * 1e9).astype(np.int64)

@@ -13,7 +13,7 @@ from worlds.adapters import believed_vehicle
 from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults.swapped_topics import SwappedTopics
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 
@@ -37,7 +37,7 @@ def search(kind: str, seed: int, exchange: tuple[str, str] | None = None, **chan
     data = dict(measure(motion, wrong, RATE, seed, noise_share=0.01).data)
     if exchange:
         data[exchange[0]], data[exchange[1]] = data[exchange[1]], data[exchange[0]]
-    a = arrange(believed_vehicle(clean, seed=seed))
+    a = geometry_of(believed_vehicle(clean, seed=seed))
     base = [s for s in a.base_sensors if s is not None]
     names = [s.name for s in (*a.body_sensors, *base)]
     values = np.hstack([data[n] for n in names])

@@ -13,7 +13,7 @@ from worlds.adapters import START_NS, believed_vehicle, recording
 from worlds.cab import drive, measure, random_sensors, random_vehicle, simulate
 from worlds.roads import Road, base_motion
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.forces.force_basis import ForceModel
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
@@ -139,7 +139,7 @@ def test_the_online_estimate_and_its_digest_stay_what_they_are() -> None:
 
 def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:
     _, vehicle, record = drawn()
-    name = next(s.name for s in arrange(vehicle).base_sensors if s is not None)
+    name = next(s.name for s in geometry_of(vehicle).base_sensors if s is not None)
     channel = record.channels[name]
     inside = (channel.stamp_ns - START_NS > 5.0e9) & (channel.stamp_ns - START_NS < 5.4e9)
     kept = Channel(name, channel.stamp_ns[~inside], channel.values[~inside], channel.arrival_ns[~inside])
@@ -173,11 +173,11 @@ def test_a_break_in_time_makes_two_stretches() -> None:
 
 def test_layouts_without_base_sensors_say_why_there_is_no_smoothing() -> None:
     _, vehicle, _ = drawn()
-    arrangement = arrange(vehicle)
-    bases = {s.name for s in arrangement.base_sensors if s is not None}
+    geometry = geometry_of(vehicle)
+    bases = {s.name for s in geometry.base_sensors if s is not None}
     bare = dataclasses.replace(vehicle, sensors={n: s for n, s in vehicle.sensors.items() if n not in bases})
-    assert "accelerometer at its base" in SmootherRecorder(arrange(bare)).reason
-    assert SmootherRecorder(arrangement).reason == ""
+    assert "accelerometer at its base" in SmootherRecorder(geometry_of(bare)).reason
+    assert SmootherRecorder(geometry).reason == ""
 
 
 def test_axes_with_a_transducer_keep_what_it_measures() -> None:

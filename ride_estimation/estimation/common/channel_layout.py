@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.block_math import turn_channels
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.frames import AXES
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.streams import Block
@@ -60,13 +60,13 @@ class ChannelLayout:
 
     @staticmethod
     def of(
-        arrangement: Arrangement, sensors: Sequence[Sensor], columns: Sequence[slice], cells: Sequence[tuple[str, int]]
+        geometry: Geometry, sensors: Sequence[Sensor], columns: Sequence[slice], cells: Sequence[tuple[str, int]]
     ) -> ChannelLayout:
         """Find all places.
 
         Parameters
         ----------
-        arrangement
+        geometry
             Which sensor tells what.
         sensors
             One per stream.
@@ -75,7 +75,7 @@ class ChannelLayout:
         cells
             Name and mount of the load cells.
         """
-        a, index = arrangement, {s.name: i for i, s in enumerate(sensors)}
+        a, index = geometry, {s.name: i for i, s in enumerate(sensors)}
         start = {s.name: c.start for s, c in zip(sensors, columns, strict=True)}
         gyros = [s for s in a.body_sensors if s.kind == "imu"]
         base = tuple((i, index[s.name], start[s.name], s.rotation) for i, s in enumerate(a.base_sensors) if s is not None)

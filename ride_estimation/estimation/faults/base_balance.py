@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from ride_estimation.estimation.common.arrangement import Arrangement, base_transport
+from ride_estimation.estimation.common.geometry import Geometry, base_transport
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.tangent import tangent
@@ -85,12 +85,12 @@ class BaseBalance:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts and their sensors.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
-        a = arrangement
+    def __init__(self, geometry: Geometry) -> None:
+        a = geometry
         self._count = count = len(a.mounts)
         sensors = [s for s in a.base_sensors if s is not None]
         vertical = [m.elements.get(AXES[2]) for m in a.mounts]
@@ -228,7 +228,7 @@ class BaseBalance:
         readings
             Of the base sensors, sensor axes, shape (K, 3 M).
         displaced
-            Of the transducers, shape (K, T), in the order of the arrangement.
+            Of the transducers, shape (K, T), in the order of the geometry.
         """
         moments = np.stack([load[:, 2], load[:, 3], load[:, 4]], axis=1)
         moments[:, 1] += horizontal[:, :, 1] @ self._heights

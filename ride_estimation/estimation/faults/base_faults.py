@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from ride_estimation.estimation.common.arrangement import LEAST_SPREAD, channel_geometry
 from ride_estimation.estimation.common.block_math import biquad_block
+from ride_estimation.estimation.common.geometry import LEAST_SPREAD, channel_geometry
 from ride_estimation.estimation.faults.base_kernel import follow_means
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.estimation.sensor_errors.sensor_faults import Fault, FaultTest

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import AWAY, Arrangement, base_distances, base_transport
+from ride_estimation.estimation.common.geometry import AWAY, Geometry, base_distances, base_transport
 from ride_estimation.estimation.motion.residuals import ResidualTest
 from ride_estimation.estimation.sensor_errors.sensor_faults import Fault
 from ride_estimation.sensors.sensor import Sensor
@@ -168,28 +168,28 @@ def sensor_messages(sensors: Sequence[SensorHealth], ticks: int) -> list[str]:
     return found
 
 
-def base_messages(arrangement: Arrangement) -> list[str]:
+def base_messages(geometry: Geometry) -> list[str]:
     """Return one sentence per base sensor that stands at another mount, or whose motion cannot be carried over to its own."""
     found = []
-    places = np.array([m.position for m in arrangement.mounts]).reshape(-1, 3)
-    distances = base_distances(arrangement.mounts, arrangement.base_sensors)
-    for mount, sensor, distance in zip(arrangement.mounts, arrangement.base_sensors, distances):
+    places = np.array([m.position for m in geometry.mounts]).reshape(-1, 3)
+    distances = base_distances(geometry.mounts, geometry.base_sensors)
+    for mount, sensor, distance in zip(geometry.mounts, geometry.base_sensors, distances):
         if sensor is None or distance <= AWAY:
             continue
         away = np.linalg.norm(places - sensor.position, axis=1)
         nearest = int(np.argmin(away))
         if away[nearest] < _NEARER * distance:
-            other = arrangement.mounts[nearest].name
+            other = geometry.mounts[nearest].name
             found.append(
                 f"{sensor.name} is at the base of {mount.name} by the vehicle file but stands at {other}, {distance:.2f} m away: "
                 "mounts or positions may be exchanged; the positions are believed"
             )
-    if base_transport(arrangement.mounts, arrangement.base_sensors) is not None:
+    if base_transport(geometry.mounts, geometry.base_sensors) is not None:
         return found
     return found + [
         f"{sensor.name} is {distance:.2f} m from the base of {mount.name} and taken as its motion: the rotation of the frame "
         "that would carry it over is not known (it takes sensors at the bases of all mounts, three or more, not on one line)"
-        for mount, sensor, distance in zip(arrangement.mounts, arrangement.base_sensors, distances)
+        for mount, sensor, distance in zip(geometry.mounts, geometry.base_sensors, distances)
         if sensor is not None and distance > AWAY
     ]
 

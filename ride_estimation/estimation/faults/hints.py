@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.faults.hint_sensors import SensorHints
 from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
 from ride_estimation.estimation.faults.hint_types import FALSE_ALARMS_PER_HOUR, Hint
@@ -89,9 +89,9 @@ class Hints:
         self._looks: list[Callable[[], None]] = []
 
     @classmethod
-    def of(cls, arrangement: Arrangement, motion: CgMotionEstimator) -> Hints:
+    def of(cls, geometry: Geometry, motion: CgMotionEstimator) -> Hints:
         """Return the hints on the sensors and mounts of a body."""
-        a = arrangement
+        a = geometry
         weights = motion.weights(np.ones(len(a.body_sensors), dtype=bool), 0.01).matrix
         return cls(a.body_sensors, motion.rows, weights, a.free, a.body.name, a.has_base_motion)
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.channel_layout import ChannelLayout
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.faults.base_balance import BaseBalance
 from ride_estimation.estimation.faults.base_check import DISAGREES, BaseCheck
 from ride_estimation.estimation.faults.base_faults import BaseFaults
@@ -33,11 +33,11 @@ Array = NDArray[np.float64]
 
 
 class InputChecks:
-    """The checks of one arrangement, in the order in which they look at a block.
+    """The checks of one geometry, in the order in which they look at a block.
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts, sensors.
     sensors
         One per stream.
@@ -50,10 +50,10 @@ class InputChecks:
     """
 
     def __init__(
-        self, arrangement: Arrangement, sensors: Sequence[Sensor], layout: ChannelLayout, columns: Sequence[slice],
+        self, geometry: Geometry, sensors: Sequence[Sensor], layout: ChannelLayout, columns: Sequence[slice],
         motion: CgMotionEstimator,
     ) -> None:  # fmt: skip
-        a, self._layout = arrangement, layout
+        a, self._layout = geometry, layout
         n = 3 * len(a.body_sensors)
         base = [s for s in a.base_sensors if s is not None]
         starts = [c.start for c in columns]

@@ -15,8 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement, base_transport
 from ride_estimation.estimation.common.block_math import follow_scatter, follow_squares
+from ride_estimation.estimation.common.geometry import Geometry, base_transport
 from ride_estimation.estimation.forces.mount_forces import ForceBlock
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
 
@@ -42,19 +42,19 @@ class BaseFill:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Mounts and base sensors.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
-        both = zip(arrangement.mounts, arrangement.base_sensors)
+    def __init__(self, geometry: Geometry) -> None:
+        both = zip(geometry.mounts, geometry.base_sensors)
         place = np.array([m.position if s is None else s.position for m, s in both]).reshape(-1, 3)
         self._place = place - place.mean(axis=0) if len(place) else place
-        self._seen = arrangement.base_seen
+        self._seen = geometry.base_seen
         self._has: BoolArray = np.asarray(self._seen.any(axis=1), dtype=bool)
         #: axes that nothing measures at a mount and that other bases tell
         self._made_up: BoolArray = np.logical_and(~self._seen, self._seen.any(axis=0))
-        self._transport = base_transport(arrangement.mounts, arrangement.base_sensors)
+        self._transport = base_transport(geometry.mounts, geometry.base_sensors)
         self._maps: dict[bytes, Array] = {}
         self.reset()
 

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.block_math import cross
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.forces.free_parameters import find_free_parameters_of
 from ride_estimation.estimation.forces.mount_law import ROLES
-from ride_estimation.estimation.forces.slots import find_slots_of
 from ride_estimation.estimation.motion.motion_kernel import motion_at
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.jit import compile_kernel
@@ -46,7 +46,7 @@ _MEMORY = 5.0
 
 
 class CarriedBodies:
-    """Reaction of the carried bodies of an arrangement, and how uncertain the vehicle file makes it.
+    """Reaction of the carried bodies of a geometry, and how uncertain the vehicle file makes it.
 
     Every number that the file states with a standard deviation (for stiffness and damping of a mount also without one) is moved
     by it in a copy of the model that runs beside; variances of the differences add up to the covariance. Their constant part, a
@@ -54,17 +54,17 @@ class CarriedBodies:
 
     Parameters
     ----------
-    arrangement
+    geometry
         With what its body carries.
     settings
         Prior standard deviations where the vehicle file states none.
     """
 
-    def __init__(self, arrangement: Arrangement, settings: PipelineSettings) -> None:
+    def __init__(self, geometry: Geometry, settings: PipelineSettings) -> None:
         self._copies: tuple[_Copy, ...] = ()
-        if arrangement.carried is not None:
-            cg, gravity = arrangement.body.cg, arrangement.vehicle.gravity
-            varied = (arrangement.carried, *_varied(arrangement.carried, settings))
+        if geometry.carried is not None:
+            cg, gravity = geometry.body.cg, geometry.vehicle.gravity
+            varied = (geometry.carried, *_varied(geometry.carried, settings))
             self._copies = tuple(_Copy(vehicle, cg, gravity) for vehicle in varied)
         self.reset()
 
@@ -158,10 +158,10 @@ def _varied(vehicle: Vehicle, settings: PipelineSettings) -> list[Vehicle]:
             moved = dataclasses.replace(body, mass=dataclasses.replace(body.mass, value=body.mass.value + body.mass.std))
             found.append(dataclasses.replace(vehicle, bodies={**vehicle.bodies, body.name: moved}))
     mounts = tuple(vehicle.mounts.values())
-    for slot in find_slots_of(mounts, settings):
-        mount, axis = mounts[slot.mount], AXES[slot.axis]
+    for parameter in find_free_parameters_of(mounts, settings):
+        mount, axis = mounts[parameter.mount], AXES[parameter.axis]
         found.append(vehicle.replace_elements({
-            (mount.name, axis): mount.elements[axis].scaled(ROLES[slot.role], math.exp(min(slot.std, slot.upper)))
+            (mount.name, axis): mount.elements[axis].scaled(ROLES[parameter.role], math.exp(min(parameter.std, parameter.upper)))
         }))
     return found
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement, weight_at
+from ride_estimation.estimation.common.geometry import Geometry, weight_at
 from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
@@ -146,7 +146,7 @@ class MountForceEstimator:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body and mounts.
     law
         The mount elements, scaled by the parameter estimator.
@@ -156,12 +156,12 @@ class MountForceEstimator:
         How the brackets tilt with their frame.
     """
 
-    def __init__(self, arrangement: Arrangement, law: MountLaw, known: NDArray[np.bool_], tilting: BracketTilt) -> None:
-        self.arrangement = arrangement
+    def __init__(self, geometry: Geometry, law: MountLaw, known: NDArray[np.bool_], tilting: BracketTilt) -> None:
+        self.geometry = geometry
         self.law = law
         self.known = known
         self._tilting = tilting
-        self.mass = arrangement.body.mass.value
+        self.mass = geometry.body.mass.value
         self.mass_relative_std = 0.0
         #: offset of the CG from its place in the file, shape (3,) [m]
         self.cg_offset = np.zeros(3)
@@ -173,26 +173,26 @@ class MountForceEstimator:
         self.turning: tuple[Array, Array] = (np.zeros(3), np.zeros(3))
         #: share of the rotation of the brackets that the mount axes follow
         self.follow = 1.0
-        count = len(arrangement.mounts)
+        count = len(geometry.mounts)
         self._count, self._ones, self._all_known = count, np.ones((count, 3)), bool(known.all())
-        self._of_file = None if arrangement.base_told.all() or not arrangement.base_told.any() else law.stiffness.ravel().copy()
+        self._of_file = None if geometry.base_told.all() or not geometry.base_told.any() else law.stiffness.ravel().copy()
         #: axes whose deflection is that of a rigid frame only: what the frame twists there is open
-        self._made_up = known & ~arrangement.base_seen
-        for sensor in arrangement.transducers:
-            self._made_up[arrangement.mount_names.index(sensor.mount), AXES.index(sensor.axis)] = False
+        self._made_up = known & ~geometry.base_seen
+        for sensor in geometry.transducers:
+            self._made_up[geometry.mount_names.index(sensor.mount), AXES.index(sensor.axis)] = False
         # log standard deviations of stiffness and damping, set by the parameter estimator
         self.parameter_std = np.zeros((2, count, 3))
-        free = arrangement.free
-        self._g = arrangement.wrench[free]
+        free = geometry.free
+        self._g = geometry.wrench[free]
         self._free = free
         # where every bracket is measured, deformation of the frame is told apart from rigid motion
         self._frame: FrameDeformation | None = None
         self._transducer = np.zeros(3 * count, dtype=bool)
-        for sensor in arrangement.transducers:
-            self._transducer[3 * arrangement.mount_names.index(sensor.mount) + AXES.index(sensor.axis)] = True
-        if arrangement.has_base_motion:
-            stated = [s.noise_std**2 for s in arrangement.base_sensors if s is not None]
-            self._frame = FrameDeformation(self._g, np.array(stated), tilting, arrangement.vehicle.gravity, arrangement.arms)
+        for sensor in geometry.transducers:
+            self._transducer[3 * geometry.mount_names.index(sensor.mount) + AXES.index(sensor.axis)] = True
+        if geometry.has_base_motion:
+            stated = [s.noise_std**2 for s in geometry.base_sensors if s is not None]
+            self._frame = FrameDeformation(self._g, np.array(stated), tilting, geometry.vehicle.gravity, geometry.arms)
         self.reset()
 
     def bases_measured(self, measured: bool) -> None:
@@ -252,7 +252,7 @@ class MountForceEstimator:
         ratio = self._stiffness if self._of_file is None else self._of_file
         share = share_by_stiffness(self._g, ratio)
         shared = static_share(self._g, ratio, weight[self._free])
-        self.static_force, self._static_left = static_split(self.arrangement.mounts, self._g, shared, weight[self._free])
+        self.static_force, self._static_left = static_split(self.geometry.mounts, self._g, shared, weight[self._free])
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
 
@@ -294,7 +294,7 @@ class MountForceEstimator:
             self._update_gains(deflection, load_covariance)
         force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
         balanced_forces(
-            tension, deflection.turn, self.follow, static_force, support, told, self.arrangement.wrench, self._gain,
+            tension, deflection.turn, self.follow, static_force, support, told, self.geometry.wrench, self._gain,
             self._gain_slow, 1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
         )  # fmt: skip
         self._count_square += int(np.count_nonzero(told))
@@ -328,7 +328,7 @@ class MountForceEstimator:
 
     def _weight(self) -> Array:
         """Return the wrench that carries the body at rest and what it carries, shape (6,); all masses scale together."""
-        return self.mass / self.arrangement.body.mass.value * weight_at(self.arrangement, self.cg_offset)
+        return self.mass / self.geometry.body.mass.value * weight_at(self.geometry, self.cg_offset)
 
     def shared(self, support: Array) -> Array:
         """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
@@ -410,8 +410,8 @@ class MountForceEstimator:
 
         At rest no accelerometer shows where it lies. Places are rectangular (GUM 4.3.7): the span over the root of twelve.
         """
-        span = np.ptp(self.arrangement.arms[:, :2], axis=0) if self._count else np.zeros(2)
-        weight = self.load_share * self.mass * self.arrangement.vehicle.gravity
+        span = np.ptp(self.geometry.arms[:, :2], axis=0) if self._count else np.zeros(2)
+        weight = self.load_share * self.mass * self.geometry.vehicle.gravity
         return np.asarray(np.diag([0.0, 0.0, 0.0, *(weight**2 * span[::-1] ** 2 / 12.0), 0.0]))
 
     def _static_variance(self) -> Array:
@@ -439,7 +439,7 @@ class MountForceEstimator:
         A finite rotation theta strains them by ``theta x (theta x r) / 2``, and the filter of the deformation takes what an error
         of the rate omega leaves of ``omega x (omega x r)``, as slow as a bend, for one.
         """
-        arms, maps = self.arrangement.arms, self._tilting.maps
+        arms, maps = self.geometry.arms, self._tilting.maps
         turned = maps.mean(axis=0) ** 2 @ deflection.std.ravel() ** 2
         rate, rate_variance = self.turning
         theta = deflection.turn[-1].mean(axis=0)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.elements.terms import ELASTIC, STATE_SIZE, Term, initial_states, pack_terms, terms_commit
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.frames import AXES
 from ride_estimation.jit import compile_kernel
 from ride_estimation.vehicles.tangent import tangent
@@ -55,20 +55,20 @@ def law_block(
 
 
 class MountLaw:
-    """The elements of all mounts of an arrangement, scaled.
+    """The elements of all mounts of a geometry, scaled.
 
     Parameters
     ----------
-    arrangement
+    geometry
         Mounts and their elements.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
+    def __init__(self, geometry: Geometry) -> None:
         self._elements: list[tuple[int, int, ForceElement]] = [
-            (i, a, mount.elements[axis]) for i, mount in enumerate(arrangement.mounts) for a, axis in enumerate(AXES)
+            (i, a, mount.elements[axis]) for i, mount in enumerate(geometry.mounts) for a, axis in enumerate(AXES)
             if axis in mount.elements
         ]  # fmt: skip
-        self._count = len(arrangement.mounts)
+        self._count = len(geometry.mounts)
         self.multipliers = np.ones((2, self._count, 3))
         self._pack()
         self.reset()

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import USUAL_SHARES, Arrangement, plate_fit, relative_tilt_maps
+from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, plate_fit, relative_tilt_maps
 from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
@@ -166,19 +166,19 @@ class BracketTilt:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts and sensors. Learned where every mount has a DC accelerometer on its base and the layout shows a twist.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
-        self._mounts = arrangement.mounts
-        self._gravity = arrangement.vehicle.gravity
+    def __init__(self, geometry: Geometry) -> None:
+        self._mounts = geometry.mounts
+        self._gravity = geometry.vehicle.gravity
         place, self._fit = plate_fit(self._mounts)
-        dc = all(s is not None and s.coupling == "dc" for s in arrangement.base_sensors)
+        dc = all(s is not None and s.coupling == "dc" for s in geometry.base_sensors)
         #: from vertical specific force of the brackets to the angular acceleration of the frame, roll and pitch, shape (M, 2)
         self._to_slopes = self._fit[[2, 1]].T * np.array([1.0, -1.0])
-        self.learns = bool(arrangement.has_base_motion and dc and len(self._fit) == 4)
-        self._noise = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
+        self.learns = bool(geometry.has_base_motion and dc and len(self._fit) == 4)
+        self._noise = np.array([s.noise_std**2 if s is not None else 0.0 for s in geometry.base_sensors])
         #: what one unit of every share adds to the readings, order x and y of each bracket, per unit of W, shape (2 M, 4)
         self._pattern = np.zeros((2 * len(self._mounts), 4))
         self._pattern[0::2, 2], self._pattern[0::2, 3] = self._gravity * place[:, 1], self._gravity

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection_kernel import deflection_block
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -93,26 +93,26 @@ class DeflectionEstimator:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts, sensors.
     tilting
         How the brackets tilt with their frame.
     """
 
-    def __init__(self, arrangement: Arrangement, tilting: BracketTilt) -> None:
-        self.arrangement = arrangement
+    def __init__(self, geometry: Geometry, tilting: BracketTilt) -> None:
+        self.geometry = geometry
         self._tilting = tilting
-        self._count = len(arrangement.mounts)
-        seen = arrangement.base_seen
+        self._count = len(geometry.mounts)
+        seen = geometry.base_seen
         #: axes along which the base of a mount is told or follows from others as that of a rigid frame, shape (M, 3)
-        self.has_base = np.tile(arrangement.base_told.any(axis=0), (self._count, 1))
-        own = np.array([s.noise_std if s is not None else 0.0 for s in arrangement.base_sensors]) ** 2
+        self.has_base = np.tile(geometry.base_told.any(axis=0), (self._count, 1))
+        own = np.array([s.noise_std if s is not None else 0.0 for s in geometry.base_sensors]) ** 2
         self._base_variance = np.where(seen, own[:, None], _UNKNOWN_RELATIVE**2)
-        wrench = arrangement.wrench[arrangement.free]
+        wrench = geometry.wrench[geometry.free]
         #: part of deflections that a rigid motion makes, shape (3 M, 3 M)
         self._rigid = np.linalg.pinv(wrench) @ wrench
         self._slots = [
-            (arrangement.mount_names.index(s.mount), AXES.index(s.axis), s.noise_std**2) for s in arrangement.transducers
+            (geometry.mount_names.index(s.mount), AXES.index(s.axis), s.noise_std**2) for s in geometry.transducers
         ]
         self._transducer_variance = np.ones((self._count, 3))
         self.has_transducer = np.zeros((self._count, 3), dtype=bool)
@@ -190,8 +190,8 @@ class DeflectionEstimator:
         noise = self._noise_now(motion.covariance, ticks, dt)
         drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base.any(axis=1)].all()), ticks, dt)
         deflection_block(
-            motion.motion, motion.rate, motion.valid, np.ascontiguousarray(base), base_ok, self.arrangement.arms,
-            self._tilting.maps, swing, self.arrangement.vehicle.gravity, dt, self._state, self._p, noise,
+            motion.motion, motion.rate, motion.valid, np.ascontiguousarray(base), base_ok, self.geometry.arms,
+            self._tilting.maps, swing, self.geometry.vehicle.gravity, dt, self._state, self._p, noise,
             displaced, displaced_ok, self._transducer_variance, drawn, lag, LARGEST_TRAVEL, math.exp(-dt / _COASTS), _RATE_RATIO,
             deflection, rate, relative, turn,
         )  # fmt: skip
@@ -255,7 +255,7 @@ class DeflectionEstimator:
             both = zip(noise[:, :, 0].ravel().tolist(), noise[:, :, 2].ravel().tolist())
             noise[:, :, 0] = np.reshape([with_slow_error(white, slow, held, dt) for white, held in both], (self._count, 3))
         # an error of the tilt, as slow as the drift of the vertical deflections, is an acceleration in the horizontal axes
-        gravity = self.arrangement.vehicle.gravity
+        gravity = self.geometry.vehicle.gravity
         corner = np.mean(noise[:, 2, 0] / noise[:, 2, 2]) ** 0.25 / dt**0.5 if self._count else 1.0
         for a, row in ((0, 1), (1, 0)):
             tilt_variance = self._tilting.maps[:, row, 2::3] ** 2 @ self._p[:, 2, 0, 0]

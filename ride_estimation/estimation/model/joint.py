@@ -117,10 +117,10 @@ class JointEstimate:
             if np.any(travel == kind):
                 self._size[travel == kind] = np.sqrt(np.mean(moving[:, travel == kind] ** 2))
         self._mean = plant.slow.mean.copy()
-        first = 3 * len(plant.arrangement.body_sensors)
+        first = 3 * len(plant.geometry.body_sensors)
         base = moving[:, first : first + 3 * len(plant.base_sensors)].reshape(len(moving), -1, 3)
         turned = np.hstack([base[:, i] @ s.rotation.T for i, s in enumerate(plant.base_sensors)])
-        rigid = np.linalg.pinv(plant.points(plant.arrangement.body.cg))
+        rigid = np.linalg.pinv(plant.points(plant.geometry.body.cg))
         for part, signal in ((plant.slow.log_rigid, turned @ rigid.T), (plant.slow.log_deforming, turned @ plant.patterns)):
             self._mean[part] = 0.5 * np.log(np.mean(signal**2, axis=0))
         self.theta = self._mean.copy()
@@ -146,7 +146,7 @@ class JointEstimate:
         wide[:size, :size] = d.A
         wide[plant.states.relative_rate, size:] = np.eye(6)
         direct = np.zeros((len(H), 6))
-        for i, s in enumerate(plant.arrangement.body_sensors):
+        for i, s in enumerate(plant.geometry.body_sensors):
             direct[3 * i : 3 * i + 3] = s.rotation.T @ point_motion_matrix(s.position - m.cg)
         found = stationary(F, H, Q, np.diag(R))
         return Model(m, d, found, Q, R, constant, transition(wide, self.dt)[:size, size:], direct)

@@ -10,7 +10,7 @@ import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.common.arrangement import USUAL_SHARES, Arrangement, arrange, relative_tilt_maps
+from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, geometry_of, relative_tilt_maps
 from ride_estimation.estimation.forces.mount_forces import static_share, static_split
 from ride_estimation.estimation.model.states import FastStates, SlowStates, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
@@ -113,9 +113,9 @@ class Plant:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        a = arrange(vehicle)
+        a = geometry_of(vehicle)
         _check(a)
-        self.arrangement, self.mounts, self.gravity = a, a.mounts, vehicle.gravity
+        self.geometry, self.mounts, self.gravity = a, a.mounts, vehicle.gravity
         self.base_sensors = tuple(s for s in a.base_sensors if s is not None)
         self.base_of = {s.name: i for i, s in enumerate(self.base_sensors)}
         self.transducers = tuple(s for s in a.transducers if s.axis in AXES)
@@ -132,7 +132,7 @@ class Plant:
         self.slow = self._slow()
 
     def _slow(self) -> SlowStates:
-        a, body = self.arrangement, self.arrangement.body
+        a, body = self.geometry, self.geometry.body
         pairs = {"stiffness": [], "damping": []}  # type: dict[str, list[tuple[float, float]]]
         for mount in self.mounts:
             for axis in AXES:
@@ -165,10 +165,10 @@ class Plant:
 
         Every mount carries its share of the weight as vertical springs share it, or what the vehicle file states, in equilibrium.
         """
-        s, body = self.slow, self.arrangement.body
+        s, body = self.slow, self.geometry.body
         k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
         root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
-        inertia = root @ body.inertia @ root * mass / self.arrangement.file_mass
+        inertia = root @ body.inertia @ root * mass / self.geometry.file_mass
         points = self.points(cg)
         weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0])
         static, _ = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
@@ -189,7 +189,7 @@ def _law(mount: Mount, axis: str) -> tuple[tuple[float, float], tuple[float, flo
     return found[0], found[1]
 
 
-def _check(a: Arrangement) -> None:
+def _check(a: Geometry) -> None:
     problems = []
     if not a.free.all():
         problems.append(f"body {a.body.name!r} must be free in six coordinates")

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import channel_geometry
 from ride_estimation.estimation.common.block_math import stretches
+from ride_estimation.estimation.common.geometry import channel_geometry
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -29,11 +29,11 @@ from ride_estimation.estimation.motion.motion_kernel import (
     predict_block,
     remove_gravity,
 )
-from ride_estimation.estimation.motion.residual_doubt import error_of_one, more_than_chance, residual_doubt
+from ride_estimation.estimation.motion.residual_covariance import error_of_one, more_than_chance, residual_covariance
+from ride_estimation.estimation.motion.residual_rate import ResidualRate
 from ride_estimation.estimation.motion.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.motion.sensor_drift import motion_error
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
-from ride_estimation.estimation.motion.spare_rate import SpareRate
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
 from ride_estimation.sensors.layout import measured_channels, motion_rows
 from ride_estimation.sensors.sensor import Sensor
@@ -141,7 +141,7 @@ class CgMotionEstimator:
         self._used_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._estimated])
         self._centripetal = centripetal_terms(self.directions, self.points)
         told = self._spare if self._free[3:].all() else 0
-        self._turning = SpareRate(self._centripetal[: len(directions)], self._accelerometer_rows, told)
+        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, told)
         self._faults = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
@@ -330,14 +330,14 @@ class CgMotionEstimator:
         self._slow_square = float(
             follow_slow(motion, tilt, surge, self._gravity, slow, size, mean, self._slow, self._slow_square)
         )
-        astray = not use_gyro and bool(np.abs(rate).max() >= LARGEST_RATE)
-        if weights.rank != needed or astray:
+        diverged = not use_gyro and bool(np.abs(rate).max() >= LARGEST_RATE)
+        if weights.rank != needed or diverged:
             out.valid[where] = False
         predict_block(motion, rate, self._accelerometer_rows, self.directions, self.points, predicted)
         self._rate_known = use_gyro or bool(self._p_tilt[1, 1] < (_RATE_LOST if self._rate_known else _RATE_KNOWN) ** 2)
-        if astray:
+        if diverged:
             self._begin_attitude()
-        tells = weights.rank == needed and not self.doubted and not astray and self._tells(mask, len(y) * dt)
+        tells = weights.rank == needed and not self.doubted and not diverged and self._tells(mask, len(y) * dt)
         if tells:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
             said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
@@ -437,9 +437,9 @@ class CgMotionEstimator:
     def disagreement(self, dt: float) -> tuple[float, Array, Array]:
         """Return what the residuals of the last minute ask of the covariance of the motion: a factor on the std, and an addition.
 
-        Scaled and widened by what all residuals show, see :mod:`residual_doubt`. Where they are more than noise and tolerances
-        explain, what an error of the sensor that explains them best does to the motion is added, gradually up to twice that. What
-        is constant is kept apart, as nothing is learned from constant parts of a motion.
+        Scaled and widened by what all residuals show, see :mod:`residual_covariance`. Where they are more than noise and
+        tolerances explain, what an error of the sensor that explains them best does to the motion is added, gradually up to
+        twice that. What is constant is kept apart, as nothing is learned from constant parts of a motion.
 
         Parameters
         ----------
@@ -459,7 +459,8 @@ class CgMotionEstimator:
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
         mean, moving = sums.moments()
         spare = len(used) - self._unknowns
-        factor, biases = residual_doubt(mean[used], np.diagonal(moving)[used], stated[used], weights[:, used], sums.count, spare)
+        own = np.diagonal(moving)[used], stated[used], weights[:, used]
+        factor, biases = residual_covariance(mean[used], *own, sums.count, spare)
         constant = biases + drift
         if sums is self._sums:
             self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)

@@ -42,24 +42,24 @@ class AmplitudeDependence:
     ----------
     prior_std
         Standard deviations of the parameters before anything was learned, shape (N,).
-    slots
+    free_parameters
         Number of multipliers S among them, the first ones.
     """
 
-    def __init__(self, prior_std: Array, slots: int) -> None:
-        self._count, self._slots = len(prior_std), slots
-        self._prior = np.concatenate([prior_std, np.full(slots, PRIOR_STD)]) ** -2.0
+    def __init__(self, prior_std: Array, free_parameters: int) -> None:
+        self._count, self._free_parameters = len(prior_std), free_parameters
+        self._prior = np.concatenate([prior_std, np.full(free_parameters, PRIOR_STD)]) ** -2.0
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
-        size = self._count + self._slots
+        size = self._count + self._free_parameters
         self._information, self._target = np.zeros((size, size)), np.zeros(size)
         self._scatter, self._last = np.zeros((size, size)), np.zeros(size)
-        self._reference = np.zeros(self._slots)
+        self._reference = np.zeros(self._free_parameters)
         self._intervals = 0
         #: exponents and their standard deviations, shape (S,) each
-        self.exponents: tuple[Array, Array] = np.zeros(self._slots), np.full(self._slots, PRIOR_STD)
+        self.exponents: tuple[Array, Array] = np.zeros(self._free_parameters), np.full(self._free_parameters, PRIOR_STD)
 
     def observe(self, interval: Interval, centre: Array, amplitude: Array, inflation: float) -> None:
         """Add an interval.
@@ -76,8 +76,8 @@ class AmplitudeDependence:
         logs = np.log(np.maximum(amplitude, 1e-12))
         if not self._intervals:
             self._reference = logs
-        transform = np.hstack([np.eye(self._count), np.zeros((self._count, self._slots))])
-        own = np.arange(self._slots)
+        transform = np.hstack([np.eye(self._count), np.zeros((self._count, self._free_parameters))])
+        own = np.arange(self._free_parameters)
         transform[own, self._count + own] = logs - self._reference
         information = transform.T @ interval.information @ transform
         target = transform.T @ interval.gradient + information[:, : self._count] @ centre
@@ -132,12 +132,12 @@ class AmplitudeDependence:
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`snapshot`."""
-        size = self._count + self._slots
+        size = self._count + self._free_parameters
         self._information = np.array(saved["information"], dtype=float).reshape(size, size)
         self._target = np.array(saved["target"], dtype=float).reshape(size)
         self._scatter = np.array(saved["scatter"], dtype=float).reshape(size, size)
         self._last = np.array(saved["last"], dtype=float).reshape(size)
-        self._reference = np.array(saved["reference"], dtype=float).reshape(self._slots)
+        self._reference = np.array(saved["reference"], dtype=float).reshape(self._free_parameters)
         self._intervals = int(saved["intervals"])
-        value, std = (np.array(v, dtype=float).reshape(self._slots) for v in saved["exponents"])
+        value, std = (np.array(v, dtype=float).reshape(self._free_parameters) for v in saved["exponents"])
         self.exponents = value, std

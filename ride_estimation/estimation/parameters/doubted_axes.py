@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
-from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.forces.free_parameters import FreeParameter
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -24,15 +24,15 @@ _FAR, _MOVED = 3.5, 3.0
 
 
 def doubted_axes(
-    arrangement: Arrangement, slots: Sequence[Slot], now: tuple[Array, Array], before: tuple[Array, Array] | None
+    geometry: Geometry, free_parameters: Sequence[FreeParameter], now: tuple[Array, Array], before: tuple[Array, Array] | None
 ) -> dict[int, str]:
     """Return what is said of every doubted axis, by its index.
 
     Parameters
     ----------
-    arrangement
+    geometry
         Mounts and base sensors.
-    slots
+    free_parameters
         The N multipliers.
     now
         Their logarithms and standard deviations, shapes (N,).
@@ -40,20 +40,21 @@ def doubted_axes(
         The same before the first sudden change; None before one, then the file is what they are compared with.
     """
     if before is None:
-        reference, std, limit, how = np.zeros(len(slots)), np.array([s.std for s in slots]), _FAR, "is far from the file"
+        reference, std = np.zeros(len(free_parameters)), np.array([s.std for s in free_parameters])
+        limit, how = _FAR, "is far from the file"
     else:
         (reference, std), limit, how = before, _MOVED, "changed suddenly"
     off = np.abs(now[0] - reference)
     far = off > limit * np.hypot(now[1], std)
     found = {}
     for axis in (0, 1):
-        stiffness = [n for n, s in enumerate(slots) if s.role == 0 and s.axis == axis]
-        if not any(far[n] and arrangement.base_sensors[slots[n].mount] is not None for n in stiffness):
+        stiffness = [n for n, s in enumerate(free_parameters) if s.role == 0 and s.axis == axis]
+        if not any(far[n] and geometry.base_sensors[free_parameters[n].mount] is not None for n in stiffness):
             continue
-        most = slots[max(stiffness, key=lambda n: float(off[n]))].mount
-        sensor = arrangement.base_sensors[most]
+        most = free_parameters[max(stiffness, key=lambda n: float(off[n]))].mount
+        sensor = geometry.base_sensors[most]
         found[axis] = (
-            f"stiffness along {AXES[axis]} {how}, most at {arrangement.mounts[most].name}: this mount, or its base sensor"
+            f"stiffness along {AXES[axis]} {how}, most at {geometry.mounts[most].name}: this mount, or its base sensor"
             f"{'' if sensor is None else f' {sensor.name}'} along this axis; nothing tells which"
         )
     return found

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.block_math import cross
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.forces.free_parameters import FreeParameter
 from ride_estimation.estimation.forces.mount_law import MountLaw
-from ride_estimation.estimation.forces.slots import Slot
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.parameters.balance_kernel import high_pass_block, integrate_block, low_pass_block
 from ride_estimation.frames import AXES, skew
@@ -78,39 +78,39 @@ class BalanceChunk:
     step: float
 
 
-def inverse_mass(arrangement: Arrangement) -> Array:
+def inverse_mass(geometry: Geometry) -> Array:
     """Return the inverse of the mass matrix about the CG, zero for coordinates the body does not have, shape (6, 6)."""
-    free = np.flatnonzero(arrangement.free)
+    free = np.flatnonzero(geometry.free)
     mass_matrix = np.zeros((6, 6))
-    mass_matrix[:3, :3] = arrangement.body.mass.value * np.eye(3)
-    mass_matrix[3:, 3:] = arrangement.body.inertia
+    mass_matrix[:3, :3] = geometry.body.mass.value * np.eye(3)
+    mass_matrix[3:, 3:] = geometry.body.inertia
     inverse = np.zeros((6, 6))
     inverse[np.ix_(free, free)] = np.linalg.inv(mass_matrix[np.ix_(free, free)])
     return inverse
 
 
-def unseen_acceleration(arrangement: Arrangement) -> Array:
+def unseen_acceleration(geometry: Geometry) -> Array:
     """Return the covariance of the body's acceleration by mount forces along axes whose base is not measured, shape (6, 6).
 
     With forces of standard deviation ``s`` of the static load, ``M^-1 G s^2 G^T M^-1``: so much more than the noise of sensors
     that nothing is learned along what such forces do to the body, however large they are.
     """
-    told = arrangement.base_told
+    told = geometry.base_told
     if told.all():
         return np.zeros((6, 6))
-    load = _UNSEEN_SHARE * arrangement.file_mass * arrangement.vehicle.gravity / max(len(arrangement.mounts), 1)
-    push = inverse_mass(arrangement) @ arrangement.wrench[:, ~told.ravel()]
+    load = _UNSEEN_SHARE * geometry.file_mass * geometry.vehicle.gravity / max(len(geometry.mounts), 1)
+    push = inverse_mass(geometry) @ geometry.wrench[:, ~told.ravel()]
     return np.asarray(load**2 * push @ push.T)
 
 
-def weighed_share(arrangement: Arrangement) -> float:
+def weighed_share(geometry: Geometry) -> float:
     """Return which share of a vertical force at the CG cannot be made up for by unknown ones at mounts without a base sensor.
 
     Mass is the scale of all stiffness. Mounts whose line passes the CG on both sides may carry it alone, whatever the others do:
     ``|(1 - W W^+) e|`` with the columns ``[1, y / L, -x / L]`` of those mounts in W and e of the CG.
     """
-    arms = arrangement.arms[~arrangement.base_told[:, 2], :2]
-    length = float(np.sqrt(np.mean(np.sum(arrangement.arms[:, :2] ** 2, axis=1)))) or 1.0
+    arms = geometry.arms[~geometry.base_told[:, 2], :2]
+    length = float(np.sqrt(np.mean(np.sum(geometry.arms[:, :2] ** 2, axis=1)))) or 1.0
     unseen = np.column_stack([np.ones(len(arms)), arms[:, 1] / length, -arms[:, 0] / length]).T
     heave = np.array([1.0, 0.0, 0.0])
     return float(np.linalg.norm(heave - unseen @ (np.linalg.pinv(unseen) @ heave))) if len(arms) else 1.0
@@ -121,11 +121,11 @@ class ForceBalance:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body and mounts.
     tilting
         How the brackets tilt with their frame.
-    slots
+    free_parameters
         Multipliers to be estimated.
     law
         The mount elements with their present multipliers.
@@ -138,26 +138,26 @@ class ForceBalance:
     """
 
     def __init__(
-        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float,
-        turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (),
+        self, geometry: Geometry, tilting: BracketTilt, free_parameters: tuple[FreeParameter, ...], law: MountLaw,
+        corner_hz: float, turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (),
     ) -> None:
-        self.arrangement = arrangement
-        self.slots = slots
+        self.geometry = geometry
+        self.free_parameters = free_parameters
         self.law = law
         self.corner = 2.0 * np.pi * corner_hz
-        self._count = len(arrangement.mounts)
+        self._count = len(geometry.mounts)
         self._linear = np.ones((self._count, 3), dtype=bool)
-        for i, mount in enumerate(arrangement.mounts):
+        for i, mount in enumerate(geometry.mounts):
             for a, axis in enumerate(AXES):
                 element = mount.elements.get(axis)
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
-        self._variants = None if self._linear.all() else [MountLaw(arrangement) for _ in range(3)]
+        self._variants = None if self._linear.all() else [MountLaw(geometry) for _ in range(3)]
         self.turns, self.offsets = turns, offsets
-        self._file_inverse = inverse_mass(arrangement)
+        self._file_inverse = inverse_mass(geometry)
         self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
-        self._slot_axis = np.array([3 * s.mount + s.axis for s in slots], dtype=np.int64)
-        self._slot_role = np.array([s.role for s in slots], dtype=np.int64)
+        self._parameter_axis = np.array([3 * s.mount + s.axis for s in free_parameters], dtype=np.int64)
+        self._parameter_role = np.array([s.role for s in free_parameters], dtype=np.int64)
         self.scale_inertia(np.zeros(len(turns)))
         self.reset()
 
@@ -166,11 +166,11 @@ class ForceBalance:
         root = self._root(logs)
         self.inverse_mass = root[:, None] * self._file_inverse * root
         #: acceleration per unit tension of every mount axis, (6, 3 M)
-        self.push = -self.inverse_mass @ self.arrangement.wrench
+        self.push = -self.inverse_mass @ self.geometry.wrench
         turn = np.eye(6)[:, [3 + a for a in self.turns]]
         #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O)
         still = np.zeros((6, len(self.offsets)))
-        self.direction = np.hstack([self.push[:, self._slot_axis], np.zeros((6, 1)), turn, still])
+        self.direction = np.hstack([self.push[:, self._parameter_axis], np.zeros((6, 1)), turn, still])
 
     def _root(self, logs: Array) -> Array:
         root = np.ones(6)
@@ -201,14 +201,14 @@ class ForceBalance:
 
     def stiffness_matrices(self) -> tuple[Array, Array]:
         """Return what displacement and rate of the body add to the deflections' forces, (6, 6) each, as acceleration."""
-        p = self.arrangement.wrench.T
+        p = self.geometry.wrench.T
         k, c = self.law.stiffness.ravel(), self.law.damping.ravel()
         return self.push @ (k[:, None] * p), self.push @ (c[:, None] * p)
 
     def static_turn(self, static_force: Array, follow: float) -> Array:
         """Return the acceleration that a rotation of the body against its static loads causes, shape (6, 3)."""
         total = np.zeros((6, 3))
-        for i, arm in enumerate(self.arrangement.arms):
+        for i, arm in enumerate(self.geometry.arms):
             turned = skew(static_force[i])
             total += np.vstack([turned, skew(arm) @ turned])
         return np.asarray(follow * self.inverse_mass @ total)
@@ -232,7 +232,7 @@ class ForceBalance:
         second_rate = cross(data.turn_rate, data.deflection) + cross(data.turn, data.rate)
         x_full, v_full = data.deflection + follow * second, data.rate + follow * second_rate
         # what turns with the brackets: the dynamic force here, the static one after the filters, where the tilt is exact
-        turned_wrench = cross(data.turn, data.dynamic).reshape(ticks, n) @ self.arrangement.wrench.T
+        turned_wrench = cross(data.turn, data.dynamic).reshape(ticks, n) @ self.geometry.wrench.T
         both = np.hstack([(data.support + follow * turned_wrench) @ self.inverse_mass.T, turned_wrench @ self.inverse_mass.T])
         if self.offsets:
             both = np.hstack([both, self._offset_columns(data.support)])
@@ -242,7 +242,7 @@ class ForceBalance:
         x, v, turn = self._integrate(relative - self._offset[0], data.swing, dt)
         accelerations = np.empty_like(both)
         high_pass_block(both - self._offset[1], self.corner, dt, self._wrench, accelerations)
-        static = cross(turn.reshape(ticks, self._count, 3), static_force).reshape(ticks, n) @ self.arrangement.wrench.T
+        static = cross(turn.reshape(ticks, self._count, 3), static_force).reshape(ticks, n) @ self.geometry.wrench.T
         accelerations[:, 6:12] += static @ self.inverse_mass.T
         accelerations[:, :6] += follow * static @ self.inverse_mass.T
         turned = np.empty((ticks, 2 * n))
@@ -267,7 +267,7 @@ class ForceBalance:
 
         An offset d adds the force ``m alpha x d`` and the moment ``d x F``.
         """
-        angular, mass = (support @ self.inverse_mass.T)[:, 3:], self.arrangement.body.mass.value
+        angular, mass = (support @ self.inverse_mass.T)[:, 3:], self.geometry.body.mass.value
         added = []
         for axis in self.offsets:
             turn = OFFSET_UNIT * skew(np.eye(3)[axis])
@@ -283,7 +283,7 @@ class ForceBalance:
         # the trapezoidal rule loses (omega dt)^2 / 6 of a double integral
         tilt_map = self._tilting.maps.reshape(3 * self._count, -1)
         tilt = (slow - dt * dt / 6.0 * passed) @ tilt_map.T
-        gravity = self.arrangement.vehicle.gravity
+        gravity = self.geometry.vehicle.gravity
         # two sections here, four more after: each as many as the signals it is added to went through
         twice, often = np.empty_like(swing), np.empty_like(swing)
         high_pass_block(swing, self.corner, dt, self._swing[:3], twice)
@@ -299,12 +299,12 @@ class ForceBalance:
         placed, held, forces = np.split(stacked[:, 12:], np.cumsum([6 * len(self.offsets), len(self.turns)]), axis=1)
         elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
-        chosen = np.where(self._slot_role == 0, elastic[:, self._slot_axis], viscous[:, self._slot_axis])
-        count = len(self.slots)
+        chosen = np.where(self._parameter_role == 0, elastic[:, self._parameter_axis], viscous[:, self._parameter_axis])
+        count = len(self.free_parameters)
         offset = count + 1 + len(self.turns)
         columns = np.zeros((len(stacked), 6, offset + len(self.offsets)))
         columns[:, :, offset:] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)
-        columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._slot_axis]
+        columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._parameter_axis]
         columns[:, :, count] = follow_column
         for r, a in enumerate(self.turns):
             # what the mounts cause about the axis: dynamic forces here, what turns with the brackets on the measured side

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.estimate import Estimate, Status
-from ride_estimation.estimation.parameters.anchors import NULL_DIRECTION
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.parameters.mass_reference import NULL_DIRECTION
 from ride_estimation.sensors.layout import check_layout
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def null_directions(covariance: Array, prior_std: Array, names: Sequence[str]) -
 
 
 def describe(
-    arrangement: Arrangement, estimates: Sequence[Estimate], anchored: bool, nulls: Sequence[str], changes: Sequence[str]
+    geometry: Geometry, estimates: Sequence[Estimate], anchored: bool, nulls: Sequence[str], changes: Sequence[str]
 ) -> dict[str, Any]:
     """Return what is identifiable, what is not and which sensor or manoeuvre would cure it.
 
@@ -61,8 +61,8 @@ def describe(
     dict
         ``layout`` sentence, ``identifiable`` names, ``not_identifiable`` sentences, ``advice`` sentences, ``notes``.
     """
-    body = arrangement.body
-    layout = check_layout(arrangement.body_sensors, body.cg, body.coordinates)
+    body = geometry.body
+    layout = check_layout(geometry.body_sensors, body.cg, body.coordinates)
     missing, advice = [], []
     if not anchored:
         missing.append(f"{body.name}.mass: {NULL_DIRECTION}")
@@ -72,15 +72,15 @@ def describe(
     if not layout.complete:
         missing.append(f"motion of {body.name}: {', '.join(layout.undetermined)}")
         advice.append("three triaxial accelerometers that are not on one line, or one with gyro, determine all six components")
-    if not arrangement.mounts:
+    if not geometry.mounts:
         missing.append("mount forces and parameters: the vehicle file names no mount between this body and a base")
-    travelled = {s.mount for s in arrangement.transducers}
-    silent = [m.name for m, told in zip(arrangement.mounts, arrangement.base_told[:, 2]) if not told]
-    horizontal = [m.name for m in arrangement.mounts] if arrangement.base_told.any() and not arrangement.has_base_motion else []
+    travelled = {s.mount for s in geometry.transducers}
+    silent = [m.name for m, told in zip(geometry.mounts, geometry.base_told[:, 2]) if not told]
+    horizontal = [m.name for m in geometry.mounts] if geometry.base_told.any() and not geometry.has_base_motion else []
     bare = [name for name in silent if name not in travelled]
     if bare:
         rests = "the split of the forces among the mounts rests on stiffness ratios"
-        if len(bare) < len(arrangement.mounts):
+        if len(bare) < len(geometry.mounts):
             rests = "it is that of a rigid frame through the bases that are measured, its vertical force what equilibrium leaves"
         missing.append(
             f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so {rests} and a twist of the frame is "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.parameters.parameter_change import steady_scatter, told_directions
+from ride_estimation.estimation.parameters.parameter_change import observable_directions, steady_scatter
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def scatter_of(told: tuple[Array, Array], scores: Array) -> Scatter:
     Parameters
     ----------
     told
-        Where J intervals together tell something, see :func:`told_directions`.
+        Where J intervals together tell something, see :func:`observable_directions`.
     scores
         Gradients at the parameters in question, shape (J, N).
     """
@@ -156,7 +156,7 @@ class IntervalMemory:
         """
         if len(intervals) >= _FEWEST:
             scores = np.array([i.gradient for i in intervals])
-            ratio = scatter_of(told_directions(np.sum([i.information for i in intervals], axis=0)), scores).ratio
+            ratio = scatter_of(observable_directions(np.sum([i.information for i in intervals], axis=0)), scores).ratio
             self.inflation = float(np.clip(ratio, _START, _INFLATION[1]))
 
     @property
@@ -217,7 +217,7 @@ class IntervalMemory:
     def _directions(self) -> tuple[Array, Array]:
         """Return along which directions all intervals together tell something."""
         if self._told is None:
-            self._told = told_directions(self._stacked().sum(axis=0))
+            self._told = observable_directions(self._stacked().sum(axis=0))
         return self._told
 
     def scores(self, theta: Array) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ _SHRINK = 4.0
 _CHANGE_STD = 0.15
 
 
-def told_directions(information: Array) -> tuple[Array, Array]:
+def observable_directions(information: Array) -> tuple[Array, Array]:
     """Return eigenvalues and eigenvectors of an information (N, N) along which it tells something, shapes (D,), (N, D)."""
     values, basis = np.linalg.eigh(information)
     keep = values > 1e-6 * values[-1]
@@ -64,7 +64,7 @@ def moved(information: Array, scores: Array, p: Array, common: Array) -> tuple[A
     if len(scores) < _FEWEST:
         return step, added
     recent = information[-RECENT:].sum(axis=0)
-    basis = np.hstack([common, told_directions(recent)[1]])
+    basis = np.hstack([common, observable_directions(recent)[1]])
     values = np.sum(basis * (recent @ basis), axis=0)
     size = np.sum(basis * (information @ basis), axis=1)
     # rough stretches tell more and scatter more than smooth ones

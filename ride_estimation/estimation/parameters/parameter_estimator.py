@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.estimate import Estimate, Status
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.saved_state import plain
 from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.forces.free_parameters import find_free_parameters
 from ride_estimation.estimation.forces.mount_law import ROLES
-from ride_estimation.estimation.forces.slots import find_slots
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
@@ -39,10 +39,10 @@ from ride_estimation.estimation.parameters.interval import Interval, IntervalMem
 from ride_estimation.estimation.parameters.parameter_filter import ParameterFilter
 from ride_estimation.estimation.parameters.parameter_model import ParameterModel
 from ride_estimation.estimation.parameters.parameter_status import StatusTracker
+from ride_estimation.estimation.parameters.periodic_excitation import PeriodicExcitation
 from ride_estimation.estimation.parameters.refinement import Kept, Refinement
-from ride_estimation.estimation.parameters.repetition import Repetition
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
-from ride_estimation.estimation.sensor_errors.mounting_doubt import MountingDoubt
+from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
 from ride_estimation.estimation.sensor_errors.sensor_faults import GAIN_TOLERANCE
 from ride_estimation.frames import AXES
 
@@ -58,7 +58,7 @@ _SETTLE = 9.0
 _FADE = 1.0
 #: rotation against the brackets from which on nothing is learned [rad]: the balance is that of small rotations, and half
 #: their square, which it leaves out, exceeds what the gains of good sensors are off
-_LEANING = float(np.sqrt(2.0 * GAIN_TOLERANCE))
+_LARGEST_ROTATION = float(np.sqrt(2.0 * GAIN_TOLERANCE))
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the stretch that is looked at as a whole [s]
@@ -67,7 +67,7 @@ _LONGEST = 7.0
 _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 #: mean over ten intervals of the normalised innovation squared that has the last seconds looked at again: one is expected
-_RESTLESS = 2.5
+_LARGE_INNOVATIONS = 2.5
 #: standard deviation of a CG that a load has moved, and farthest that it is looked for [m]
 _LOADED_CG, _REACH = 0.1, 0.5
 #: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
@@ -87,29 +87,29 @@ class ParameterEstimator:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts, sensors.
     settings
         Of the pipeline.
     """
 
-    def __init__(self, arrangement: Arrangement, tilting: BracketTilt, settings: PipelineSettings) -> None:
-        self.arrangement = arrangement
+    def __init__(self, geometry: Geometry, tilting: BracketTilt, settings: PipelineSettings) -> None:
+        self.geometry = geometry
         self.settings = settings
-        all_slots = find_slots(arrangement, settings)
-        by_transducers = not arrangement.has_base_motion and transducers_suffice(arrangement)
-        told = arrangement.base_told
-        own = tuple(s for s in all_slots if (s.axis == 2 if by_transducers else told[s.mount, s.axis]))
+        all_free = find_free_parameters(geometry, settings)
+        by_transducers = not geometry.has_base_motion and transducers_suffice(geometry)
+        told = geometry.base_told
+        own = tuple(s for s in all_free if (s.axis == 2 if by_transducers else told[s.mount, s.axis]))
         # where nothing is seen at all every parameter stays listed, with the reason
-        self.slots = own or all_slots
-        self._left_out = tuple(s for s in all_slots if s not in self.slots)
-        self.count = len(self.slots)
+        self.free_parameters = own or all_free
+        self._left_out = tuple(s for s in all_free if s not in self.free_parameters)
+        self.count = len(self.free_parameters)
         #: acceleration of the body by forces of mounts whose base is not measured, (6, 6): along that nothing is learned
-        self._unseen = np.zeros((6, 6)) if by_transducers else unseen_acceleration(arrangement)
-        seen = by_transducers or (bool(told.any()) and weighed_share(arrangement) > _WEIGHED)
+        self._unseen = np.zeros((6, 6)) if by_transducers else unseen_acceleration(geometry)
+        seen = by_transducers or (bool(told.any()) and weighed_share(geometry) > _WEIGHED)
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._turns = () if by_transducers else self._inertia_axes()
-        body = arrangement.body
+        body = geometry.body
         self._cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         offsets = () if by_transducers else self._offset_axes()
         #: standard deviation of what is considered, not estimated: the position of the CG [m], empty where it is estimated
@@ -118,19 +118,19 @@ class ParameterEstimator:
         self.loaded = False
         #: whether that was thought and proved wrong since the last change
         self._refuted = False
-        model = (arrangement, tilting, self.slots, self._turns, offsets, settings.parameter_corner_hz, by_transducers)
+        model = (geometry, tilting, self.free_parameters, self._turns, offsets, settings.parameter_corner_hz, by_transducers)
         self._model = ParameterModel(*model)
-        variances = [b.noise_std**2 for b in arrangement.base_sensors if b is not None]
+        variances = [b.noise_std**2 for b in geometry.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
         turns, bound = len(self._turns), math.log(_INERTIA_RATIO)
-        self._prior_std = np.array([s.std for s in self.slots] + [FOLLOW_STD] + turns * [self._inertia_std()])
-        self._lower = np.array([s.lower for s in self.slots] + [-1.2] + turns * [-bound])
-        self._upper = np.array([s.upper for s in self.slots] + [0.2] + turns * [bound])
+        self._prior_std = np.array([s.std for s in self.free_parameters] + [FOLLOW_STD] + turns * [self._inertia_std()])
+        self._lower = np.array([s.lower for s in self.free_parameters] + [-1.2] + turns * [-bound])
+        self._upper = np.array([s.upper for s in self.free_parameters] + [0.2] + turns * [bound])
         #: logarithms of the multipliers, the follow share minus one, logarithms of the inverse inertia over the file's and, with
         #: a load, the offsets of the CG
         self.theta = np.zeros(self.count + 1 + turns)
         self.std = self._prior_std.copy()
-        self.status = StatusTracker(self.slots, arrangement, self.possible, self._no_input_reason())
+        self.status = StatusTracker(self.free_parameters, geometry, self.possible, self._no_input_reason())
         self.rejected: dict[str, int] = {}
         self.changes = 0
         #: logarithms and standard deviations of the multipliers before the first change, None before one
@@ -138,9 +138,9 @@ class ParameterEstimator:
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
-        self._doubt: MountingDoubt | None = None
+        self._doubt: InstallationUncertainty | None = None
         if self._model.inertial is not None:
-            self._doubt = MountingDoubt(arrangement, self._model.inertial.corner)
+            self._doubt = InstallationUncertainty(geometry, self._model.inertial.corner)
         self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
         self._review_model = ParameterModel(*model)
@@ -155,7 +155,7 @@ class ParameterEstimator:
     def _no_input_reason(self) -> str:
         if not self.settings.estimate_parameters:
             return "estimation of parameters is switched off"
-        if self.arrangement.base_told.any():
+        if self.geometry.base_told.any():
             return (
                 "mounts without a motion sensor on their base could carry the body alone, which leaves nothing that its mass "
                 "could be compared with: a triaxial accelerometer at the base of one of them would tell it"
@@ -172,17 +172,17 @@ class ParameterEstimator:
         self._upright = 0.0
         self._begin_interval()
         self._kept: list[Kept] = []
-        self._repetition = Repetition()
+        self._periodic = PeriodicExcitation()
         self._drop_look()
 
     def _begin_interval(self) -> None:
         self._interval = Interval(len(self.theta), len(self._considered_std))
         #: sums of squares of deflection and rate in it, shape (2, 3 M), and their ticks
-        self._squares, self._square_ticks = np.zeros((2, 3 * len(self.arrangement.mounts))), 0
+        self._squares, self._square_ticks = np.zeros((2, 3 * len(self.geometry.mounts))), 0
 
     def _fresh(self, theta: Array) -> ParameterFilter:
         kept = 1.0 - min(self.settings.parameter_interval / self.settings.parameter_memory, 0.5)
-        roles = np.array([s.role for s in self.slots])
+        roles = np.array([s.role for s in self.free_parameters])
         common = np.zeros((len(theta), 2))
         common[: self.count] = roles[:, None] == (0, 1)
         common = common[:, common.any(axis=0)] / np.sqrt(max(self.count, 1))
@@ -210,17 +210,17 @@ class ParameterEstimator:
 
     def _inertia_axes(self) -> tuple[int, ...]:
         """Return the axes about which the body turns and its inertia over its mass is not known for certain."""
-        return tuple(int(a) for a in np.flatnonzero(self.arrangement.free[3:])) if self._inertia_std() > 0.0 else ()
+        return tuple(int(a) for a in np.flatnonzero(self.geometry.free[3:])) if self._inertia_std() > 0.0 else ()
 
     def _inertia_std(self) -> float:
         """Return the standard deviation of the logarithm of inertia over mass: either may be off alone."""
-        body = self.arrangement.body
+        body = self.geometry.body
         mass = body.mass.std / body.mass.value if body.mass.std else 0.0
         return math.sqrt(math.log1p(mass**2 + (body.inertia_relative_std or 0.0) ** 2))
 
     def inertia(self) -> tuple[Array, float]:
         """Return the inertia about the CG for the file's mass, shape (3, 3) [kg m^2], and its largest relative std."""
-        root, body = np.ones(3), self.arrangement.body
+        root, body = np.ones(3), self.geometry.body
         turning = slice(self.count + 1, self.count + 1 + len(self._turns))
         root[list(self._turns)] = np.exp(-0.5 * self.theta[turning])
         own = self.std[turning]
@@ -231,7 +231,7 @@ class ParameterEstimator:
 
         What holds a body that does not move along an axis acts nobody knows where.
         """
-        moves, turns = self.arrangement.free[:3], self.arrangement.free[3:]
+        moves, turns = self.geometry.free[:3], self.geometry.free[3:]
         return tuple(a for a in range(3) if any(moves[(a + n) % 3] and turns[(a + 3 - n) % 3] for n in (1, 2)))
 
     def cg_offset(self) -> tuple[Array, Array]:
@@ -268,7 +268,7 @@ class ParameterEstimator:
         self._refuted = not there
         kept = self._kept
         self._estimate_cg(there)
-        self.status = StatusTracker(self.slots, self.arrangement, self.possible, self._no_input_reason())
+        self.status = StatusTracker(self.free_parameters, self.geometry, self.possible, self._no_input_reason())
         self.std, self._filter, self._reviews = self._prior_std.copy(), None, _REVIEWS
         self._begin_interval()
         self._drop_look()
@@ -293,19 +293,19 @@ class ParameterEstimator:
     def estimates(self) -> tuple[Estimate, ...]:
         """Return one estimate per parameter that is scaled: value, standard deviation, status and reason."""
         found = []
-        listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.slots)]
+        listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.free_parameters)]
         by_transducers = self._model.inertial is None
         what = "transducer" if by_transducers else "motion sensor at the mount bases"
         unseen = f"no {what} tells this axis: a triaxial accelerometer at each mount base would"
         listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
         doubted = self._doubted_axes()
-        for slot, log, std, own, why in listed:
-            suspect = own is Status.VALID and slot.axis in doubted
-            status, reason = (Status.SUSPECT, doubted[slot.axis]) if suspect else (own, why)
-            mount, axis = self.arrangement.mounts[slot.mount], AXES[slot.axis]
+        for parameter, log, std, own, why in listed:
+            suspect = own is Status.VALID and parameter.axis in doubted
+            status, reason = (Status.SUSPECT, doubted[parameter.axis]) if suspect else (own, why)
+            mount, axis = self.geometry.mounts[parameter.mount], AXES[parameter.axis]
             element = mount.elements[axis]
             for p in element.parameters():
-                if p.role != ROLES[slot.role]:
+                if p.role != ROLES[parameter.role]:
                     continue
                 prior = float(getattr(element, p.name))
                 value = prior * float(np.exp(log))
@@ -314,7 +314,7 @@ class ParameterEstimator:
         return tuple(found)
 
     def _doubted_axes(self) -> dict[int, str]:
-        return doubted_axes(self.arrangement, self.slots, self._now(), self._before_change)
+        return doubted_axes(self.geometry, self.free_parameters, self._now(), self._before_change)
 
     def null_directions(self) -> list[str]:
         """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
@@ -330,7 +330,7 @@ class ParameterEstimator:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
         found += self._doubted_axes().values()
         found += self._amplitude.notes(self._names())
-        vertical = np.array([s.axis == 2 for s in self.slots], dtype=bool)
+        vertical = np.array([s.axis == 2 for s in self.free_parameters], dtype=bool)
         moved = self.theta[: self.count][vertical]
         sure = self.std[: self.count][vertical]
         if len(moved) >= 4 and np.max(sure) < 0.03 and np.ptp(moved) < 0.03 and abs(np.mean(moved)) > 0.04:
@@ -346,7 +346,7 @@ class ParameterEstimator:
         return tuple(name for n, name in enumerate(self._names()) if low[n] or high[n])
 
     def _names(self) -> list[str]:
-        return [f"{self.arrangement.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.slots]
+        return [f"{self.geometry.mounts[s.mount].name}.{AXES[s.axis]}.{ROLES[s.role]}" for s in self.free_parameters]
 
     # -- input ------------------------------------------------------------------------------------------------------------
 
@@ -386,7 +386,7 @@ class ParameterEstimator:
 
     def _filtered(self, dt: float) -> BalanceChunk:
         joined = BalanceInput.join(self._blocks)
-        leans = bool(np.abs(joined.turn).max() > _LEANING)
+        leans = bool(np.abs(joined.turn).max() > _LARGEST_ROTATION)
         self._upright = 0.0 if leans else self._upright + len(joined.support) * dt
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
@@ -394,14 +394,14 @@ class ParameterEstimator:
             self._doubt.observe(*self._model.inertial.moved, dt)
             self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
             self._square_ticks += len(joined.support)
-            vertical = joined.support[:, 2] / self.arrangement.body.mass.value - self.arrangement.vehicle.gravity
+            vertical = joined.support[:, 2] / self.geometry.body.mass.value - self.geometry.vehicle.gravity
             self._doubt.weigh(joined.relative, vertical, dt)
         return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
         size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
-        repeats = self._repetition.observe(chunk.measured[:, :3], chunk.step)
+        repeats = self._periodic.observe(chunk.measured[:, :3], chunk.step)
         self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
         self.excited = self.excited and not repeats and self._upright >= _SETTLE / self._model.balance.corner
         weights = self._weights(covariance + self._unseen)
@@ -449,7 +449,7 @@ class ParameterEstimator:
 
     def _weights(self, covariance: Array) -> Array:
         """Return the whitening of the innovations, shape (6, 6), zero for coordinates the body does not have."""
-        free = np.flatnonzero(self.arrangement.free)
+        free = np.flatnonzero(self.geometry.free)
         result = np.zeros((6, 6))
         result[np.ix_(free, free)] = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)]))
         return result
@@ -494,7 +494,7 @@ class ParameterEstimator:
             return False
         self._filter = found
         before = self._now()
-        self._heed(found)
+        self._take_over(found)
         self._note_changes(found.changes, before)
         response = self._refinement.model.response
         self._model.prepare(self.theta, response.step)
@@ -511,17 +511,17 @@ class ParameterEstimator:
         before, changes, known = self.theta.copy(), own.changes, self._now()
         if self._square_ticks:
             rms = np.sqrt(self._squares / self._square_ticks)
-            amplitude = np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.slots])
+            amplitude = np.array([rms[s.role, 3 * s.mount + s.axis] for s in self.free_parameters])
             self._amplitude.observe(interval, before, amplitude, own.memory.inflation)
         if own.learn(interval, before):
             largest = self.settings.largest_step
             own.hold(np.clip(own.theta, before - largest, before + largest))
-            self._heed(own)
+            self._take_over(own)
             self._model.prepare(self.theta, step)
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
             self._drop_look()
-        elif own.innovation_ratio > _RESTLESS and not self._reviews:
+        elif own.innovation_ratio > _LARGE_INNOVATIONS and not self._reviews:
             # too small a change for the gate would widen the scatter and never be learned
             self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
 
@@ -541,7 +541,7 @@ class ParameterEstimator:
         self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
         return True
 
-    def _heed(self, own: ParameterFilter) -> None:
+    def _take_over(self, own: ParameterFilter) -> None:
         """Take over parameters, standard deviations and status from a filter."""
         self.theta, self.std = own.theta.copy(), own.std.copy()
         mine = slice(0, self.count)
@@ -565,7 +565,7 @@ class ParameterEstimator:
             return std
         law = self._model.law
         doubt = self._doubt.std(law.stiffness, law.damping, self._model.spread(self._prior_std[: self.count], 0.0))
-        added = np.array([doubt[s.role, s.mount, s.axis] for s in self.slots])
+        added = np.array([doubt[s.role, s.mount, s.axis] for s in self.free_parameters])
         return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
 
     # -- persistence ------------------------------------------------------------------------------------------------------

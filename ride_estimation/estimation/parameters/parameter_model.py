@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement, weight_at
+from ride_estimation.estimation.common.geometry import Geometry, weight_at
+from ride_estimation.estimation.forces.free_parameters import FreeParameter
 from ride_estimation.estimation.forces.mount_forces import static_share
 from ride_estimation.estimation.forces.mount_law import MountLaw
-from ride_estimation.estimation.forces.slots import Slot
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT, ForceBalance
 from ride_estimation.estimation.parameters.response import ModelResponse
@@ -28,9 +28,9 @@ class ParameterModel:
 
     Parameters
     ----------
-    arrangement, tilting
+    geometry, tilting
         Body and mounts, and how the brackets tilt.
-    slots
+    free_parameters
         Multipliers that are estimated, N of them.
     turns
         Axes (0 to 2) about which the inertia is estimated, R of them.
@@ -43,42 +43,42 @@ class ParameterModel:
     """
 
     def __init__(
-        self, arrangement: Arrangement, tilting: BracketTilt, slots: tuple[Slot, ...], turns: tuple[int, ...],
+        self, geometry: Geometry, tilting: BracketTilt, free_parameters: tuple[FreeParameter, ...], turns: tuple[int, ...],
         offsets: tuple[int, ...], corner_hz: float, by_transducers: bool,
     ) -> None:  # fmt: skip
-        self.arrangement, self.slots, self.turns, self.offsets = arrangement, slots, turns, offsets
-        self.law = MountLaw(arrangement)
+        self.geometry, self.free_parameters, self.turns, self.offsets = geometry, free_parameters, turns, offsets
+        self.law = MountLaw(geometry)
         #: where inertia is part of the vector
         self.inertial: ForceBalance | None = None
         self.balance: ForceBalance | TransducerBalance
         self.response: ModelResponse | MeasuredResponse
         if by_transducers:
-            self.balance = TransducerBalance(arrangement, slots, self.law, corner_hz)
+            self.balance = TransducerBalance(geometry, free_parameters, self.law, corner_hz)
             self.response = MeasuredResponse()
         else:
-            self.balance = self.inertial = ForceBalance(arrangement, tilting, slots, self.law, corner_hz, turns, offsets)
-            self.response = ModelResponse(self.inertial, arrangement.vehicle.gravity)
+            self.balance = self.inertial = ForceBalance(geometry, tilting, free_parameters, self.law, corner_hz, turns, offsets)
+            self.response = ModelResponse(self.inertial, geometry.vehicle.gravity)
         #: of the CG from its place in the file [m]
         self.offset = np.zeros(3)
         self._static_of: tuple[Array | None, Array] = None, self.offset
-        self._static = np.zeros((len(arrangement.mounts), 3))
+        self._static = np.zeros((len(geometry.mounts), 3))
 
     def spread(self, values: Array, empty: float) -> Array:
-        """Return values per slot as an array (2, M, 3) of role, mount and axis; ``empty`` where nothing is estimated."""
-        result = np.full((2, len(self.arrangement.mounts), 3), empty)
-        for slot, value in zip(self.slots, values):
-            result[slot.role, slot.mount, slot.axis] = value
+        """Return values per parameter as an array (2, M, 3) of role, mount and axis; ``empty`` where nothing is estimated."""
+        result = np.full((2, len(self.geometry.mounts), 3), empty)
+        for parameter, value in zip(self.free_parameters, values):
+            result[parameter.role, parameter.mount, parameter.axis] = value
         return result
 
     def offset_of(self, theta: Array) -> Array:
         """Return the offset of the CG from its place in the file, shape (3,) [m]; zero where the vector does not hold it."""
-        offset, own = np.zeros(3), theta[len(self.slots) + 1 + len(self.turns) :]
+        offset, own = np.zeros(3), theta[len(self.free_parameters) + 1 + len(self.turns) :]
         offset[list(self.offsets)] = OFFSET_UNIT * own if len(own) else 0.0
         return offset
 
     def scale(self, theta: Array) -> None:
         """Take parameters over into mounts and inertia."""
-        count = len(self.slots)
+        count = len(self.free_parameters)
         self.law.scale(self.spread(np.exp(theta[:count]), 1.0))
         if self.inertial is not None:
             self.inertial.scale_inertia(theta[count + 1 : count + 1 + len(self.turns)])
@@ -87,12 +87,12 @@ class ParameterModel:
     def prepare(self, theta: Array, step: float) -> None:
         """Make the response ready for a vector of parameters and a step [s]."""
         self.scale(theta)
-        self.response.prepare(self.static_force(), 1.0 + float(theta[len(self.slots)]), step)
+        self.response.prepare(self.static_force(), 1.0 + float(theta[len(self.free_parameters)]), step)
 
     def static_force(self) -> Array:
         """Return the static force on the body by each mount, shape (M, 3) [N]."""
         if self._static_of[0] is not self.law.stiffness or self._static_of[1] is not self.offset:
-            a = self.arrangement
+            a = self.geometry
             weight = weight_at(a, self.offset)
             stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
             stiffness = stiffness + 1e-9 * max(float(stiffness.max()), 1.0)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.estimate import Status
-from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.forces.free_parameters import FreeParameter
 
 Array = NDArray[np.float64]
 
@@ -39,13 +39,13 @@ def status_of(std: float, prior_std: float, valid_below: float = _VALID[0]) -> S
 
 
 class StatusTracker:
-    """Status of every slot.
+    """Status of every parameter.
 
     Parameters
     ----------
-    slots
+    free_parameters
         The multipliers.
-    arrangement
+    geometry
         For names.
     possible
         Whether parameters can be estimated at all.
@@ -53,20 +53,20 @@ class StatusTracker:
         Why not, where they cannot.
     """
 
-    def __init__(self, slots: tuple[Slot, ...], arrangement: Arrangement, possible: bool, reason: str) -> None:
-        self._slots = slots
+    def __init__(self, free_parameters: tuple[FreeParameter, ...], geometry: Geometry, possible: bool, reason: str) -> None:
+        self._free_parameters = free_parameters
         self._possible = possible
         self._reason = reason
-        self._status = [Status.STARTING if possible else Status.NOT_IDENTIFIABLE] * len(slots)
+        self._status = [Status.STARTING if possible else Status.NOT_IDENTIFIABLE] * len(free_parameters)
         self._intervals = 0
-        self._at_bound = np.zeros(len(slots), dtype=bool)
+        self._at_bound = np.zeros(len(free_parameters), dtype=bool)
 
     def of(self, n: int) -> tuple[Status, str]:
-        """Return status and reason of one slot."""
+        """Return status and reason of one parameter."""
         status = self._status[n]
         if not self._possible:
             return status, self._reason
-        axis = _DIRECTION[self._slots[n].axis]
+        axis = _DIRECTION[self._free_parameters[n].axis]
         if status is Status.VALID:
             return status, ""
         if status is Status.SUSPECT:
@@ -83,7 +83,7 @@ class StatusTracker:
     def follow(self, std: Array, prior: Array, theta: Array, intervals: int, lower: Array, upper: Array) -> None:
         """Update after so many more intervals."""
         self._intervals += intervals
-        for n in range(len(self._slots)):
+        for n in range(len(self._free_parameters)):
             if theta[n] <= lower[n] + 1e-9 or theta[n] >= upper[n] - 1e-9:
                 self._status[n] = Status.SUSPECT
                 continue

@@ -125,7 +125,7 @@ class Refinement:
     def _rescaled(self, kept: Kept, theta: Array) -> BalanceChunk:
         """Return a chunk for other parameters than those it was filtered with."""
         c, at = kept
-        n, turns, inertial = len(self.model.slots), self.model.turns, self.model.inertial
+        n, turns, inertial = len(self.model.free_parameters), self.model.turns, self.model.inertial
         own, placed = slice(n + 1, n + 1 + len(turns)), slice(n + 1 + len(turns), len(at))
         ratio = np.append(np.exp(theta[:n] - at[:n]), 1.0)
         shift = np.append(ratio[:-1] - 1.0, theta[n] - at[n])
@@ -161,7 +161,7 @@ class Refinement:
     def least_squares(self, chunks: Sequence[Kept]) -> Steps[Array]:
         """Return parameters from the linear regression on measured deflections (biased by noise, but never lost)."""
         count = len(self._prior_std)
-        n = len(self.model.slots)
+        n = len(self.model.free_parameters)
         spread = np.append(np.expm1(self._prior_std[:n]), self._prior_std[n:])
         rls = RecursiveLeastSquares(np.zeros(count), spread, 1.0 - 1e-9)
         for kept in chunks:

@@ -38,7 +38,7 @@ class ModelResponse:
         self.step = 0.0
         self._covariance, self._base_variance = np.eye(6), 0.0
         self._unseen = np.zeros((6, 6))
-        points = balance.arrangement.wrench[balance.arrangement.free]
+        points = balance.geometry.wrench[balance.geometry.free]
         self._rigid = np.linalg.pinv(points @ points.T, hermitian=True)
         self.reset()
 
@@ -69,7 +69,7 @@ class ModelResponse:
         mounts[:, 3:6] -= balance.static_turn(static_force, follow)
         gravity = np.zeros((6, 12))
         gravity[0, 4], gravity[1, 3] = -self._gravity, self._gravity
-        gravity[~balance.arrangement.free] = 0.0
+        gravity[~balance.geometry.free] = 0.0
         system = np.zeros((24, 24))
         system[:6, 6:12] = np.eye(6)
         system[6:12, :12] = -(mounts + gravity)
@@ -81,16 +81,16 @@ class ModelResponse:
         self.hold_old = np.ascontiguousarray(exact[:12, 12:18] - exact[:12, 18:24])
         self.feedback = np.ascontiguousarray(mounts)
         self.gain = self._kalman_gain(step)
-        p = balance.arrangement.wrench.T
+        p = balance.geometry.wrench.T
         self.elastic, self.viscous = np.zeros((self._count, 6)), np.zeros((self._count, 6))
         k, c = balance.law.stiffness, balance.law.damping
-        for n, slot in enumerate(balance.slots):
-            row = p[3 * slot.mount + slot.axis]
-            if slot.role == 0:
-                self.elastic[n] = k[slot.mount, slot.axis] * row
+        for n, parameter in enumerate(balance.free_parameters):
+            row = p[3 * parameter.mount + parameter.axis]
+            if parameter.role == 0:
+                self.elastic[n] = k[parameter.mount, parameter.axis] * row
             else:
-                self.viscous[n] = c[slot.mount, slot.axis] * row
-        for n, a in enumerate(balance.turns, start=len(balance.slots) + 1):
+                self.viscous[n] = c[parameter.mount, parameter.axis] * row
+        for n, a in enumerate(balance.turns, start=len(balance.free_parameters) + 1):
             self.elastic[n], self.viscous[n] = -mounts[3 + a, :6], -mounts[3 + a, 6:]
         self.step = step
 
@@ -117,7 +117,7 @@ class ModelResponse:
         ``A - S R^-1 C``, ``Q - S R^-1 S^T`` the equations are those of uncorrelated noise (Anderson and Moore, Optimal Filtering,
         5.4). The more of it there is, the more the simulated body follows the measured one along these directions.
         """
-        free = self._balance.arrangement.free
+        free = self._balance.geometry.free
         gain = np.zeros((12, 6))
         states = np.flatnonzero(np.concatenate([free, free]))
         outputs = np.flatnonzero(free)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
@@ -58,12 +58,12 @@ class StaticTravel:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts, transducers.
     """
 
-    def __init__(self, arrangement: Arrangement) -> None:
-        self._arrangement = a = arrangement
+    def __init__(self, geometry: Geometry) -> None:
+        self._geometry = a = geometry
         self.possible = transducers_suffice(a) and bool(a.free[2])
         law = MountLaw(a)
         self._stiffness, self._damping = law.stiffness[:, 2], law.damping[:, 2]
@@ -80,7 +80,7 @@ class StaticTravel:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._mean, self._rectified = np.zeros(6), np.zeros(len(self._arrangement.mounts))
+        self._mean, self._rectified = np.zeros(6), np.zeros(len(self._geometry.mounts))
         self._time, self._loaded = 0.0, False
 
     def observe(self, missing: Array, rate: Array, duration: float) -> None:
@@ -107,7 +107,7 @@ class StaticTravel:
 
     def _ratio(self) -> tuple[float, float]:
         """Return the mass of the file over the present one and its standard deviation."""
-        weight = float(self._arrangement.weight[2])
+        weight = float(self._geometry.weight[2])
         zero, rectified = float(np.linalg.norm(self._stiffness)), float(self._damping @ self._rectified)
         std = math.hypot(_ZERO_STD * zero, _RECTIFIED_STD * rectified, _READING_STD * weight) / weight
         return 1.0 + float(self._vertical[0] @ self._mean) / weight, std
@@ -119,7 +119,7 @@ class StaticTravel:
 
     def found(self) -> Load | None:
         """Return the load, None while the means agree with the file."""
-        a, (_, roll, pitch) = self._arrangement, self._vertical @ self._mean
+        a, (_, roll, pitch) = self._geometry, self._vertical @ self._mean
         ratio, std = self._ratio()
         least = max(_CLEAR * std, _WORTH) * (_STAYS if self._loaded else 1.0)
         self._loaded = least < abs(ratio - 1.0) and _POSSIBLE < ratio < 1.0 / _POSSIBLE

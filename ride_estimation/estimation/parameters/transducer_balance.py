@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.forces.free_parameters import FreeParameter
 from ride_estimation.estimation.forces.mount_law import MountLaw
-from ride_estimation.estimation.forces.slots import Slot
 from ride_estimation.estimation.parameters.balance_kernel import high_pass_block
 from ride_estimation.estimation.parameters.force_balance import BalanceChunk, BalanceInput, inverse_mass
 
@@ -28,20 +28,20 @@ class TransducerBalance:
 
     Parameters
     ----------
-    arrangement, slots, law, corner_hz
-        As there; ``slots`` holds vertical axes only.
+    geometry, free_parameters, law, corner_hz
+        As there; ``free_parameters`` holds vertical axes only.
     """
 
-    def __init__(self, arrangement: Arrangement, slots: tuple[Slot, ...], law: MountLaw, corner_hz: float) -> None:
-        self.arrangement = arrangement
-        self.slots = slots
+    def __init__(self, geometry: Geometry, free_parameters: tuple[FreeParameter, ...], law: MountLaw, corner_hz: float) -> None:
+        self.geometry = geometry
+        self.free_parameters = free_parameters
         self.law = law
         self.corner = 2.0 * np.pi * corner_hz
-        self._count = len(arrangement.mounts)
+        self._count = len(geometry.mounts)
         # only heave, roll and pitch
-        self._inverse = inverse_mass(arrangement)
+        self._inverse = inverse_mass(geometry)
         self._inverse[[0, 1, 5]] = 0.0
-        self._push = -self._inverse @ arrangement.wrench[:, 2::3]
+        self._push = -self._inverse @ geometry.wrench[:, 2::3]
         self.reset()
 
     def reset(self) -> None:
@@ -56,7 +56,7 @@ class TransducerBalance:
         ticks = len(data.support)
         horizontal = data.dynamic.copy()
         horizontal[:, :, 2] = 0.0
-        wrench = data.support - horizontal.reshape(ticks, -1) @ self.arrangement.wrench.T
+        wrench = data.support - horizontal.reshape(ticks, -1) @ self.geometry.wrench.T
         raw = np.hstack([data.deflection[:, :, 2], wrench @ self._inverse.T])
         if self._offset is None:
             self._offset = raw.mean(axis=0)
@@ -74,10 +74,10 @@ class TransducerBalance:
         mean = stacked[:whole].reshape(-1, average, stacked.shape[1]).mean(axis=1)
         x, measured, v = mean[:, : self._count], mean[:, self._count : self._count + 6], mean[:, self._count + 6 :]
         elastic, viscous = x * self.law.stiffness[:, 2], v * self.law.damping[:, 2]
-        columns = np.zeros((len(mean), 6, len(self.slots) + 1))
-        for n, slot in enumerate(self.slots):
-            force = (elastic if slot.role == 0 else viscous)[:, slot.mount]
-            columns[:, :, n] = force[:, None] * self._push[:, slot.mount]
+        columns = np.zeros((len(mean), 6, len(self.free_parameters) + 1))
+        for n, parameter in enumerate(self.free_parameters):
+            force = (elastic if parameter.role == 0 else viscous)[:, parameter.mount]
+            columns[:, :, n] = force[:, None] * self._push[:, parameter.mount]
         return BalanceChunk(np.ascontiguousarray(measured), (elastic + viscous) @ self._push.T, columns, dt * average)
 
 
@@ -107,7 +107,7 @@ class MeasuredResponse:
         return chunk.measured - chunk.modelled, chunk.columns
 
 
-def transducers_suffice(arrangement: Arrangement) -> bool:
+def transducers_suffice(geometry: Geometry) -> bool:
     """Return whether every mount has a vertical displacement transducer."""
-    having = {s.mount for s in arrangement.transducers if s.axis == "z"}
-    return bool(arrangement.mounts) and all(m.name in having for m in arrangement.mounts)
+    having = {s.mount for s in geometry.transducers if s.axis == "z"}
+    return bool(geometry.mounts) and all(m.name in having for m in geometry.mounts)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.kinematics.deformation_spectrum import DeformationSpectrum
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.estimation.kinematics.frame_kernel import straighten
@@ -35,7 +35,8 @@ _SILENCE = 8.0
 _PORTION = 4.0
 #: share of the twist's mean square its error must be below for its tilt to be taken out
 _TRUSTED = 0.25
-#: least standard deviation of the angle at which a base sensor is mounted [rad] and that of its gain, as in mounting_doubt
+#: least standard deviation of the angle at which a base sensor is mounted [rad] and that of its gain, as in
+#: installation_uncertainty
 _ANGLE, _GAIN = np.radians(0.1), GAIN_TOLERANCE / np.sqrt(3.0)
 #: largest corner over the rate of the ticks
 _RESOLVED = 0.05
@@ -99,7 +100,7 @@ class DeflectionSmoother:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body and mounts, with an accelerometer at the base of every mount.
     frame
         Projector on deformation, and what tilt makes of it.
@@ -109,13 +110,13 @@ class DeflectionSmoother:
         Tangents of the mounts, shape (M, 3): what an error of value and rate costs.
     """
 
-    def __init__(self, arrangement: Arrangement, frame: FrameDeformation, maps: Array, stiffness: Array, damping: Array) -> None:
-        self._arms, self._gravity = arrangement.arms, arrangement.vehicle.gravity
+    def __init__(self, geometry: Geometry, frame: FrameDeformation, maps: Array, stiffness: Array, damping: Array) -> None:
+        self._arms, self._gravity = geometry.arms, geometry.vehicle.gravity
         self._frame, self._maps = frame, maps
         self._cost = np.mean(stiffness**2, axis=0), np.mean(damping**2, axis=0)
         self._deforming = frame.projector
         self._rigid = np.eye(len(frame.projector)) - frame.projector
-        self._base_variance = float(np.mean([s.noise_std**2 for s in arrangement.base_sensors if s is not None]))
+        self._base_variance = float(np.mean([s.noise_std**2 for s in geometry.base_sensors if s is not None]))
 
     def smooth(
         self, motion: Array, spin: Array, base: Array, swing: Array, motion_variance: Array, dt: float

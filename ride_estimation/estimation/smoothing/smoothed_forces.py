@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.forces.force_basis import ForceModel
 from ride_estimation.estimation.forces.mount_forces import ForceBlock, MountForceEstimator
 from ride_estimation.estimation.forces.mount_law import MountLaw
@@ -115,21 +115,21 @@ class SmootherRecorder:
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts and sensors.
     reason
         Why there shall be no second pass, empty where there shall.
     """
 
-    def __init__(self, arrangement: Arrangement, reason: str = "") -> None:
-        self.arrangement = arrangement
+    def __init__(self, geometry: Geometry, reason: str = "") -> None:
+        self.geometry = geometry
         #: why there is no second pass, empty where there is
-        self.reason = reason or _reason(arrangement)
+        self.reason = reason or _reason(geometry)
         self._base: list[NDArray[np.float32]] = []
         self._swing: list[Array] = []
         self._measured: list[Array] = []
         self.axes = np.array(
-            [3 * arrangement.mount_names.index(s.mount) + AXES.index(s.axis) for s in arrangement.transducers], dtype=np.int64
+            [3 * geometry.mount_names.index(s.mount) + AXES.index(s.axis) for s in geometry.transducers], dtype=np.int64
         )
         #: pieces of every stretch of ticks without a break, and its tick [s]
         self._stretches: list[tuple[list[_Piece], float]] = []
@@ -159,7 +159,7 @@ class SmootherRecorder:
         """Let a block that says nothing end the stretch; its ticks count all the same."""
         self._close()
         size = len(block.valid)
-        self._base.append(np.zeros((size, 3 * len(self.arrangement.mounts)), dtype=np.float32))
+        self._base.append(np.zeros((size, 3 * len(self.geometry.mounts)), dtype=np.float32))
         self._swing.append(np.zeros((size, 2, 3)))
         self._measured.append(np.zeros((size, 2, len(self.axes))))
         self._ticks, self._stamp = self._ticks + size, 0
@@ -199,10 +199,10 @@ class SmootherRecorder:
         return found
 
 
-def _reason(arrangement: Arrangement) -> str:
-    if not arrangement.mounts:
+def _reason(geometry: Geometry) -> str:
+    if not geometry.mounts:
         return "the vehicle file has no mounts of the body"
-    if not arrangement.has_base_motion:
+    if not geometry.has_base_motion:
         return (
             "not every mount has an accelerometer at its base: the deflections either come from transducers, which need no "
             "smoothing, or from equilibrium and ratios of stiffness, which smoothing does not improve"
@@ -227,11 +227,11 @@ class _SmoothedFrame(FrameDeformation):
 class _SmoothedForces(MountForceEstimator):
     """The online forces, on smoothed deflections."""
 
-    def __init__(self, arrangement: Arrangement, tilting: BracketTilt) -> None:
-        known = np.ones((len(arrangement.mounts), 3), dtype=bool)
-        super().__init__(arrangement, MountLaw(arrangement), known, tilting)
-        stated = np.array([s.noise_std**2 for s in arrangement.base_sensors if s is not None])
-        self.frame = _SmoothedFrame(self._g, stated, tilting, arrangement.vehicle.gravity, arrangement.arms)
+    def __init__(self, geometry: Geometry, tilting: BracketTilt) -> None:
+        known = np.ones((len(geometry.mounts), 3), dtype=bool)
+        super().__init__(geometry, MountLaw(geometry), known, tilting)
+        stated = np.array([s.noise_std**2 for s in geometry.base_sensors if s is not None])
+        self.frame = _SmoothedFrame(self._g, stated, tilting, geometry.vehicle.gravity, geometry.arms)
         self._frame = self.frame
 
     def use(self, model: ForceModel) -> None:
@@ -295,13 +295,13 @@ class _Stretch:
         self._own = {name: signals[name][self._ticks] for name in SIGNALS}
         models = [p.model for p in pieces]
         self._models = smoothed_course(models, np.array([(p.end - p.first) * dt for p in pieces]), memory)
-        self._forces = _SmoothedForces(recorder.arrangement, tilting)
+        self._forces = _SmoothedForces(recorder.geometry, tilting)
         self._forces.use(self._models[len(models) // 2])
         self._maps = tilting.maps.reshape(3 * len(tilting.maps), -1)
         self._swing, self._swing_rate = recorded.swing[:, 0], recorded.swing[:, 1]
         law = self._forces.law
-        smoother = DeflectionSmoother(recorder.arrangement, self._forces.frame, tilting.maps, law.stiffness, law.damping)
-        g = recorder.arrangement.wrench
+        smoother = DeflectionSmoother(recorder.geometry, self._forces.frame, tilting.maps, law.stiffness, law.damping)
+        g = recorder.geometry.wrench
         covariance = np.mean([p.motion_covariance for p in pieces], axis=0)
         variance = np.einsum("ri,rs,si->i", g, covariance, g).reshape(-1, 3).mean(axis=0)
         self._smoothed: SmoothedDeflection = smoother.smooth(

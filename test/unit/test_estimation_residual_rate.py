@@ -6,7 +6,7 @@ import pytest
 
 from ride_estimation.estimation.forces.mount_forces import double_cross_gradient
 from ride_estimation.estimation.motion.centripetal import centripetal_terms
-from ride_estimation.estimation.motion.spare_rate import SpareRate
+from ride_estimation.estimation.motion.residual_rate import ResidualRate
 
 PLACES = np.array([[0.8, 0.6, -0.3], [0.8, -0.6, -0.4], [-0.8, 0.6, -0.3], [-0.7, -0.6, 0.9]])
 DIRECTIONS, POINTS = np.tile(np.eye(3), (4, 1)), np.repeat(PLACES, 3, axis=0)
@@ -18,7 +18,7 @@ DT, NOISE = 0.005, 0.02
 def windows(true, guess, error=0.0):
     """Return state and covariances after 20 s at rest and 2 s at ``true`` [rad/s], first thought to be ``guess``."""
     rng = np.random.default_rng(8)
-    test = SpareRate(centripetal_terms(DIRECTIONS, POINTS), ROWS, 6)
+    test = ResidualRate(centripetal_terms(DIRECTIONS, POINTS), ROWS, 6)
     state = np.zeros((5, 3))
     for n in range(220):
         omega = true if n >= 200 else np.zeros(3)

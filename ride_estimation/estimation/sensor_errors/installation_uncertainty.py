@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement, plate_fit
+from ride_estimation.estimation.common.geometry import Geometry, plate_fit
 from ride_estimation.estimation.sensor_errors.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
 
 Array = NDArray[np.float64]
@@ -53,29 +53,29 @@ _LEAST = 1e-6
 _NOISE = (0.013672, 0.123046)
 
 
-class MountingDoubt:
+class InstallationUncertainty:
     """Follows how much the mounts move and states what the sensors at their bases may hide.
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body and mounts.
     corner
         w of the sections deflections and rates were passed through [rad/s].
     """
 
-    def __init__(self, arrangement: Arrangement, corner: float) -> None:
-        wrench = arrangement.wrench[arrangement.free]
+    def __init__(self, geometry: Geometry, corner: float) -> None:
+        wrench = geometry.wrench[geometry.free]
         self._rigid = np.linalg.pinv(wrench) @ wrench
-        self._count, self._gravity = len(arrangement.mounts), arrangement.vehicle.gravity
-        variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in arrangement.base_sensors])
+        self._count, self._gravity = len(geometry.mounts), geometry.vehicle.gravity
+        variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in geometry.base_sensors])
         split = 1.0 - np.diag(self._rigid).reshape(self._count, 3)
         #: variance per tick that noise makes of the deforming part of deflection and rate, (2, M, 3)
         self._noise = np.array([share / corner**power for share, power in zip(_NOISE, (3, 1))])[:, None, None] * (
             variance[:, None] * split
         )
         #: share of every vertical stiffness in the splits that only the deformation tells, shape (M,)
-        self._open = _untold_share(plate_fit(arrangement.mounts)[0])
+        self._open = _untold_share(plate_fit(geometry.mounts)[0])
         self._time = 0.0
         #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
         self._square = np.zeros((2, 3, self._count, 3))

@@ -21,7 +21,7 @@ _RATE = 50.0
 _REPEATS = 0.9
 
 
-class Repetition:
+class PeriodicExcitation:
     """Whether the excitation repeats itself."""
 
     def __init__(self) -> None:

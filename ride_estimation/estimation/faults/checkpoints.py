@@ -12,7 +12,7 @@ from ride_estimation.estimation.common.saved_state import all_finite
 _DISTANCE, _DEPTH = 1.0, 30.0
 
 
-class LearnedCopies:
+class Checkpoints:
     """Copies of what was learned and of the deflections, one a second."""
 
     def __init__(self) -> None:

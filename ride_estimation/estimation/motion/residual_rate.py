@@ -28,7 +28,7 @@ _WINDOW, _ALIKE, _MEMORY = 0.1, 2.0, 60.0
 _DEPENDENT = 4.0
 
 
-class SpareRate:
+class ResidualRate:
     """Correction of the angular rate by the residuals of the accelerometers.
 
     Parameters

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.motion.residual_doubt import error_of_one, residual_doubt
+from ride_estimation.estimation.motion.residual_covariance import error_of_one, residual_covariance
 
 STATED = 0.02**2
 SPARE = 6
@@ -27,7 +27,7 @@ def judged(rng: np.random.Generator, rows: np.ndarray, weights: np.ndarray, nois
     """Return factor and covariance by biases for drawn noise, independent from tick to tick."""
     errors = bias + noise * rng.standard_normal((ticks, 12))
     residuals = errors - errors @ weights.T @ rows.T
-    return residual_doubt(residuals.mean(axis=0), residuals.var(axis=0), np.full(12, STATED), weights, float(ticks), SPARE)
+    return residual_covariance(residuals.mean(axis=0), residuals.var(axis=0), np.full(12, STATED), weights, float(ticks), SPARE)
 
 
 def test_noise_as_stated_adds_nothing_and_more_noise_scales_by_as_much():

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 
 from ride_estimation.elements.base import ForceElement
-from ride_estimation.estimation.common.arrangement import Arrangement
+from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.frames import AXES
@@ -16,7 +16,7 @@ from ride_estimation.vehicles.vehicle import Mount, Prior
 
 
 @dataclasses.dataclass(frozen=True)
-class Slot:
+class FreeParameter:
     """One multiplier of all parameters of a role of one element.
 
     Attributes
@@ -37,25 +37,27 @@ class Slot:
     upper: float
 
 
-def find_slots(arrangement: Arrangement, settings: PipelineSettings) -> tuple[Slot, ...]:
-    """Return the multipliers the elements of an arrangement have, stiffness first."""
-    return find_slots_of(arrangement.mounts, settings)
+def find_free_parameters(geometry: Geometry, settings: PipelineSettings) -> tuple[FreeParameter, ...]:
+    """Return the multipliers the elements of a geometry have, stiffness first."""
+    return find_free_parameters_of(geometry.mounts, settings)
 
 
-def find_slots_of(mounts: Sequence[Mount], settings: PipelineSettings) -> tuple[Slot, ...]:
-    """Return the multipliers the elements of some mounts have, stiffness first; ``Slot.mount`` counts these mounts."""
+def find_free_parameters_of(mounts: Sequence[Mount], settings: PipelineSettings) -> tuple[FreeParameter, ...]:
+    """Return the multipliers the elements of some mounts have, stiffness first; ``FreeParameter.mount`` counts these mounts."""
     found = []
     for role in range(len(ROLES)):
         for i, mount in enumerate(mounts):
             for a, axis in enumerate(AXES):
                 if axis in mount.elements:
-                    slot = _slot(role, i, a, mount, mount.elements[axis], settings)
-                    if slot is not None:
-                        found.append(slot)
+                    parameter = _free_parameter(role, i, a, mount, mount.elements[axis], settings)
+                    if parameter is not None:
+                        found.append(parameter)
     return tuple(found)
 
 
-def _slot(role: int, i: int, a: int, mount: Mount, element: ForceElement, settings: PipelineSettings) -> Slot | None:
+def _free_parameter(
+    role: int, i: int, a: int, mount: Mount, element: ForceElement, settings: PipelineSettings
+) -> FreeParameter | None:
     declared = [p for p in element.parameters() if p.role == ROLES[role] and getattr(element, p.name) != 0.0]
     if not declared:
         return None
@@ -67,4 +69,4 @@ def _slot(role: int, i: int, a: int, mount: Mount, element: ForceElement, settin
     ratio = settings.largest_ratio
     lower = max(prior.lower / value, 1.0 / ratio) if prior.lower > 0.0 else 1.0 / ratio
     upper = min(max(prior.upper / value, 1.0), ratio)
-    return Slot(role, i, a, math.sqrt(math.log1p(relative**2)), math.log(min(lower, 1.0)), math.log(upper))
+    return FreeParameter(role, i, a, math.sqrt(math.log1p(relative**2)), math.log(min(lower, 1.0)), math.log(upper))

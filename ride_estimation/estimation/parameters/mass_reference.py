@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.arrangement import Arrangement
 from ride_estimation.estimation.common.estimate import Estimate, Status
-from ride_estimation.estimation.forces.slots import Slot
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.forces.free_parameters import FreeParameter
 from ride_estimation.estimation.parameters.parameter_change import common_change
 from ride_estimation.estimation.parameters.static_travel import Load
 from ride_estimation.frames import AXES
@@ -81,23 +81,23 @@ class _Cell:
     time: float = 0.0
 
 
-class MassAnchor:
+class MassReference:
     """The factor between the true mass and the one of the vehicle file.
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body, mounts, force references.
-    slots
+    free_parameters
         Multipliers of the parameter estimator.
     """
 
-    def __init__(self, arrangement: Arrangement, slots: Sequence[Slot]) -> None:
-        self.arrangement = arrangement
-        self._slots = tuple(slots)
-        body = arrangement.body.name
+    def __init__(self, geometry: Geometry, free_parameters: Sequence[FreeParameter]) -> None:
+        self.geometry = geometry
+        self._free_parameters = tuple(free_parameters)
+        body = geometry.body.name
         self._references = tuple(
-            r for r in arrangement.vehicle.force_references if r.mount in arrangement.mount_names or r.body == body
+            r for r in geometry.vehicle.force_references if r.mount in geometry.mount_names or r.body == body
         )
         self.known = any(r.kind == "known_mass" for r in self._references)
         self._cells = {r.sensor: _Cell(np.zeros(3), np.zeros(3)) for r in self._references if r.kind == "load_cell"}
@@ -119,7 +119,7 @@ class MassAnchor:
     @property
     def cells(self) -> tuple[tuple[str, int], ...]:
         """Return (sensor, mount index) of the load cells that anchor forces."""
-        names = self.arrangement.mount_names
+        names = self.geometry.mount_names
         return tuple((r.sensor, names.index(r.mount)) for r in self._references if r.kind == "load_cell")
 
     @property
@@ -200,7 +200,7 @@ class MassAnchor:
 
     def least_share(self, offset: Array) -> float:
         """Return the share of the mass that a load between the mounts has at least where the CG is off by (3,) [m]."""
-        distance, arms = float(np.linalg.norm(offset[:2])), self.arrangement.arms[:, :2]
+        distance, arms = float(np.linalg.norm(offset[:2])), self.geometry.arms[:, :2]
         if distance == 0.0:
             return 0.0
         return distance / max(float(np.max(arms @ offset[:2])) / distance, distance)
@@ -217,9 +217,9 @@ class MassAnchor:
         return [*self._words_of_load(), *self._words_of_change()]
 
     def _words_of_load(self) -> list[str]:
-        body = self.arrangement.body
+        body = self.geometry.body
         if self._load is not None:
-            mass = self.factor()[0] * self.arrangement.file_mass
+            mass = self.factor()[0] * self.geometry.file_mass
             added = mass * -math.expm1(-self._load[0])
             way = "carries a load that its file does not know" if added > 0.0 else "is lighter than its file says"
             words = f"{body.name} {way}: {added:+.0f} +- {mass * self._load[1]:.0f} kg by the static travel of its mounts"
@@ -238,7 +238,7 @@ class MassAnchor:
     def _words_of_change(self) -> list[str]:
         if self.doubt == 0.0 or not self._together or any(self._references[n].kind != "air_spring_pressure" for n in self._found):
             return []
-        body, load = self.arrangement.body.name, math.expm1(-self._together)
+        body, load = self.geometry.body.name, math.expm1(-self._together)
         way, other = ("fell", "softened") if load > 0.0 else ("rose", "stiffened")
         return [
             f"all stiffness and damping values {way} together by {100 * abs(math.expm1(self._together)):.0f} % during the run: "
@@ -252,11 +252,13 @@ class MassAnchor:
         """Return (logarithm of the factor, its standard deviation) of one reference, None while it tells nothing."""
         own = float(r.details.get("relative_std", DEFAULT_STD.get(r.kind, 0.0)))
         if r.kind == "known_stiffness":
-            slot = self._slot(r)
-            return None if slot is None or std[slot] > 0.1 else (-float(theta[slot]), math.hypot(own, float(std[slot])))
+            parameter = self._free_parameter(r)
+            if parameter is None or std[parameter] > 0.1:
+                return None
+            return -float(theta[parameter]), math.hypot(own, float(std[parameter]))
         if r.kind == "air_spring_pressure":
             force = float(r.details["pressure"]) * float(r.details["area"])
-            weight = float(static_force[self.arrangement.mount_names.index(r.mount), AXES.index(r.axis or "z")])
+            weight = float(static_force[self.geometry.mount_names.index(r.mount), AXES.index(r.axis or "z")])
             if "force_std" in r.details:
                 own = float(r.details["force_std"]) / force
             if weight <= 0.0 or force <= 0.0:
@@ -272,10 +274,10 @@ class MassAnchor:
             return self._added(r, own, theta, std, run_time, excited_time)
         return None
 
-    def _slot(self, r: ForceReference) -> int | None:
-        names = self.arrangement.mount_names
-        for n, slot in enumerate(self._slots):
-            if slot.role == 0 and names[slot.mount] == r.mount and AXES[slot.axis] == r.axis:
+    def _free_parameter(self, r: ForceReference) -> int | None:
+        names = self.geometry.mount_names
+        for n, parameter in enumerate(self._free_parameters):
+            if parameter.role == 0 and names[parameter.mount] == r.mount and AXES[parameter.axis] == r.axis:
                 return n
         return None
 
@@ -287,7 +289,7 @@ class MassAnchor:
         It is that of the present mass: with what was added until it is taken off again.
         """
         start, end = float(r.details["from_s"]), float(r.details.get("to_s", math.inf))
-        added, file_mass = float(r.details["mass"]), self.arrangement.file_mass
+        added, file_mass = float(r.details["mass"]), self.geometry.file_mass
         if run_time < start:
             self._before, self._added_at = (theta.copy(), std.copy()), excited_time
             return None
@@ -297,7 +299,7 @@ class MassAnchor:
             return math.log(self._bare[0] / file_mass), self._bare[1]
         if self._before is None or excited_time - self._added_at < _SETTLED:
             return None
-        vertical = np.array([s.axis == 2 for s in self._slots])
+        vertical = np.array([s.axis == 2 for s in self._free_parameters])
         change, fall_std, _ = common_change(*(values[vertical] for values in (*self._before, theta, std)))
         fall = -change
         ratio = math.expm1(fall)
@@ -311,7 +313,7 @@ class MassAnchor:
 
     def factor(self) -> tuple[float, float]:
         """Return the factor on the file's mass and its relative standard deviation."""
-        prior = self.arrangement.body.mass
+        prior = self.geometry.body.mass
         relative = prior.std / prior.value if prior.std else 0.0
         if self.known or not self._found:
             log, std = self._load or (0.0, 0.0)
@@ -341,7 +343,7 @@ class MassAnchor:
 
     def mass(self, stamp_ns: int) -> Estimate:
         """Return the mass as it is estimated."""
-        body = self.arrangement.body
+        body = self.geometry.body
         factor, relative = self.factor()
         status, reason = self.status()
         mass = body.mass.value * factor

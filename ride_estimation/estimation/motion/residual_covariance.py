@@ -27,7 +27,7 @@ _CLEARLY = 3.0
 _DRIFT, _CHANGE_BY_CHANCE = 0.5 * BIAS_TOLERANCE, 2.0
 
 
-def residual_doubt(
+def residual_covariance(
     mean: Array, moving: Array, stated: Array, weights: Array, count: float, spare: int
 ) -> tuple[float, Array]:  # fmt: skip
     """Return a factor on the standard deviation of the motion, at least 1, and what biases add to its covariance, shape (6, 6).

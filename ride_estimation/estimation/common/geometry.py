@@ -29,7 +29,7 @@ USUAL_SHARES = np.array([0.6, 0.0, 0.6, 0.0])
 
 
 @dataclasses.dataclass(frozen=True)
-class Arrangement:
+class Geometry:
     """One rigid body on M mounts.
 
     Attributes
@@ -120,7 +120,7 @@ class Arrangement:
         return tuple(m.name for m in self.mounts)
 
 
-def arrange(vehicle: Vehicle) -> Arrangement:
+def geometry_of(vehicle: Vehicle) -> Geometry:
     """Pick the body that the accelerometers watch and describe it.
 
     The body is ``cab`` where there is one with accelerometers, else the body with most accelerometers.
@@ -147,7 +147,7 @@ def arrange(vehicle: Vehicle) -> Arrangement:
     for i, arm in enumerate(arms):
         wrench[:, 3 * i : 3 * i + 3] = np.vstack([np.eye(3), skew(arm)])
     carried, ignored = _hung_on(vehicle, name)
-    return Arrangement(
+    return Geometry(
         vehicle=vehicle,
         body=body,
         mounts=mounts,
@@ -252,18 +252,18 @@ def channel_geometry(sensors: Sequence[Sensor], cg: Array) -> tuple[Array, Array
     return directions, points
 
 
-def weight_at(arrangement: Arrangement, offset: Array) -> Array:
+def weight_at(geometry: Geometry, offset: Array) -> Array:
     """Return the wrench about the CG of the file that carries the body with its CG elsewhere, shape (6,) [N, N m].
 
     Parameters
     ----------
-    arrangement
+    geometry
         Body and what it carries.
     offset
         Of the CG from its place in the file, shape (3,) [m].
     """
-    weight = np.array([0.0, 0.0, arrangement.body.mass.value * arrangement.vehicle.gravity])
-    return np.asarray(arrangement.weight + np.concatenate([np.zeros(3), np.cross(offset, weight)]))
+    weight = np.array([0.0, 0.0, geometry.body.mass.value * geometry.vehicle.gravity])
+    return np.asarray(geometry.weight + np.concatenate([np.zeros(3), np.cross(offset, weight)]))
 
 
 def base_transport(mounts: Sequence[Mount], sensors: Sequence[Sensor | None]) -> Array | None:

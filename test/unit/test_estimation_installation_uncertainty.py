@@ -8,12 +8,12 @@ import pathlib
 
 import numpy as np
 
-from ride_estimation.estimation.common.arrangement import arrange
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.parameters.balance_kernel import high_pass_block, integrate_block
-from ride_estimation.estimation.sensor_errors.mounting_doubt import MountingDoubt
+from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
 from ride_estimation.io.vehicle_file import load_vehicle
 
-ARRANGEMENT = arrange(load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"))
+ARRANGEMENT = geometry_of(load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"))
 CORNER, DT = 2.0 * np.pi * 0.4, 0.005
 K, C = np.full((4, 3), 3e5), np.full((4, 3), 1e4)
 PRIOR = np.full((2, 4, 3), 0.3)
@@ -21,7 +21,7 @@ PRIOR = np.full((2, 4, 3), 0.3)
 
 def stated(x: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Standard deviations for deflections and rates (K, 4, 3)."""
-    doubt = MountingDoubt(ARRANGEMENT, CORNER)
+    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
     doubt.observe(x.reshape(len(x), 12), rate.reshape(len(x), 12), DT)
     return doubt.std(K, C, PRIOR)
 
@@ -64,11 +64,11 @@ def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
     body[:, :, 1] = np.radians(0.5) * 9.80665
     found = []
     for relative in (ticks, one, body):
-        doubt = MountingDoubt(ARRANGEMENT, CORNER)
+        doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
         doubt.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
         doubt.weigh(relative, np.zeros(len(relative)), DT)
         found.append(doubt.std(K, C, PRIOR))
-        again = MountingDoubt(ARRANGEMENT, CORNER)
+        again = InstallationUncertainty(ARRANGEMENT, CORNER)
         again.load(doubt.save())
         assert np.array_equal(again.std(K, C, PRIOR), found[-1])
     assert np.array_equal(found[0], usual)
@@ -102,7 +102,7 @@ def test_gains_matter_more_where_body_and_base_move_far_more_than_the_mount_give
     relative[:, :, 2] = 0.02 * rng.standard_normal((len(x), 4))
     stds = []
     for lifted in (0.01 * common, common):
-        doubt = MountingDoubt(ARRANGEMENT, CORNER)
+        doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
         doubt.observe(x, 30.0 * x, DT)
         doubt.weigh(relative, lifted, DT)
         stds.append(doubt.std(K, C, PRIOR)[0, :, 2])
@@ -118,7 +118,7 @@ def test_a_split_that_only_noise_tells_is_as_doubtful_as_the_vehicle_file():
     passed, x, v = (np.empty_like(relative) for _ in range(3))
     high_pass_block(relative, CORNER, DT, np.zeros((3, 12)), passed)
     integrate_block(passed, CORNER, DT, np.zeros((9, 12)), x, v)
-    doubt = MountingDoubt(ARRANGEMENT, CORNER)
+    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
     doubt.observe(x, v, DT)
     # 200 s at 0.4 Hz and above hold about a hundred independent values of every mount
     assert np.all(doubt.std(K, C, PRIOR)[:, :, :2] > 0.8 * 0.3)
@@ -126,18 +126,18 @@ def test_a_split_that_only_noise_tells_is_as_doubtful_as_the_vehicle_file():
 
 def test_a_chance_course_of_vertical_motion_is_worse_for_the_damping_of_stiff_mounts():
     x = motion(np.random.default_rng(5), 1e-4)
-    doubt = MountingDoubt(ARRANGEMENT, CORNER)
+    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
     doubt.observe(x.reshape(len(x), 12), 10.0 * x.reshape(len(x), 12), 30.0 / len(x))
     soft, stiff = doubt.std(0.0 * K, C, PRIOR), doubt.std(100.0 * K, C, PRIOR)
     assert np.all(stiff[1, :, 1] > 3.0 * soft[1, :, 1]) and np.array_equal(stiff[0], soft[0])
 
 
 def test_nothing_observed_is_no_doubt_and_a_saved_state_continues_alike():
-    doubt = MountingDoubt(ARRANGEMENT, CORNER)
+    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
     assert np.all(doubt.std(K, C, PRIOR) == 0.0)
     x = motion(np.random.default_rng(3), 1e-4).reshape(-1, 12)
     doubt.observe(x, x, DT)
-    other = MountingDoubt(ARRANGEMENT, CORNER)
+    other = InstallationUncertainty(ARRANGEMENT, CORNER)
     other.load(doubt.save())
     assert np.array_equal(other.std(K, C, PRIOR), doubt.std(K, C, PRIOR))
 
@@ -150,14 +150,14 @@ def test_six_mounts_leave_a_vertical_split_that_only_the_deformation_tells():
         f"m{n}": dataclasses.replace(first, name=f"m{n}", position=np.array([x, y, -0.4])) for n, (x, y) in enumerate(place)
     }
     sensors = {n: s for n, s in vehicle.sensors.items() if s.body == "cab"}
-    six = arrange(dataclasses.replace(vehicle, mounts=mounts, sensors=sensors))
+    six = geometry_of(dataclasses.replace(vehicle, mounts=mounts, sensors=sensors))
     rng = np.random.default_rng(6)
     heave = 10e-3 * rng.standard_normal((20000, 1))
     # a bending that goes along with the heave is the worst case, which the stated value is made for
     bend = 0.1 * heave * np.array([x * x for x, _ in place])
     x = np.zeros((20000, 6, 3))
     x[:, :, 2] = heave + bend
-    doubt = MountingDoubt(six, CORNER)
+    doubt = InstallationUncertainty(six, CORNER)
     doubt.observe(x.reshape(len(x), 18), 30.0 * x.reshape(len(x), 18), DT)
     found = doubt.std(np.full((6, 3), 3e5), np.full((6, 3), 1e4), np.full((2, 6, 3), 0.3))[0, :, 2]
     # by hand: y (1, -2, 1) is orthogonal to 1, x, y, x^2, x y (y^2 is constant); its shares are 1 / sqrt(12) and 2 / sqrt(12)
