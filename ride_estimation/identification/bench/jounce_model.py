@@ -133,7 +133,7 @@ def as_load(item: PreparedRecord, side: float, *, hold_out: bool = False) -> Loa
     factor = int(np.clip(_TRAVEL_PER_SAMPLE / max(speed * item.motion.step_s, 1e-12), 1, 20))
     if factor > 1:
         # slow records carry no more information at a high rate
-        return _as_load(item.decimated(factor), side, hold_out) if factor * 500 < travel.size else _as_load(item, side, hold_out)
+        return _as_load(item.thinned(factor), side, hold_out) if factor * 500 < travel.size else _as_load(item, side, hold_out)
     return _as_load(item, side, hold_out)
 
 

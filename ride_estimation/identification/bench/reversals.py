@@ -58,6 +58,12 @@ class Motion:
     dead_band: float
     corner_hz: float
 
+    def thinned(self, factor: int) -> Motion:
+        """Return every ``factor``-th sample with the branches kept."""
+        x = np.ascontiguousarray(self.x[::factor])
+        starts = np.minimum(-(-self.starts // factor), x.size)
+        return dataclasses.replace(self, x=x, step_s=self.step_s * factor, starts=starts)
+
     def decimated(self, factor: int) -> Motion:
         """Return means of ``factor`` samples, the branches kept, for a cheap start of a search; the last few are left out."""
         x = block_means(self.x, factor)

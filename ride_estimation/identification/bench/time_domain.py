@@ -65,6 +65,13 @@ class PreparedRecord:
         """Return which samples are fitted, shape (N,)."""
         return np.ones(self.force.size, dtype=bool) if self.weight is None else self.weight > 0.0
 
+    def thinned(self, factor: int) -> PreparedRecord:
+        """Return every ``factor``-th sample: slower, with the noise of the record, so that scores mean the same."""
+        weight = None if self.weight is None else np.ascontiguousarray(self.weight[::factor])
+        force = np.ascontiguousarray(self.force[::factor])
+        held = None if self.held_out is None else self.held_out[::factor]
+        return dataclasses.replace(self, motion=self.motion.thinned(factor), force=force, weight=weight, held_out=held)
+
     def decimated(self, factor: int) -> PreparedRecord:
         """Return means of ``factor`` samples at a time; one that holds a left-out sample is left out."""
         force = block_means(self.force, factor)
