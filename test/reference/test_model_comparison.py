@@ -125,7 +125,7 @@ def test_runs_without_base_accelerometer_or_too_short_are_refused(vehicle_file):
     vehicle = load_vehicle(vehicle_file)
     run, _ = record(QuarterCar(), 1)
     lone = UniformRun("lone", RATE, 0, {"body": run.data["body"]}, {"body": run.valid["body"]})
-    with pytest.raises(InputDataError, match="no accelerometer at the base"):
+    with pytest.raises(InputDataError, match="no triaxial accelerometer at the base"):
         MeasuredRun(vehicle, lone)
     short = UniformRun("short", RATE, 0, {n: v[:900] for n, v in run.data.items()}, {n: v[:900] for n, v in run.valid.items()})
     with pytest.raises(InputDataError, match="too short"):

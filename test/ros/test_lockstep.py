@@ -190,7 +190,9 @@ def _filled(message_class: type, frame: str, rng: np.random.Generator) -> object
         for name, kind in part.get_fields_and_field_types().items():
             if name == "header":
                 continue
-            if kind == "double":
+            if kind == "string":
+                setattr(part, name, frame)
+            elif kind == "double":
                 setattr(part, name, float(rng.normal()))
             elif kind == "double[9]":
                 setattr(part, name, rng.uniform(0.1, 1.0, 9))

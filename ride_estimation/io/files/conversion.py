@@ -75,6 +75,10 @@ def recording_from_file(file: MeasurementFile, sensors: Mapping[str, Sensor], ch
         if not any(name in by_name for name in names):
             problems.append(f"{sensor.name}: the file has no channel {', '.join(repr(n) for n in names)}")
             continue
+        missing = [name for name, _ in components(sensor) if name not in channels.sources]
+        if missing:
+            problems.append(f"{sensor.name}: the channel map has no {', '.join(missing)}")
+            continue
         parts = [_component(name, unit, channels, by_name, problems) for name, unit in wanted]
         used.update(names)
         if all(part is not None for part in parts):
