@@ -194,8 +194,8 @@ def _filled(message_class: type, frame: str, rng: np.random.Generator) -> object
                 setattr(part, name, frame)
             elif kind == "double":
                 setattr(part, name, float(rng.normal()))
-            elif kind == "double[9]":
-                setattr(part, name, rng.uniform(0.1, 1.0, 9))
+            elif kind in ("double[9]", "double[36]"):
+                setattr(part, name, rng.uniform(0.1, 1.0, int(kind[7:-1])))
             elif kind == "sequence<double>":
                 setattr(part, name, rng.normal(size=3).tolist())
             elif kind == "sequence<string>":
