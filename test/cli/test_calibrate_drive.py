@@ -17,6 +17,7 @@ from worlds.vehicle_text import vehicle_yaml
 from ride_estimation.cli import calibrate as command
 from ride_estimation.cli.main import main
 from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.model import drive_calibration
 from ride_estimation.estimation.model.drive_calibration import DriveCalibration, calibrate_drive, summary_lines
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.sensors.installation import Installation
@@ -143,7 +144,7 @@ def test_the_command_writes_a_vehicle_file_that_loads(
 ) -> None:
     save_vehicle(vehicle, tmp_path / "v.yaml")
     monkeypatch.setattr(command, "read_part", lambda *_: None)
-    monkeypatch.setattr(command, "calibrate_drive", lambda *_: found)
+    monkeypatch.setattr(drive_calibration, "calibrate_drive", lambda *_: found)
     out = tmp_path / "calibrated.yaml"
     assert main(["calibrate", "--drive", "run", "--vehicle", str(tmp_path / "v.yaml"), "--out", str(out)]) == 0
     sensors = load_vehicle(out).sensors
