@@ -55,7 +55,7 @@ def read_recorded_run(path: str | Path, vehicle: Vehicle, *, channels: str | Pat
     missing = [name for name in vehicle.sensors if name not in recording.channels]
     if missing:
         why = f"no channel for {', '.join(missing)}"
-        raise InputDataError(f"{path}: {why}; map them (--channels), or leave the sensors out (--without)")
+        raise InputDataError(f"{path}: {why}; map them (--channels), or leave the sensors out (replay --without)")
     return recording
 
 
