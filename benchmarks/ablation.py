@@ -44,8 +44,6 @@ from replay.layout_faults import WITHIN  # noqa: E402
 from worlds.adapters import believed_vehicle  # noqa: E402
 from worlds.roads import Road  # noqa: E402
 
-from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
-
 Figures = dict[str, list[float]]
 #: figures that are shares
 SHARES = ("inside", "named", "recovered", "finite", "identifiable")
@@ -237,31 +235,7 @@ def nominal(seeds: Sequence[int]) -> Figures:
     """Return errors and coverage of parameters, live and smoothed forces, and the consistency of the CG motion."""
     figures: Figures = {}
     for seed in seeds:
-        cab, data = targets.world(seed, 15.0, 0.01, 0.0, real=True)
-        pipeline = Pipeline(believed_vehicle(data, seed=seed))
-        blocks, estimates = targets.through(pipeline, data, targets.START + 10.0)
-        for group, error, ratio in targets.parameter_errors(cab, estimates):
-            figures.setdefault(group, []).append(error)
-            figures.setdefault(f"{group} inside", []).append(float(ratio <= 2.0))
-        good, row = targets.ticks_of(blocks, data)
-        late = data.time[row] > 8.0
-        true = data.truth["mount_force"][row][late]
-        later = targets.looked_back(pipeline, blocks)
-        live = (targets.joined(blocks, "mount_force"), targets.joined(blocks, "mount_force_std"))
-        for path, force, std in (("live", *live), ("smoothed", later.force, later.std)):
-            error, spread = force[good][late] - true, std[good][late]
-            for axis, own in (("vertical", slice(2, 3)), ("horizontal", slice(0, 2))):
-                size = np.sqrt(np.mean(error[..., own] ** 2, axis=0))
-                figures.setdefault(f"{path} force {axis}", []).extend((size / np.std(true, axis=0)[:, own]).ravel())
-                figures.setdefault(f"{path} force {axis} inside", []).append(
-                    float(np.mean(np.abs(error[..., own]) <= 2.0 * spread[..., own]))
-                )
-                ratio = np.sqrt(np.mean(spread[..., own] ** 2, axis=0)) / size
-                figures.setdefault(f"{path} force {axis} std over error", []).extend(ratio.ravel())
-        covariance = np.concatenate([np.tile(b.cg_accel_covariance, (len(b.stamp_ns), 1, 1)) for b in blocks])[good][late]
-        error = targets.joined(blocks, "cg_accel")[good][late] - data.truth["cg_accel"][row][late]
-        nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)
-        figures.setdefault("CG squared error over variance", []).append(float(np.mean(nees)) / 6.0)
+        targets.judge_drive(figures, seed, 0.01, 0.0, real=True)
     return figures
 
 

@@ -153,51 +153,58 @@ def parameter_errors(cab: CabVehicle, estimates: list) -> list[tuple[str, float,
     return found
 
 
+def judge_drive(rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool) -> tuple[CabVehicle, Measurement]:
+    """Add errors, coverage and consistency of the drive of a world to figures; return the world."""
+    cab, data = world(seed, 15.0, noise, anti_alias, real)
+    vehicle = believed_vehicle(data, seed=seed)
+    pipeline = Pipeline(vehicle)
+    blocks, estimates = through(pipeline, data, START + 10.0)
+    for group, error, ratio in parameter_errors(cab, estimates):
+        rows.setdefault(group, []).append(error)
+        rows.setdefault(f"{group} ratio", []).append(ratio)
+    good, row = ticks_of(blocks, data)
+    late = data.time[row] > 8.0
+    force, std = joined(blocks, "mount_force")[good][late], joined(blocks, "mount_force_std")[good][late]
+    true = data.truth["mount_force"][row][late]
+    score = np.sqrt(np.mean((force - true) ** 2, axis=0)) / np.std(true, axis=0)
+    inside = np.mean(np.abs(force - true) < 2.0 * std, axis=0)
+    # as for the parameters: the part that is not the mass's, which is right here
+    relative = estimates[0].std / estimates[0].value
+    own = std**2 - relative**2 * (cab.static_force**2 + np.var(true, axis=0))
+    apart = np.mean((force - true) ** 2 < 4.0 * np.maximum(own, 0.0), axis=0)
+    rows.setdefault("apart horizontal", []).extend(apart[:, :2].ravel())
+    rows.setdefault("apart vertical", []).extend(apart[:, 2])
+    rows.setdefault("force horizontal", []).extend(score[:, :2].ravel())
+    rows.setdefault("force vertical", []).extend(score[:, 2])
+    later = looked_back(pipeline, blocks)
+    error = later.force[good][late] - true
+    later_score = np.sqrt(np.mean(error**2, axis=0)) / np.std(true, axis=0)
+    held = np.mean(np.abs(error) < 2.0 * later.std[good][late], axis=0)
+    for axis, part in (("horizontal", slice(0, 2)), ("vertical", slice(2, 3))):
+        rows.setdefault(f"later {axis}", []).extend(later_score[:, part].ravel())
+        rows.setdefault(f"later inside {axis}", []).extend(held[:, part].ravel())
+        for path, own_error, own_std in (("live", force - true, std), ("later", error, later.std[good][late])):
+            ratio = np.sqrt(np.mean(own_std[..., part] ** 2, axis=0) / np.mean(own_error[..., part] ** 2, axis=0))
+            rows.setdefault(f"{path} {axis} std over error", []).extend(ratio.ravel())
+    rows.setdefault("inside horizontal", []).extend(inside[:, :2].ravel())
+    rows.setdefault("inside vertical", []).extend(inside[:, 2])
+    covariance = np.concatenate([np.tile(b.cg_accel_covariance, (len(b.stamp_ns), 1, 1)) for b in blocks])[good][late]
+    error = joined(blocks, "cg_accel")[good][late] - data.truth["cg_accel"][row][late]
+    nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)
+    rows.setdefault("nees", []).append(float(np.mean(nees)))
+    part = np.einsum("ki,kij,kj->k", error[:, 2:], np.linalg.inv(covariance[:, 2:, 2:]), error[:, 2:])
+    rows.setdefault("nees z and rotation", []).append(float(np.mean(part)))
+    return cab, data
+
+
 def nominal(seeds: range, noise: float, anti_alias: float, real: bool = False) -> dict[str, list]:
     rows: dict[str, list] = {}
     for seed in seeds:
-        cab, data = world(seed, 15.0, noise, anti_alias, real)
-        vehicle = believed_vehicle(data, seed=seed)
-        pipeline = Pipeline(vehicle)
-        blocks, estimates = through(pipeline, data, START + 10.0)
-        for group, error, ratio in parameter_errors(cab, estimates):
-            rows.setdefault(group, []).append(error)
-            rows.setdefault(f"{group} ratio", []).append(ratio)
-        good, row = ticks_of(blocks, data)
-        late = data.time[row] > 8.0
-        force, std = joined(blocks, "mount_force")[good][late], joined(blocks, "mount_force_std")[good][late]
-        true = data.truth["mount_force"][row][late]
-        score = np.sqrt(np.mean((force - true) ** 2, axis=0)) / np.std(true, axis=0)
-        inside = np.mean(np.abs(force - true) < 2.0 * std, axis=0)
-        # as for the parameters: the part that is not the mass's, which is right here
-        relative = estimates[0].std / estimates[0].value
-        own = std**2 - relative**2 * (cab.static_force**2 + np.var(true, axis=0))
-        apart = np.mean((force - true) ** 2 < 4.0 * np.maximum(own, 0.0), axis=0)
-        rows.setdefault("apart horizontal", []).extend(apart[:, :2].ravel())
-        rows.setdefault("apart vertical", []).extend(apart[:, 2])
-        rows.setdefault("force horizontal", []).extend(score[:, :2].ravel())
-        rows.setdefault("force vertical", []).extend(score[:, 2])
-        later = looked_back(pipeline, blocks)
-        error = later.force[good][late] - true
-        later_score = np.sqrt(np.mean(error**2, axis=0)) / np.std(true, axis=0)
-        held = np.mean(np.abs(error) < 2.0 * later.std[good][late], axis=0)
-        for axis, part in (("horizontal", slice(0, 2)), ("vertical", slice(2, 3))):
-            rows.setdefault(f"later {axis}", []).extend(later_score[:, part].ravel())
-            rows.setdefault(f"later inside {axis}", []).extend(held[:, part].ravel())
+        cab, data = judge_drive(rows, seed, noise, anti_alias, real)
         for when, least in zip(("causal", "smoothed"), least_error(cab, data)):
             rows.setdefault(f"least {when}", []).extend(least.ravel())
-        rows.setdefault("inside horizontal", []).extend(inside[:, :2].ravel())
-        rows.setdefault("inside vertical", []).extend(inside[:, 2])
-        covariance = np.concatenate([np.tile(b.cg_accel_covariance, (len(b.stamp_ns), 1, 1)) for b in blocks])[good][late]
-        error = joined(blocks, "cg_accel")[good][late] - data.truth["cg_accel"][row][late]
-        nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)
-        rows.setdefault("nees", []).append(float(np.mean(nees)))
-        part = np.einsum("ki,kij,kj->k", error[:, 2:], np.linalg.inv(covariance[:, 2:, 2:]), error[:, 2:])
-        rows.setdefault("nees z and rotation", []).append(float(np.mean(part)))
-        print(
-            f"  seed {seed}: kz {100 * max(rows['k vertical'][-4:]):.2f} %, force z {100 * score[:, 2].max():.1f} %",
-            file=sys.stderr,
-        )
+        stiffness, force = (100 * max(rows[f"{what} vertical"][-4:]) for what in ("k", "force"))
+        print(f"  seed {seed}: kz {stiffness:.2f} %, force z {force:.1f} %", file=sys.stderr)
     return rows
 
 

@@ -294,13 +294,12 @@ class FullFitter:
         Best linear model; its whitening and tolerance columns are kept.
     splits
         Blocks; shapes and coefficients come from those of fit and select together.
-    samples
-        Effective number of samples of the fit, for prices.
     """
 
-    def __init__(self, calibrated: Calibrated, splits: Splits, samples: float) -> None:
-        self._cal, self._splits, self._samples = calibrated, splits, samples
+    def __init__(self, calibrated: Calibrated, splits: Splits) -> None:
+        self._cal, self._splits = calibrated, splits
         self._blocks = blocks = splits.train
+        #: effective number of samples of the fit
         self._dof = float(calibrated.scene.block_dof[blocks].sum())
         self._prior = file_parameters(calibrated.scene.plant)
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
@@ -398,7 +397,7 @@ class FullFitter:
         for h, shape, count in zip(hypotheses, shapes, counts):
             part = slice(start, start + count)
             fitted.append(Fitted(h, full[part], covariance[part, part], dict(shape)))
-            cost += price(h, int(np.count_nonzero(full[part])), self._samples, 1)
+            cost += price(h, int(np.count_nonzero(full[part])), self._dof, 1)
             start += count
         misfit = regression.block_misfit(grams, fit.coefficients)
         alone = regression.fit(grams, self._splits.fit, None, means[:, used])

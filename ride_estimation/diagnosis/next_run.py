@@ -77,7 +77,7 @@ def next_run(work: Work) -> NextRun | None:
         rival, odds = alive
         mine, its = accepted.fitted[place], rival.fit.fitted[rival.contested]
         others = tuple(f for i, f in enumerate(accepted.fitted) if i != place)
-        fitter = FullFitter(work.calibrated, work.splits, float(work.calibrated.scene.block_dof[blocks].sum()))
+        fitter = FullFitter(work.calibrated, work.splits)
         fits = [fitter.fit([*others, f], _PASSES) for f in (mine, its)]
         pair = [f.fitted[-1] for f in fits]
         runs = candidate_runs(work.calibrated.scene.plant, work.data)
@@ -155,12 +155,10 @@ def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data
     if scene.blocks.count < LEAST_BLOCKS:
         return 0.5
     splits = make_splits(scene.blocks.count)
-    calibrated = calibrated_at(scene, splits.train)
-    dof = float(calibrated.scene.block_dof[splits.train].sum())
-    fitter = FullFitter(calibrated, splits, dof)
-    both = [fitter.fit([*others, f.fitted[-1]], _PASSES) for f in fits]
-    before = fitter.fit(others, _PASSES) if others else None
-    found = Selector(calibrated, splits, lambda _: [], settings).compared(both, len(others), before)
+    selector = Selector(calibrated_at(scene, splits.train), splits, lambda _: [], settings)
+    both = [selector.fitter.fit([*others, f.fitted[-1]], _PASSES) for f in fits]
+    before = selector.fitter.fit(others, _PASSES) if others else None
+    found = selector.compared(both, len(others), before)
     mine, its = (next(c for c in found.candidates if c.fit is f) for f in (both[truth], both[1 - truth]))
     gap, effect = mine.log_likelihood - its.log_likelihood, mine.log_likelihood - found.reference
     if effect < settings.significance:

@@ -144,7 +144,8 @@ class Selector:
         self._cal, self._splits, self._build, self._settings = calibrated, splits, build, settings
         self._blocks = splits.train
         self._dof = float(calibrated.scene.block_dof[self._blocks].sum())
-        self._fitter = FullFitter(calibrated, splits, self._dof)
+        #: fits a given set of hypotheses on the same blocks
+        self.fitter = FullFitter(calibrated, splits)
         self._progress = progress or (lambda share: None)
         self._threads = settings.threads or usable_threads()
         self._rounds: list[Round] = []
@@ -247,7 +248,7 @@ class Selector:
     ) -> Iterator[FullFit]:
         """Yield the full fits of some sets of hypotheses, in their order; each holds the trajectory of its model."""
         self._fits += len(sets)
-        yield from in_order(lambda start: self._fitter.fit(start, passes, after), sets, self._threads)
+        yield from in_order(lambda start: self.fitter.fit(start, passes, after), sets, self._threads)
 
     def _fitted(self, sets: Sequence[Sequence[Score | Fitted]], passes: int, after: FullFit | None) -> list[FullFit]:
         """Return the full fits of some sets of hypotheses, in their order."""

@@ -17,7 +17,7 @@ import scipy
 from ride_estimation.diagnosis.calibration import Calibrated, calibrated_at
 from ride_estimation.diagnosis.candidates import Identity, identity
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.fitting import FullFit, FullFitter
+from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
@@ -107,8 +107,7 @@ def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measureme
     splits = make_splits(scene.blocks.count)
     calibrated = calibrated_at(scene, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
-    dof = float(calibrated.scene.block_dof[splits.train].sum())
-    copy = _Copy(work, calibrated, selector, FullFitter(calibrated, splits, dof))
+    copy = _Copy(work, calibrated, selector)
     if accepted is not None:
         contests = enumerate(work.selection.contests)
         found = next((changed for place, contest in contests if (changed := copy.changed(accepted, place, contest))), "")
@@ -124,8 +123,8 @@ def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measureme
 class _Copy:
     """A perturbed copy on which found causes are fitted again."""
 
-    def __init__(self, work: Work, calibrated: Calibrated, selector: Selector, fitter: FullFitter) -> None:
-        self._selection, self._scene, self._fitter = work.selection, calibrated.scene, fitter
+    def __init__(self, work: Work, calibrated: Calibrated, selector: Selector) -> None:
+        self._selection, self._scene, self._fitter = work.selection, calibrated.scene, selector.fitter
         self._selector, self._significance = selector, work.settings.significance
         self._whole = len(calibrated.scene.plant.outputs) == len(work.plant.outputs)
         self._built: dict[str, dict[Identity, Hypothesis]] = {}

@@ -98,6 +98,20 @@ def measured_channels(sensors: Iterable[Sensor]) -> NDArray[np.bool_]:
     return np.array([axis in sensor.axes for sensor in sensors for axis in AXES], dtype=bool)
 
 
+def residual_projection(rows: Array) -> Array:
+    """Return what readings leave of themselves beside the rigid motion that fits them best, ``P = D - H H^+``, shape (C, C).
+
+    D is one for every channel that is measured: a row of zeros is of an axis that is not, and no equation.
+
+    Parameters
+    ----------
+    rows
+        H of :func:`motion_rows` or some of its rows, shape (C, 6).
+    """
+    measured = np.any(rows != 0.0, axis=1).astype(float)
+    return np.asarray(np.diag(measured) - rows @ np.linalg.pinv(rows, rcond=1e-6))
+
+
 def motion_rows(sensors: Iterable[Sensor], cg: Array) -> Array:
     """Return the rows that map (a_cg, alpha) to the accelerometer samples in sensor axes, shape (3 S, 6).
 

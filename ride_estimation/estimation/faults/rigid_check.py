@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.faults.gate_kernel import residual_ratio
+from ride_estimation.sensors.layout import residual_projection
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -81,8 +82,7 @@ class RigidCheck:
             sensors = tuple(int(s) for s in np.flatnonzero(fit))
             channels = np.flatnonzero(np.repeat(fit, 3))
             h = self._rows[channels]
-            # a row without direction is of an axis that is not measured: no equation
-            matrix = np.diag(np.any(h != 0.0, axis=1).astype(float)) - h @ np.linalg.pinv(h, rcond=1e-6)
+            matrix = residual_projection(h)
             blocks = [matrix[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(sensors))]
             inverse = np.array([np.linalg.pinv(b, rcond=1e-4, hermitian=True) for b in blocks]).reshape(len(blocks), 3, 3)
             ranks = np.array([np.linalg.matrix_rank(b, tol=1e-4, hermitian=True) for b in blocks], dtype=np.int64)

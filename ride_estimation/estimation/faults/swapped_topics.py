@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.block_math import follow_moments
+from ride_estimation.sensors.layout import residual_projection
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -162,8 +163,7 @@ class SwappedTopics:
         if key not in self._setups:
             body = np.flatnonzero(fit[: self.bodies])
             h = self._rows[np.repeat(fit[: self.bodies], 3)]
-            measured = np.diag(np.any(h != 0.0, axis=1).astype(float))
-            self._setups[key] = (measured - h @ np.linalg.pinv(h, rcond=1e-6), self._exchanges(fit, body))
+            self._setups[key] = (residual_projection(h), self._exchanges(fit, body))
         return self._setups[key]
 
     def _exchanges(self, fit: BoolArray, body: NDArray[np.int64]) -> list[_Exchange]:
