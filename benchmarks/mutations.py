@@ -34,8 +34,17 @@ COPIED = (
     "setup.py",
     "package.xml",
 )
-#: what is run: fast tests that name the estimator, most telling first
-TESTS = ("test/unit/test_estimation_*.py", "test/unit/test_smoothed_forces.py", "test/metamorphic", "test/replay")
+#: what is run, until a test fails: fast tests of covariances first, then those of the whole estimator
+TESTS = (
+    "test/unit/test_estimation_force_covariance.py",
+    "test/unit/test_estimation_residual_covariance.py",
+    "test/unit/test_estimation_motion.py",
+    "test/unit/test_estimation_interval.py",
+    "test/unit/test_estimation_file_uncertainty.py",
+    "test/unit/test_estimation_*.py",
+    "test/unit/test_smoothed_forces.py",
+    "test/metamorphic/test_metamorphic_estimator.py",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,7 +158,7 @@ def mutated(text: str, mutation: Mutation) -> str:
 
 def failing(copy: pathlib.Path, workers: int) -> str:
     """Return the first test that fails in a copy of the repository, empty where all pass."""
-    files = [str(f.relative_to(copy)) for pattern in TESTS for f in sorted(copy.glob(pattern))]
+    files = dict.fromkeys(str(f.relative_to(copy)) for pattern in TESTS for f in sorted(copy.glob(pattern)))
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider", *files]
     command += ["-n", str(workers)] if workers > 1 else []
     environment = {**os.environ, "PYTHONPATH": str(copy)}

@@ -14,7 +14,12 @@ from worlds.roads import Road
 from worlds.vehicle_text import Belief
 
 from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.common.geometry import geometry_of
+from ride_estimation.estimation.common.settings import PipelineSettings
+from ride_estimation.estimation.forces.free_parameters import find_free_parameters
+from ride_estimation.estimation.parameters.mass_reference import MassReference
 from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import ForceReference
 
@@ -131,3 +136,24 @@ def test_without_anchor_the_mass_is_not_identifiable():
     mass = listened(vehicle, arrivals(data)).parameters()[0]
     assert mass.status is Status.NOT_IDENTIFIABLE
     assert mass.value == vehicle.bodies["cab"].mass.value
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.2])
+def test_references_that_contradict_each_other_leave_the_mass_as_uncertain_as_they_are_apart(apart: float):
+    """Two stiffnesses known to 1 %, found a tenth higher and lower than one mass explains."""
+    plain = load_vehicle("truck_cab")
+    known = tuple(
+        ForceReference("known_stiffness", mount=m, axis="z", details={"relative_std": 0.01})
+        for m in ("front_left", "rear_right")
+    )  # fmt: skip
+    geometry = geometry_of(dataclasses.replace(plain, force_references=known))
+    free = find_free_parameters(geometry, PipelineSettings())
+    theta = np.zeros(len(free))
+    for n, p in enumerate(free):
+        if p.role == 0 and p.axis == 2:
+            theta[n] = 0.5 * apart * {"front_left": 1.0, "rear_right": -1.0}.get(geometry.mount_names[p.mount], 0.0)
+    mass = MassReference(geometry, free)
+    mass.update(theta, np.full(len(free), 1e-4), np.zeros((4, 3)), 0.0, 100.0)
+    factor, std = mass.factor()
+    assert factor == pytest.approx(1.0, abs=1e-3)
+    assert std == pytest.approx(np.hypot(0.01 / np.sqrt(2.0), 0.5 * apart), rel=0.1)

@@ -62,6 +62,23 @@ def test_centripetal_terms_are_removed():
     assert np.max(np.abs(without)) > 0.4  # the test has something to remove
 
 
+def test_noise_of_the_gyros_is_in_the_covariance_of_the_motion():
+    """A body that rolls fast, centripetal terms of noisy rates: the normalised error squared is one, neither more nor less."""
+    rng, (t, _, force, rate, accel) = np.random.default_rng(4), rolling_body(8.0, amplitude=0.3)
+    own, noise = 0.01, 0.05
+    imus = [dataclasses.replace(s, gyro_noise_std=noise) for s in sensors("imu", own)]
+    e = CgMotionEstimator(imus, np.zeros(3), np.ones(6, dtype=bool), GRAVITY)
+    read = readings(force, rate, accel) + own * rng.standard_normal((len(t), 12))
+    gyro = np.tile(rate, 4) + noise * rng.standard_normal((len(t), 12))
+    squares = []
+    for k in range(0, len(t), 20):
+        part = slice(k, k + 20)
+        block = feed(e, read[part], gyro=gyro[part])
+        error = block.motion - np.hstack([force[part], accel[part]])
+        squares += [float(d @ np.linalg.solve(block.covariance, d)) / 6.0 for d in error]
+    assert 0.8 < np.mean(squares[200:]) < 1.25
+
+
 def test_gravity_is_removed_by_attitude_not_by_a_mean():
     """The CG of the body is at rest: what is called acceleration may be 3 % of the g sin(roll) that is in the signal."""
     _, roll, force, rate, accel = rolling_body(40.0)
