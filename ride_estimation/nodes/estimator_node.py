@@ -380,6 +380,8 @@ class EstimatorNode(LifecycleNode):
         """Save what was learned and leave."""
         self._save_at_the_end()
         super().destroy_node()
+        # the base class leaves it, and it keeps the node and its participant visible to others until both are collected
+        self._state_machine.destroy_when_not_in_use()
 
     # ---- saved state ----
 

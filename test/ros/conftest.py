@@ -67,14 +67,14 @@ class Ros:
         rclpy.init(context=self.context, args=[], domain_id=domain)
         self.executor: Executor = make_executor(executor, self.context)
         self.nodes: list[Node] = []
-        self._others: list[Context] = []
+        self._others: list[Node] = []
 
-    def another_context(self) -> Context:
-        """Return a context in the same domain, as another process would have."""
+    def participant(self, name: str) -> Node:
+        """Return a node that is a participant of its own in the same domain, as one of another process would be."""
         other = Context()
         rclpy.init(context=other, args=[], domain_id=self.context.get_domain_id())
-        self._others.append(other)
-        return other
+        self._others.append(Node(name, context=other, use_global_arguments=False))
+        return self._others[-1]
 
     def add(self, node: Node) -> Node:
         """Put a node on the executor."""
@@ -113,13 +113,15 @@ class Ros:
         return future.result()
 
     def close(self) -> None:
-        """Destroy everything."""
+        """Destroy everything: of the participants in one process only the first 32 are ever found."""
         for node in self.nodes:
             self.executor.remove_node(node)
             node.destroy_node()
         self.executor.shutdown()
-        for context in (*self._others, self.context):
-            context.try_shutdown()
+        self.context.try_shutdown()
+        for node in self._others:
+            node.destroy_node()
+            node.context.try_shutdown()
 
 
 @pytest.fixture(params=["single", "events"])

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -235,7 +237,7 @@ class Driver:
 
     def __init__(self, ros: Ros, type_name: str) -> None:
         self.ros, self.type_name = ros, type_name
-        self.node = Node("driver", context=ros.another_context(), use_global_arguments=False)
+        self.node = ros.participant("driver")
         self.publisher = self.node.create_publisher(MESSAGE_CLASSES[type_name], VICTIM, qos.output(100))
 
     def seen_by(self, node: EstimatorNode) -> None:
@@ -258,6 +260,23 @@ class Driver:
         """End, and wait until the node knows."""
         self.node.destroy_node()
         self.ros.until(lambda: not node.get_publishers_info_by_topic(VICTIM))
+
+
+@pytest.fixture
+def no_garbage_collection() -> Iterator[None]:
+    """Nothing is destroyed because it was collected."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.usefixtures("no_garbage_collection")
+def test_destroyed_node_is_gone_for_others_at_once(ros_single: Ros) -> None:
+    other = ros_single.participant("other")
+    node = EstimatorNode(context=ros_single.context, use_global_arguments=False)
+    ros_single.until(lambda: "estimator" in other.get_node_names())
+    node.destroy_node()
+    ros_single.until(lambda: "estimator" not in other.get_node_names())
 
 
 @pytest.mark.parametrize("first", ["driver", "estimator"])
