@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.estimation.parameters.interval import Interval, IntervalMemory
+from ride_estimation.estimation.parameters.parameter_filter import ParameterFilter
 
 TRUE, OFFSET = np.array([0.03, -0.02, 0.01]), np.array([0.4, -0.2])
 PRIOR = np.full(3, 0.2)
@@ -72,3 +73,25 @@ def test_an_offset_that_is_found_is_not_missing_in_the_model():
     again.load(own.snapshot())
     for one, other in zip(again.estimate_considered(TRUE, PRIOR, PRIOR), own.estimate_considered(TRUE, PRIOR, PRIOR)):
         np.testing.assert_array_equal(one, other)
+
+
+def learned(missing: float, seed: int) -> ParameterFilter:
+    """A filter that starts at the file's values and takes thirty intervals; what is missing in the model moves parameters too."""
+    rng = np.random.default_rng(seed)
+    own = ParameterFilter(np.zeros(3), PRIOR, np.full(3, -1.0), np.full(3, 1.0), 1.0, np.zeros((3, 0)), 0)
+    for _ in range(30):
+        gradient, centre = rng.standard_normal((50, 6, 3)), own.theta.copy()
+        innovation = gradient @ (TRUE - centre) + 0.5 * rng.standard_normal((50, 6)) + missing * gradient[:, :, 0] ** 3
+        interval = Interval(3, 0)
+        interval.add(innovation, gradient, np.zeros((50, 6)), np.eye(6) / 0.5, 0.5)
+        own.learn(interval, centre)
+    return own
+
+
+def test_a_filter_is_as_sure_as_its_intervals_agree_and_no_surer_than_the_model_is_whole():
+    scores = [(own.theta - TRUE) / own.std for own in (learned(0.0, seed) for seed in range(20))]
+    # the stated deviation holds a margin of 1.2 and Student's factor
+    assert 0.3 < np.mean(np.square(scores)) < 1.2
+    # a cubed signal is in every interval: their mean is no better than one of them, root of thirty times what noise leaves
+    wrong = np.array([learned(0.3, seed).std / learned(0.0, seed).std for seed in range(5)])
+    assert np.all(wrong > 4.0)
