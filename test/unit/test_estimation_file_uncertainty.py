@@ -221,3 +221,8 @@ def test_a_mount_with_friction_is_said_not_to_be_linear_and_its_stiffness_is_not
         found = last[f"{name}.z.{quantity}"]
         inside = abs(found.value - true[found.name]) <= 2.0 * found.std
         assert found.status.value != "valid" or inside
+    # uncertain by as much as it differs from itself over a factor of e in amplitude, and not many times that
+    exponent, _ = pipeline._parameters._amplitude.exponents
+    own = {n: e for n, e in zip(pipeline._parameters._names(), np.abs(exponent))}[f"{name}.z.stiffness"]
+    stiffness = last[f"{name}.z.stiffness"]
+    assert 0.8 * own < stiffness.std / stiffness.value < 2.0 * own

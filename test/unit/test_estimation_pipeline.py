@@ -292,3 +292,13 @@ def test_stated_uncertainty_of_the_inertial_load_holds_what_tilt_does_to_it(seed
     late = slice(len(error) // 5, None)
     assert np.all(np.mean(np.abs(error[late]) <= 2.0 * std[late], axis=0) >= 0.9)
     assert np.all(std[late].mean(axis=0) < 6.0 * np.sqrt(np.mean(error[late] ** 2, axis=0)))
+
+
+def test_a_file_that_claims_quieter_sensors_does_not_make_the_motion_surer():
+    """Noise stated at a fifth: what the redundant channels show widens the motion back to its error, and not beyond."""
+    _, data, vehicle = world(0, 14.0)
+    blocks = run(Pipeline(vehicle, PipelineSettings(noise_scale=0.2)), data)
+    std, error = joined(blocks, "cg_accel_std"), joined(blocks, "cg_accel") - truth_of(blocks, data, "cg_accel")
+    late = slice(len(error) // 3, None)
+    # vertical and angular: roll and pitch do not turn gravity into them
+    assert 0.5 < np.mean((error[late, 2:] / std[late, 2:]) ** 2) < 1.6
