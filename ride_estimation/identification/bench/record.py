@@ -205,7 +205,7 @@ def _clipping(where: str, name: str, values: Array) -> list[str]:
     found = []
     for label, extreme in (("largest", values.max()), ("smallest", values.min())):
         at = values == extreme
-        if float(np.mean(at)) <= CLIPPED_SHARE or extreme == 0.0:
+        if np.count_nonzero(at) <= CLIPPED_SHARE * at.size or extreme == 0.0:
             continue
         speed = float(np.median(np.abs(np.diff(values))))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))

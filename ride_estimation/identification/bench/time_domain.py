@@ -124,9 +124,11 @@ def initial_rest(motion: Motion) -> int:
     Friction stores a force from before the record that nothing tells, so rest is neither fitted nor scored.
     """
     threshold = max(motion.dead_band, REST_SHARE * float(np.ptp(motion.x)))
+    away = np.abs(motion.x[: motion.x.size // 100 + 1] - motion.x[0])
+    if away.max() > threshold:
+        return 0
     moved = np.abs(motion.x - motion.x[0]) > threshold
-    first = int(np.argmax(moved)) if moved.any() else 0
-    return first if first > 0.01 * motion.x.size else 0
+    return int(np.argmax(moved)) if moved.any() else 0
 
 
 def held_out_stretches(samples: int, share: float) -> NDArray[np.bool_]:
@@ -234,35 +236,31 @@ def fit_time_domain(
     """
     lower, upper = search_bounds(model.layout, prepared)
     points = start_points(model.layout, lower, upper, starts) if start is None else [np.asarray(start, dtype=float)]
-    factor = decimation(prepared) if decimate else 1
-    tolerance = _DECIMATED_TOLERANCE if factor > 1 else COST_TOLERANCE
-    coarse = [p.decimated(factor) for p in prepared] if factor > 1 else list(prepared)
-    best: VariableProjectionResult | None = None
-    passes = 0
-    for point in points if model.layout.nonlinear else points[:1]:
-        found = _search_physical(model, coarse, point, lower, upper, gram, tolerance)
-        passes += found.passes
-        if best is None or found.cost < best.cost:
-            best = found
-    if best is None:
-        raise ValueError("at least one start is needed")
-    if factor > 1:
-        best = _search_physical(model, list(prepared), best.theta, lower, upper, gram, COST_TOLERANCE)
+    passes, doubt = 0, 1.0
+    # nested iteration: every level starts where the one before arrived, so the whole record is left one step or two
+    for factor in decimations(prepared) if decimate else (1,):
+        level = [p.decimated(factor) for p in prepared] if factor > 1 else list(prepared)
+        tolerance = _DECIMATED_TOLERANCE if factor > 1 else COST_TOLERANCE
+        found = [_search_physical(model, level, point, lower, upper, gram, tolerance, doubt) for point in points]
+        best = min(found, key=lambda one: one.cost)
+        passes += sum(one.passes for one in found)
+        points, doubt = [best.theta], best.doubt
     theta, coefficients = _ascending(model, best)
     ordered = dataclasses.replace(
         best,
         theta=theta,
         coefficients=coefficients,
         gram=total_gram(model.layout, prepared, theta, gram) if not np.array_equal(theta, best.theta) else best.gram,
-        passes=best.passes + passes,
+        passes=passes,
     )
-    samples = sum(int(p.fitted.sum()) for p in prepared)
+    samples = sum(int(np.count_nonzero(p.fitted)) for p in prepared)
     return TimeDomainFit(model, model.physical(theta, coefficients), theta, coefficients, ordered, samples)
 
 
-def decimation(prepared: Sequence[PreparedRecord]) -> int:
-    """Return by how much a search may be decimated: ten at most, and never below a few thousand samples."""
-    return int(np.clip(min(p.force.size for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
+def decimations(prepared: Sequence[PreparedRecord]) -> list[int]:
+    """Return by how much the levels of a search are decimated: ten at most, never below a few thousand samples, equal ratios."""
+    most = int(np.clip(min(p.force.size for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
+    return sorted({most, round(most**0.5), 1}, reverse=True)
 
 
 def _search_physical(
@@ -273,6 +271,7 @@ def _search_physical(
     upper: Array,
     gram: GramFunction | None,
     tolerance: float,
+    doubt: float,
 ) -> VariableProjectionResult:
     """Search without sign bounds first; move cells that end negative; hold what stays negative at zero."""
     free = np.zeros(model.layout.linear, dtype=bool)
@@ -282,7 +281,9 @@ def _search_physical(
 
     def run(theta: Array, positive: NDArray[np.bool_]) -> VariableProjectionResult:
         linear = model.layout.linear
-        return minimise(evaluate, theta, lower, upper, linear, model.sensitivities, positive, cost_tolerance=tolerance)
+        return minimise(
+            evaluate, theta, lower, upper, linear, model.sensitivities, positive, cost_tolerance=tolerance, doubt=doubt
+        )
 
     found = run(start, free)
     repairs = 0

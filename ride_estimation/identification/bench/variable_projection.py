@@ -57,6 +57,8 @@ class VariableProjectionResult:
         Linear parameters held at their bound 0.
     at_bound
         Nonlinear parameters at a bound.
+    doubt
+        Share by which the last steps missed the fall of the cost they promised: how wrong the Hessian is.
     """
 
     theta: Array
@@ -68,6 +70,7 @@ class VariableProjectionResult:
     at_zero: tuple[int, ...]
     at_bound: tuple[int, ...]
     converged: bool
+    doubt: float
 
 
 def eliminate_offset(gram: Array) -> Array:
@@ -184,6 +187,7 @@ def minimise(
     positive: NDArray[np.bool_],
     *,
     cost_tolerance: float = COST_TOLERANCE,
+    doubt: float = 1.0,
     max_passes: int = 60,
 ) -> VariableProjectionResult:
     """Minimise the reduced cost by Levenberg-Marquardt inside bounds.
@@ -198,6 +202,8 @@ def minimise(
         See :func:`project`.
     cost_tolerance
         Relative fall of the cost, promised or made, below which the search has arrived.
+    doubt
+        That of a search of the same problem on decimated data.
     max_passes
         Limit of passes over the data.
     """
@@ -207,7 +213,6 @@ def minimise(
         raise InputDataError("the record and the start values give no finite model force")
     point = project(gram, linear, sensitivities, positive)
     passes, iterations, damping, converged = 1, 0, 1e-3, theta.size == 0
-    doubt = 1.0  # share by which the last step missed the gain it promised
     while passes < max_passes and not converged:
         held = ((theta <= lower) & (point.gradient > 0)) | ((theta >= upper) & (point.gradient < 0))
         move = np.flatnonzero(~held)
@@ -222,8 +227,9 @@ def minimise(
         promised = float(-step[move] @ point.gradient[move])
         step = np.clip(step, -2.0, 2.0)
         trial = np.clip(theta + step, lower, upper)
-        # a step whose promise will be missed by far less than noise can tell needs no pass over the data
-        if promised * doubt < cost_tolerance * point.cost:
+        # a Hessian wrong by a share misses a promise by that share and the optimum by its square: where that is far less than
+        # noise can tell, the step needs no pass over the data
+        if promised * doubt**2 < cost_tolerance * point.cost:
             moved = first_order(gram, trial - theta, linear, sensitivities)
             moved_point = project(moved, linear, sensitivities, positive)
             if moved_point.cost <= point.cost:
@@ -238,7 +244,8 @@ def minimise(
         passes += 1
         if trial_point.cost < point.cost:
             fall = (point.cost - trial_point.cost) / point.cost
-            doubt = min(1.0, abs(1.0 - fall * point.cost / promised))
+            # a promise that happens to be kept proves little
+            doubt = min(1.0, max(abs(1.0 - fall * point.cost / promised), 0.1 * doubt))
             theta, gram, point = trial, trial_gram, trial_point
             iterations += 1
             damping = max(damping * 0.1, 1e-9)
@@ -257,4 +264,5 @@ def minimise(
         point.at_zero,
         tuple(int(i) for i in bound),
         bool(converged),
+        doubt,
     )
