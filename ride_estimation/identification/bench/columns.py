@@ -126,20 +126,22 @@ def _friction_block(
         end = min(hi, starts[branch + 1])
         d, anchor = directions[branch], anchors[branch]
         a, da = d * state[branch], d * slope[branch]
+        # slices: an index that may be negative for all the compiler knows is no vector operation
+        part, force, by_length = x[k:end], out[row, k - start : end - start], out[sensitivity_row, k - start : end - start]
         if kind == 1:
             free = 1.0 - a
             rest = length * free
-            for i in range(k, end):
-                u = max(d * (x[i] - anchor), 0.0)
+            for i in range(part.size):
+                u = max(d * (part[i] - anchor), 0.0)
                 share = u / (rest + u)
-                out[row, i - start] = d * (a + free * share)
-                out[sensitivity_row, i - start] = d * (da * (1.0 - share * share) - share * free * (1.0 - share))
+                force[i] = d * (a + free * share)
+                by_length[i] = d * (da * (1.0 - share * share) - share * free * (1.0 - share))
         else:
-            for i in range(k, end):
-                u = max(d * (x[i] - anchor), 0.0) / length
+            for i in range(part.size):
+                u = max(d * (part[i] - anchor), 0.0) / length
                 left = np.exp(-u)
-                out[row, i - start] = d * (1.0 - (1.0 - a) * left)
-                out[sensitivity_row, i - start] = d * (da * left - (1.0 - a) * left * u)
+                force[i] = d * (1.0 - (1.0 - a) * left)
+                by_length[i] = d * (da * left - (1.0 - a) * left * u)
         k = end
     return branch
 
@@ -147,14 +149,14 @@ def _friction_block(
 @compile_sum_kernel
 def _static_rows(x: Array, h: float, lo: int, n: int, spring: bool, cubic: bool, viscous: bool, block: Array) -> None:
     """Write the columns without memory of samples lo to lo + n."""
-    row = 0
+    row, part = 0, x[lo : lo + n]
     if spring:
-        for i in range(n):
-            block[row, i] = x[lo + i]
+        for i in range(part.size):
+            block[row, i] = part[i]
         row += 1
     if cubic:
-        for i in range(n):
-            block[row, i] = x[lo + i] ** 3
+        for i in range(part.size):
+            block[row, i] = part[i] * part[i] * part[i]
         row += 1
     if viscous:
         last = x.size - 1
@@ -259,8 +261,10 @@ def gram_kernel(
     for lo in range(0, stop, BLOCK):
         n = min(BLOCK, stop - lo)
         _static_rows(x, h, lo, n, spring, cubic, viscous, block)
-        for i in range(n):
-            steps[i] = x[lo + i] - x[max(lo + i - 1, 0)]
+        before, part, force_part = x[max(lo - 1, 0)], x[lo : lo + n], force[lo : lo + n]
+        steps[0] = part[0] - before
+        for i in range(1, part.size):
+            steps[i] = part[i] - part[i - 1]
         for j in range(0, cells - 1, 2):
             _two_cells(steps, n, rules, memory, j, block, static + j, linear + j)
         if cells % 2 == 1:
@@ -284,9 +288,9 @@ def gram_kernel(
                 linear - 1,
                 linear + cells,
             )
-        for i in range(n):
+        for i in range(force_part.size):
             block[columns - 2, i] = 1.0
-            block[columns - 1, i] = force[lo + i]
+            block[columns - 1, i] = force_part[i]
         if weight.size > 0:
             for c in range(columns):
                 for i in range(n):

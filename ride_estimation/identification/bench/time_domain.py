@@ -28,6 +28,8 @@ GramFunction = Callable[..., Array]
 LENGTH_BOUNDS = (1.0e-4, 5.0)
 #: fewest samples of the decimated search, and the relative fall of its cost below which the full record goes on
 _DECIMATED_SAMPLES, _DECIMATED_TOLERANCE = 4000, 1.0e-6
+#: levels of a search, and samples of one that make a mean of the next
+_LEVELS, _LEVEL_FACTOR = 3, 3
 #: motion below this share of the whole stroke at the start of a record is rest
 REST_SHARE = 2.0e-3
 #: number of stretches a single record gives to validation
@@ -236,11 +238,11 @@ def fit_time_domain(
     """
     lower, upper = search_bounds(model.layout, prepared)
     points = start_points(model.layout, lower, upper, starts) if start is None else [np.asarray(start, dtype=float)]
+    levels = decimated_levels(prepared) if decimate else [list(prepared)]
     passes, doubt = 0, 1.0
     # nested iteration: every level starts where the one before arrived, so the whole record is left one step or two
-    for factor in decimations(prepared) if decimate else (1,):
-        level = [p.decimated(factor) for p in prepared] if factor > 1 else list(prepared)
-        tolerance = _DECIMATED_TOLERANCE if factor > 1 else COST_TOLERANCE
+    for level in levels[::-1]:
+        tolerance = COST_TOLERANCE if level is levels[0] else _DECIMATED_TOLERANCE
         found = [_search_physical(model, level, point, lower, upper, gram, tolerance, doubt) for point in points]
         best = min(found, key=lambda one: one.cost)
         passes += sum(one.passes for one in found)
@@ -257,10 +259,12 @@ def fit_time_domain(
     return TimeDomainFit(model, model.physical(theta, coefficients), theta, coefficients, ordered, samples)
 
 
-def decimations(prepared: Sequence[PreparedRecord]) -> list[int]:
-    """Return by how much the levels of a search are decimated: ten at most, never below a few thousand samples, equal ratios."""
-    most = int(np.clip(min(p.force.size for p in prepared) // _DECIMATED_SAMPLES, 1, 10))
-    return sorted({most, round(most**0.5), 1}, reverse=True)
+def decimated_levels(prepared: Sequence[PreparedRecord]) -> list[list[PreparedRecord]]:
+    """Return the records, their means of three samples and of nine, as long as these have a few thousand samples."""
+    levels = [list(prepared)]
+    while len(levels) < _LEVELS and min(p.force.size for p in levels[-1]) >= _LEVEL_FACTOR * _DECIMATED_SAMPLES:
+        levels.append([p.decimated(_LEVEL_FACTOR) for p in levels[-1]])
+    return levels
 
 
 def _search_physical(
