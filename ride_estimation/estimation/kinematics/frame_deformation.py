@@ -152,11 +152,6 @@ class FrameDeformation:
         q = self.projector
         return (q * np.tile(self.variance, self._count)) @ q, (q * np.tile(self.rate_variance, self._count)) @ q
 
-    @property
-    def static_gain(self) -> Array:
-        """Return value over acceleration that does not move of the filter of every axis, squared, shape (3,) [s^4]."""
-        return np.array([self._bank.static[n] if n >= 0 else 0.0 for n in self._chosen.tolist()])
-
     def _design(self, dt: float) -> None:
         """Make ready for a tick: the highest corner until the spectrum is known."""
         self._step = dt
