@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.frame import tilt_spectrum
 from ride_estimation.diagnosis.plant import Plant, Signal
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 
 Array = NDArray[np.float64]
@@ -84,15 +84,15 @@ class MeanTable:
         return None
 
 
-def mean_table(scene: Scene) -> MeanTable:
+def mean_table(view: RunView) -> MeanTable:
     """Return the mean readings of a run against gravity, and of transducers against their zero at static equilibrium."""
-    plant, tolerances = scene.plant, scene.settings.tolerances
+    plant, tolerances = view.plant, view.settings.tolerances
     gravity = {s: plant.vehicle.sensors[s].rotation.T @ np.array([0.0, 0.0, plant.vehicle.gravity]) for s in plant.sensors}
     rows: list[Signal] = []
     values: list[float] = []
     for signals, mean, shift in (
-        (plant.outputs, scene.output_mean, scene.output_rectified),
-        (plant.inputs, scene.input_mean, np.zeros(len(plant.inputs))),
+        (plant.outputs, view.data.output_mean, view.model.output_rectified),
+        (plant.inputs, view.data.input_mean, np.zeros(len(plant.inputs))),
     ):
         for s, m, d in zip(signals, mean, shift):
             if s.kind == "displacement" or s.dc:
@@ -103,7 +103,7 @@ def mean_table(scene: Scene) -> MeanTable:
     return MeanTable(tuple(rows), np.array(values) / std, std, gravity)
 
 
-def static_means(scene: Scene, table: MeanTable, wrench: Array) -> dict[int, float]:
+def static_means(view: RunView, table: MeanTable, wrench: Array) -> dict[int, float]:
     """Return what a constant wrench on the coordinates adds to the mean readings of transducers, row -> [m].
 
     Parameters
@@ -111,8 +111,8 @@ def static_means(scene: Scene, table: MeanTable, wrench: Array) -> dict[int, flo
     wrench
         Shape (n,).
     """
-    plant = scene.plant
-    spring = plant.port_map.T @ (scene.state.stiffness[:, None] * plant.port_map) + plant.gravity_stiffness
+    plant = view.plant
+    spring = plant.port_map.T @ (view.state.stiffness[:, None] * plant.port_map) + plant.gravity_stiffness
     shift = plant.out_displacement @ np.linalg.lstsq(spring, wrench, rcond=1e-9)[0]
     return {
         row: float(shift[i])
@@ -124,15 +124,15 @@ def static_means(scene: Scene, table: MeanTable, wrench: Array) -> dict[int, flo
 class ColumnSet:
     """Columns under construction: output spectra and mean rows."""
 
-    def __init__(self, scene: Scene, table: MeanTable) -> None:
-        self._scene, self._table = scene, table
+    def __init__(self, view: RunView, table: MeanTable) -> None:
+        self._view, self._table = view, table
         self.adjustables: list[Adjustable] = []
         self._spectra: list[ComplexArray] = []
         self._means: list[Array] = []
 
     def add(self, item: Adjustable, spectrum: ComplexArray | None, means: dict[int, float] | None = None) -> None:
         """Append one column."""
-        shape = (len(self._scene.grid.omega), len(self._scene.plant.outputs))
+        shape = (len(self._view.grid.omega), len(self._view.plant.outputs))
         row = np.zeros(len(self._table.signals))
         for index, value in (means or {}).items():
             row[index] = value / self._table.std[index]
@@ -143,8 +143,8 @@ class ColumnSet:
     def wrench(self, body: str, force: ComplexArray, moment: ComplexArray) -> ComplexArray:
         """Return the output spectrum of a wrench on a body at its CG, force and moment (F, 3)."""
         six = np.concatenate([force, moment], axis=1)
-        full = six @ self._scene.plant.body_map(body)
-        return np.asarray(np.einsum("fij,fj->fi", self._scene.response.output_from_wrench, full))
+        full = six @ self._view.plant.body_map(body)
+        return np.asarray(np.einsum("fij,fj->fi", self._view.response.output_from_wrench, full))
 
     def finish(self) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
         """Return adjustables, their output spectra (F, ny) and mean rows (K, p)."""
@@ -152,54 +152,54 @@ class ColumnSet:
 
 
 def baseline_columns(
-    scene: Scene, table: MeanTable, prior: tuple[Array, Array]
+    view: RunView, table: MeanTable, prior: tuple[Array, Array]
 ) -> tuple[tuple[Adjustable, ...], Array, Array]:
-    """Return the adjustables of a scene with their whitened rows (B, R, p) and mean rows (K, p).
+    """Return the adjustables of a view with their whitened rows (B, R, p) and mean rows (K, p).
 
     Parameters
     ----------
-    scene
+    view
         Run and model state.
     table
         Mean readings.
     prior
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
-    adjustables, spectra, means = baseline_spectra(scene, table, prior)
-    rows = np.empty((*scene.residual.shape, len(adjustables)))
+    adjustables, spectra, means = baseline_spectra(view, table, prior)
+    rows = np.empty((*view.residual.shape, len(adjustables)))
     while spectra:
         done = len(adjustables) - len(spectra)
-        rows[:, :, done : done + _BATCH] = scene.rows(np.stack(spectra[:_BATCH], axis=2))
+        rows[:, :, done : done + _BATCH] = view.rows(np.stack(spectra[:_BATCH], axis=2))
         del spectra[:_BATCH]
     return adjustables, rows, means
 
 
 def baseline_spectra(
-    scene: Scene, table: MeanTable, prior: tuple[Array, Array]
+    view: RunView, table: MeanTable, prior: tuple[Array, Array]
 ) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
-    """Return the adjustables of a scene, their output spectra (F, ny) and mean rows (K, p)."""
-    columns = ColumnSet(scene, table)
-    for item, spectrum in port_adjustables(scene, prior):
+    """Return the adjustables of a view, their output spectra (F, ny) and mean rows (K, p)."""
+    columns = ColumnSet(view, table)
+    for item, spectrum in port_adjustables(view, prior):
         columns.add(item, spectrum)
-    for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
-        _body_columns(scene, columns, body)
-    _axes_columns(scene, columns)
-    _tilt_columns(scene, columns)
-    _sensor_columns(scene, columns, table)
-    _attitude_columns(scene.plant, columns, table)
+    for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
+        _body_columns(view, columns, body)
+    _axes_columns(view, columns)
+    _tilt_columns(view, columns)
+    _sensor_columns(view, columns, table)
+    _attitude_columns(view.plant, columns, table)
     return columns.finish()
 
 
-def port_adjustables(scene: Scene, prior: tuple[Array, Array]) -> list[tuple[Adjustable, ComplexArray]]:
+def port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Adjustable, ComplexArray]]:
     """Return the logarithms of stiffness and damping of every port with their output spectra (F, ny)."""
-    iw = 1j * scene.grid.omega
+    iw = 1j * view.grid.omega
     out: list[tuple[Adjustable, ComplexArray]] = []
-    for p, port in enumerate(scene.plant.ports):
-        transfer = scene.response.output_from_port[:, :, p]
-        x = scene.deflection_spectrum[:, p]
+    for p, port in enumerate(view.plant.ports):
+        transfer = view.response.output_from_port[:, :, p]
+        x = view.deflection_spectrum[:, p]
         for kind, value, reference, std, signal in (
-            ("stiffness", scene.state.stiffness[p], prior[0][p], port.stiffness_log_std, x),
-            ("damping", scene.state.damping[p], prior[1][p], port.damping_log_std, iw * x),
+            ("stiffness", view.state.stiffness[p], prior[0][p], port.stiffness_log_std, x),
+            ("damping", view.state.damping[p], prior[1][p], port.damping_log_std, iw * x),
         ):
             if value > 0.0:
                 item = Adjustable(kind, port.mount, port.axis, std, float(np.log(reference / value)))
@@ -207,38 +207,38 @@ def port_adjustables(scene: Scene, prior: tuple[Array, Array]) -> list[tuple[Adj
     return out
 
 
-def port_columns(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Array]:
-    """Return the port adjustables of a scene and their whitened rows (B, R, p)."""
-    pairs = port_adjustables(scene, prior)
-    return tuple(a for a, _ in pairs), scene.rows(np.stack([s for _, s in pairs], axis=2))
+def port_columns(view: RunView, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Array]:
+    """Return the port adjustables of a view and their whitened rows (B, R, p)."""
+    pairs = port_adjustables(view, prior)
+    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2))
 
 
-def body_spectra(scene: Scene, body: str) -> tuple[ComplexArray, ComplexArray]:
+def body_spectra(view: RunView, body: str) -> tuple[ComplexArray, ComplexArray]:
     """Return displacement and acceleration spectra of the six coordinates of a body, (F, 6) each."""
-    q: ComplexArray = scene.coordinate_spectrum @ scene.plant.body_map(body).T
-    return q, np.asarray(-(scene.grid.omega**2)[:, None] * q)
+    q: ComplexArray = view.coordinate_spectrum @ view.plant.body_map(body).T
+    return q, np.asarray(-(view.grid.omega**2)[:, None] * q)
 
 
-def cg_shift_wrench(scene: Scene, body: str, shift: Array) -> tuple[ComplexArray, ComplexArray]:
+def cg_shift_wrench(view: RunView, body: str, shift: Array) -> tuple[ComplexArray, ComplexArray]:
     """Return force and moment spectra of a CG that lies ``shift`` from where the model has it, (F, 3) each.
 
     About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``.
     """
-    mass, gravity = scene.plant.vehicle.bodies[body].mass.value, scene.plant.vehicle.gravity
-    q, a = body_spectra(scene, body)
+    mass, gravity = view.plant.vehicle.bodies[body].mass.value, view.plant.vehicle.gravity
+    q, a = body_spectra(view, body)
     force = -mass * np.cross(a[:, 3:], shift)
     moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), [0.0, 0.0, 1.0])
     return np.asarray(force, dtype=complex), np.asarray(moment, dtype=complex)
 
 
-def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:
-    body = scene.plant.vehicle.bodies[name]
-    tolerances, known = scene.settings.tolerances, scene.plant.body_errors
-    _, a = body_spectra(scene, name)
+def _body_columns(view: RunView, columns: ColumnSet, name: str) -> None:
+    body = view.plant.vehicle.bodies[name]
+    tolerances, known = view.settings.tolerances, view.plant.body_errors
+    _, a = body_spectra(view, name)
     for i, axis in enumerate(AXES):
         std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
         item = Adjustable("cg", name, axis, std, -known.get(("cg", name, axis), 0.0))
-        columns.add(item, columns.wrench(name, *cg_shift_wrench(scene, name, np.eye(3)[i])))
+        columns.add(item, columns.wrench(name, *cg_shift_wrench(view, name, np.eye(3)[i])))
     relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
     diagonal = np.sqrt(np.abs(np.diag(body.inertia)))
     for i in range(3):
@@ -253,24 +253,24 @@ def _body_columns(scene: Scene, columns: ColumnSet, name: str) -> None:
             columns.add(item, columns.wrench(name, np.zeros_like(moment), moment))
 
 
-def _axes_columns(scene: Scene, columns: ColumnSet) -> None:
+def _axes_columns(view: RunView, columns: ColumnSet) -> None:
     """Add what changes when the mount axes turn with the body, or with nothing, instead of with the base."""
-    base = scene.rotation_wrench("base")
+    base = view.rotation_wrench("base")
     for axes in ("body", "world"):
-        change = scene.grid.spectrum(scene.tapered(scene.rotation_wrench(axes) - base))
-        output = np.einsum("fij,fj->fi", scene.response.output_from_wrench, change)
+        change = view.grid.spectrum(view.data.tapered(view.rotation_wrench(axes) - base))
+        output = np.einsum("fij,fj->fi", view.response.output_from_wrench, change)
         columns.add(Adjustable("mount_axes", axes, "", 0.5), output)
 
 
-def _tilt_columns(scene: Scene, columns: ColumnSet) -> None:
+def _tilt_columns(view: RunView, columns: ColumnSet) -> None:
     """Add how much of every possible tilt the brackets really follow, all of it where nothing speaks against."""
-    plant = scene.plant
+    plant = view.plant
     for tilt, share in zip(plant.tilts, plant.tilt_share):
         item = Adjustable(tilt.kind, tilt.place, tilt.axis, _TILT_STD[tilt.kind], 1.0 - float(share))
-        columns.add(item, tilt_spectrum(plant, scene.response, tilt.slope, scene.input_spectrum))
+        columns.add(item, tilt_spectrum(plant, view.response, tilt.slope, view.data.input_spectrum))
 
 
-def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:
+def sensor_error_spectra(view: RunView, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:
     """Return what one unit of a sensor error adds to the reading, channel -> spectrum, and whether it is an input.
 
     Parameters
@@ -280,15 +280,15 @@ def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -
     component
         Axis of gain, rotation or shift; ignored by ``delay`` and ``bandwidth``, which touch all axes.
     """
-    plant, grid = scene.plant, scene.grid
+    plant, grid = view.plant, view.grid
     is_input = any(s.sensor == sensor for s in plant.inputs)
     signals = plant.inputs if is_input else plant.outputs
-    spectrum = scene.input_spectrum if is_input else scene.ideal_spectrum
+    spectrum = view.data.input_spectrum if is_input else view.model.ideal_spectrum
     rows = {s.component: i for i, s in enumerate(signals) if s.sensor == sensor}
     if kind == "delay":
         return {i: -1j * grid.omega * spectrum[:, i] for i in rows.values()}, is_input
     if kind == "bandwidth":
-        factor = -(grid.omega**2) / scene.data.rate_hz**2
+        factor = -(grid.omega**2) / view.grid.rate_hz**2
         return {i: factor * spectrum[:, i] for i in rows.values()}, is_input
     if kind == "gain":
         return {i: spectrum[:, i] for c, i in rows.items() if c == component}, is_input
@@ -302,17 +302,17 @@ def sensor_error_spectra(scene: Scene, sensor: str, kind: str, component: int) -
     shift = point_motion_matrix(np.eye(3)[component])[:, 3:]
     if is_input:
         return {}, True
-    _, a = body_spectra(scene, description.body)
+    _, a = body_spectra(view, description.body)
     motion = a[:, 3:] @ shift.T @ description.rotation
     return {i: motion[:, c] for c, i in rows.items()}, False
 
 
-def error_outputs(scene: Scene, errors: dict[int, ComplexArray], is_input: bool) -> ComplexArray:
+def error_outputs(view: RunView, errors: dict[int, ComplexArray], is_input: bool) -> ComplexArray:
     """Return the output spectrum of reading errors: direct for outputs, minus the transfer for inputs, (F, ny)."""
-    out = np.zeros((len(scene.grid.omega), len(scene.plant.outputs)), dtype=complex)
+    out = np.zeros((len(view.grid.omega), len(view.plant.outputs)), dtype=complex)
     for index, spectrum in errors.items():
         if is_input:
-            out -= scene.response.output_from_input[:, :, index] * spectrum[:, None]
+            out -= view.response.output_from_input[:, :, index] * spectrum[:, None]
         else:
             out[:, index] += spectrum
     return out
@@ -330,27 +330,27 @@ def sensor_error_means(table: MeanTable, sensor: str, kind: str, component: int)
     return {row: float(change[c]) for c, row in rows.items() if row is not None and change[c] != 0.0}
 
 
-def _sensor_columns(scene: Scene, columns: ColumnSet, table: MeanTable) -> None:
-    tolerances = scene.settings.tolerances
-    for sensor in scene.plant.sensors:
-        installed = tolerances.of(scene.plant.vehicle.sensors[sensor])
+def _sensor_columns(view: RunView, columns: ColumnSet, table: MeanTable) -> None:
+    tolerances = view.settings.tolerances
+    for sensor in view.plant.sensors:
+        installed = tolerances.of(view.plant.vehicle.sensors[sensor])
         kinds: tuple[tuple[str, float], ...] = (
             ("gain", installed.gain), ("misalignment", installed.misalignment), ("position", installed.position),
             ("delay", installed.delay), ("bandwidth", tolerances.bandwidth),
         )
-        axes = [s.component for s in (*scene.plant.outputs, *scene.plant.inputs) if s.sensor == sensor]
-        displacement = scene.plant.vehicle.sensors[sensor].kind == "displacement"
+        axes = [s.component for s in (*view.plant.outputs, *view.plant.inputs) if s.sensor == sensor]
+        displacement = view.plant.vehicle.sensors[sensor].kind == "displacement"
         for kind, std in kinds:
             if displacement and kind in ("misalignment", "position"):
                 continue
             for component in (range(3) if kind in ("misalignment", "position") else axes if kind == "gain" else (0,)):
-                errors, is_input = sensor_error_spectra(scene, sensor, kind, component)
+                errors, is_input = sensor_error_spectra(view, sensor, kind, component)
                 if not errors:
                     continue
                 axis = "" if kind in ("delay", "bandwidth") else AXES[component]
                 means = {} if displacement else sensor_error_means(table, sensor, kind, component)
-                known = scene.plant.reading_errors.get((kind, sensor, axis), 0.0) if is_input else 0.0
-                columns.add(Adjustable(kind, sensor, axis, std, -known), error_outputs(scene, errors, is_input), means)
+                known = view.plant.reading_errors.get((kind, sensor, axis), 0.0) if is_input else 0.0
+                columns.add(Adjustable(kind, sensor, axis, std, -known), error_outputs(view, errors, is_input), means)
 
 
 def _attitude_columns(plant: Plant, columns: ColumnSet, table: MeanTable) -> None:

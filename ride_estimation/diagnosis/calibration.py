@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, MeanTable, baseline_columns, mean_table, port_columns
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.regression import Fit, Regression
-from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.frames import AXES
 
@@ -37,7 +39,7 @@ class Calibrated:
 
     Attributes
     ----------
-    scene
+    view
         The run seen through it.
     regression
         Residual against all adjustables at the solution.
@@ -48,7 +50,7 @@ class Calibrated:
         coefficient.
     """
 
-    scene: Scene
+    view: RunView
     table: MeanTable
     adjustables: tuple[Adjustable, ...]
     regression: Regression
@@ -58,10 +60,10 @@ class Calibrated:
 
     def log_std(self, kind: str) -> Array:
         """Return the standard deviation of ln k or ln c of every port, shape (P,)."""
-        out = np.full(len(self.scene.plant.ports), np.inf)
+        out = np.full(len(self.view.plant.ports), np.inf)
         for i, a in enumerate(self.adjustables):
             if a.kind == kind:
-                out[self.scene.port_index(a.place, a.axis)] = np.sqrt(max(self.fit.covariance[i, i], 0.0))
+                out[self.view.port_index(a.place, a.axis)] = np.sqrt(max(self.fit.covariance[i, i], 0.0))
         return out
 
 
@@ -71,22 +73,22 @@ def file_parameters(plant: Plant) -> tuple[Array, Array]:
 
 
 def build_regression(
-    scene: Scene, prior: tuple[Array, Array]
+    view: RunView, prior: tuple[Array, Array]
 ) -> tuple[MeanTable, tuple[Adjustable, ...], Regression]:
-    """Return the regression of a scene's residual on all adjustables."""
-    table = mean_table(scene)
-    adjustables, rows, means = baseline_columns(scene, table, prior)
+    """Return the regression of a view's residual on all adjustables."""
+    table = mean_table(view)
+    adjustables, rows, means = baseline_columns(view, table, prior)
     std = np.array([a.prior_std for a in adjustables])
     offset = np.array([a.offset for a in adjustables])
-    return table, adjustables, Regression(scene.residual, rows, table.residual, means, std, offset)
+    return table, adjustables, Regression(view.residual, rows, table.residual, means, std, offset)
 
 
-def _port_regression(scene: Scene, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Regression]:
-    """Return the regression of a scene's residual on stiffness and damping alone."""
-    adjustables, rows = port_columns(scene, prior)
+def _port_regression(view: RunView, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Regression]:
+    """Return the regression of a view's residual on stiffness and damping alone."""
+    adjustables, rows = port_columns(view, prior)
     std = np.array([a.prior_std for a in adjustables])
     offset = np.array([a.offset for a in adjustables])
-    return adjustables, Regression(scene.residual, rows, np.zeros(0), np.zeros((0, len(adjustables))), std, offset)
+    return adjustables, Regression(view.residual, rows, np.zeros(0), np.zeros((0, len(adjustables))), std, offset)
 
 
 def _damped(regression: Regression, adjustables: tuple[Adjustable, ...]) -> Regression:
@@ -113,14 +115,14 @@ def step_factor(value: float) -> float:
     return float(np.clip(1.0 + value, *_STEP_LIMITS))
 
 
-def stepped(state: ModelState, scene: Scene, adjustables: tuple[Adjustable, ...], coefficients: Array) -> ModelState:
+def stepped(state: ModelState, view: RunView, adjustables: tuple[Adjustable, ...], coefficients: Array) -> ModelState:
     """Return the state after a Gauss-Newton step of stiffness and damping."""
     stiffness, damping = state.stiffness.copy(), state.damping.copy()
     for a, value in zip(adjustables, coefficients):
         if a.kind in ("stiffness", "damping"):
             factor = step_factor(value)
             target = stiffness if a.kind == "stiffness" else damping
-            target[scene.port_index(a.place, a.axis)] *= factor
+            target[view.port_index(a.place, a.axis)] *= factor
     return dataclasses.replace(state, stiffness=stiffness, damping=damping)
 
 
@@ -199,7 +201,7 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
     if not _explains(calibrated):
         return calibrated
     regression, used = calibrated.regression, calibrated.blocks
-    dof = float(calibrated.scene.block_dof[used].sum())
+    dof = float(calibrated.view.block_dof[used].sum())
     held: dict[int, float] = {}
     limits = tolerance_limits(calibrated.adjustables)
     for i, (a, limit) in enumerate(zip(calibrated.adjustables, limits)):
@@ -216,7 +218,7 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
         regression = regression.replaced([], none, regression.residual, prior, temper)
         fit = regression.fit(regression.grams, used)
         misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
-        temper = temper_of(misfit, calibrated.scene.inefficiency)
+        temper = temper_of(misfit, calibrated.view.inefficiency)
     return dataclasses.replace(calibrated, regression=regression, fit=fit, held=held)
 
 
@@ -239,9 +241,7 @@ def hold(std: Array, offset: Array, held: Mapping[int, float]) -> tuple[Array, A
     return std, offset
 
 
-def calibrate(
-    plant: Plant, data: Measurement, settings: Settings, blocks: IntArray | None = None, iterations: int = 10
-) -> Calibrated:
+def calibrate(data: RunData, blocks: IntArray | None = None, iterations: int = 10) -> Calibrated:
     """Fit stiffness and damping of every port by output error, all tolerances free within their priors.
 
     Parameters
@@ -261,21 +261,21 @@ def calibrate(
     only if every step with them explains half of it: else the cause of it bends them, and no fit of that cause could take
     it back.
     """
-    found = _gauss_newton(plant, data, settings, blocks, iterations)
+    found = _gauss_newton(data, blocks, iterations)
     moved = found
     while not _explains(moved):
-        further = _gauss_newton(plant, data, settings, blocks, 1, moved)
+        further = _gauss_newton(data, blocks, 1, moved)
         if _excess(further) > 0.5 * _excess(moved):
             return found
         moved = further
-    return found if moved is found else _gauss_newton(plant, data, settings, blocks, iterations, moved)
+    return found if moved is found else _gauss_newton(data, blocks, iterations, moved)
 
 
-def calibrated_at(scene: Scene, blocks: IntArray) -> Calibrated:
-    """Return the model of a scene whose plant and state another run of the vehicle has calibrated: one linear step."""
-    table, adjustables, regression = build_regression(scene, file_parameters(scene.plant))
-    regression, fit = _tempered_fit(regression, scene, blocks)
-    return with_held_faults(Calibrated(scene, table, adjustables, regression, fit, blocks))
+def calibrated_at(view: RunView, blocks: IntArray) -> Calibrated:
+    """Return the model of a view whose plant and state another run of the vehicle has calibrated: one linear step."""
+    table, adjustables, regression = build_regression(view, file_parameters(view.plant))
+    regression, fit = _tempered_fit(regression, view, blocks)
+    return with_held_faults(Calibrated(view, table, adjustables, regression, fit, blocks))
 
 
 def _explains(calibrated: Calibrated) -> bool:
@@ -287,34 +287,32 @@ def _excess(calibrated: Calibrated) -> float:
     """Return the misfit per degree of freedom beyond that of a right model."""
     regression, used = calibrated.regression, calibrated.blocks
     misfit = regression.misfit(regression.grams, used, calibrated.fit.coefficients)
-    return misfit / float(calibrated.scene.block_dof[used].sum()) - 1.0
+    return misfit / float(calibrated.view.block_dof[used].sum()) - 1.0
 
 
 def _advanced(calibrated: Calibrated, settings: Settings, bodies: bool) -> tuple[Plant, ModelState]:
     """Return plant and state after the step that a model asks for, CG and inertia where ``bodies``."""
     adjustables, values = calibrated.adjustables, calibrated.fit.coefficients
-    plant = put_right(tilted(calibrated.scene.plant, adjustables, values), adjustables, values)
+    plant = put_right(tilted(calibrated.view.plant, adjustables, values), adjustables, values)
     if bodies:
         plant = rebalanced(plant, adjustables, values, settings)
-    return plant, stepped(calibrated.scene.state, calibrated.scene, adjustables, values)
+    return plant, stepped(calibrated.view.state, calibrated.view, adjustables, values)
 
 
-def _tempered_fit(regression: Regression, scene: Scene, used: IntArray) -> tuple[Regression, Fit]:
+def _tempered_fit(regression: Regression, view: RunView, used: IntArray) -> tuple[Regression, Fit]:
     """Return the regression with the weight that its own misfit asks for, and its solution."""
-    dof = float(scene.block_dof[used].sum())
+    dof = float(view.block_dof[used].sum())
     fit = regression.fit(regression.grams, used)
     for _ in range(2):
         misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
-        regression = regression.with_temper(temper_of(misfit, scene.inefficiency))
+        regression = regression.with_temper(temper_of(misfit, view.inefficiency))
         fit = regression.fit(regression.grams, used)
     return regression, fit
 
 
-def _gauss_newton(
-    plant: Plant, data: Measurement, settings: Settings, blocks: IntArray | None, iterations: int,
-    start: Calibrated | None = None,
-) -> Calibrated:
+def _gauss_newton(data: RunData, blocks: IntArray | None, iterations: int, start: Calibrated | None = None) -> Calibrated:
     """Return the model after some steps from the file, or from where the step of ``start`` with CG and inertia leads."""
+    plant, settings = data.plant, data.settings
     prior = file_parameters(plant)
     state = ModelState(prior[0].copy(), prior[1].copy())
     if start is not None:
@@ -324,22 +322,22 @@ def _gauss_newton(
     frozen, damped = (True, _DAMPED) if start is None else (False, 0)
     for number in range(iterations):
         best = None  # the rows of two models at once take twice the memory
-        scene = Scene(plant, data, state, settings)
-        used = np.arange(scene.blocks.count) if blocks is None else blocks
+        view = RunView(data.with_plant(plant), state)
+        used = np.arange(view.blocks.count) if blocks is None else blocks
         if number == iterations - 1:
             frozen, damped = False, 0
         if frozen:
-            adjustables, regression = _port_regression(scene, prior)
+            adjustables, regression = _port_regression(view, prior)
         else:
-            table, adjustables, regression = build_regression(scene, prior)
+            table, adjustables, regression = build_regression(view, prior)
         if damped:
             regression = _damped(regression, adjustables)
-        regression, fit = _tempered_fit(regression, scene, used)
+        regression, fit = _tempered_fit(regression, view, used)
         moves = _largest(adjustables, fit.coefficients, ("stiffness", "damping"))
         if frozen:
-            frozen, state = moves > 0.1, stepped(state, scene, adjustables, fit.coefficients)
+            frozen, state = moves > 0.1, stepped(state, view, adjustables, fit.coefficients)
             continue
-        best = Calibrated(scene, table, adjustables, regression, fit, used)
+        best = Calibrated(view, table, adjustables, regression, fit, used)
         small = moves < 0.02 and _largest(adjustables, fit.coefficients, TILT_KINDS) < 0.1
         if not damped and (small or _idle(regression, adjustables, used, fit, settings)):
             break

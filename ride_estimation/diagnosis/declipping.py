@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Where
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -16,7 +16,7 @@ _ITERATIONS = 40
 _SETTLED = 1e-3  # residual of the linear system, relative
 
 
-def missing_readings(scene: Scene, index: int, cut: NDArray[np.bool_], side: float, spread: float) -> tuple[Array, float]:
+def missing_readings(view: RunView, index: int, cut: NDArray[np.bool_], side: float, spread: float) -> tuple[Array, float]:
     """Return what is missing from an input where it was cut, and how many numbers the data determine of it.
 
     Least squares over the cut samples alone, ``min |W (r - T e)|^2 + |e|^2 / spread^2`` by conjugate gradients: r the
@@ -40,14 +40,14 @@ def missing_readings(scene: Scene, index: int, cut: NDArray[np.bool_], side: flo
         Missing part, shape (N,), and its effective number of free values: two per hertz of the bandwidth of T and second
         of cut signal.
     """
-    grid = scene.grid
-    transfer = scene.response.output_from_input[:, :, index]
-    white = np.einsum("fij,fj->fi", scene.whitener, transfer)
+    grid = view.grid
+    transfer = view.response.output_from_input[:, :, index]
+    white = np.einsum("fij,fj->fi", view.noise.whitener, transfer)
     power = np.sum(np.abs(white) ** 2, axis=1)
     bandwidth = float(power.sum() ** 2 / max(float(np.sum(power**2)), 1e-300)) * grid.rate_hz / grid.padded
     free = 2.0 * bandwidth * float(cut.sum()) / grid.rate_hz
-    residual = scene.residual_spectrum + _already(scene, index)
-    seen = np.einsum("fi,fi->f", np.conj(white), np.einsum("fij,fj->fi", scene.whitener, residual))
+    residual = view.residual_spectrum + _already(view, index)
+    seen = np.einsum("fi,fi->f", np.conj(white), np.einsum("fij,fj->fi", view.noise.whitener, residual))
     mask = cut.astype(float)
     right = grid.signal(seen) * mask
     missing = np.zeros(grid.samples)
@@ -80,10 +80,10 @@ def domes(cut: NDArray[np.bool_]) -> Array:
     return out
 
 
-def _already(scene: Scene, index: int) -> ComplexArray:
-    """Return what the model has already been told about the input, as outputs, shape (F, ny)."""
-    out: ComplexArray = np.zeros_like(scene.residual_spectrum)
-    for effect in scene.state.effects:
+def _already(view: RunView, index: int) -> ComplexArray:
+    """Return what the model already knows of the input, as outputs, shape (F, ny)."""
+    out: ComplexArray = np.zeros_like(view.residual_spectrum)
+    for effect in view.state.effects:
         if effect.where is Where.INPUT and effect.index == index:
-            out = out + scene.response.output_from_input[:, :, index] * scene.grid.spectrum(effect.signal)[:, None]
+            out = out + view.response.output_from_input[:, :, index] * view.grid.spectrum(effect.signal)[:, None]
     return out

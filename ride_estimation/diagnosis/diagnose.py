@@ -21,9 +21,11 @@ from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.isolability import confusions
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.next_run import next_run
 from ride_estimation.diagnosis.outlier import CALIBRATION, SOFT_MOUNT, soft_mount
-from ride_estimation.diagnosis.plant import Plant, build_plant
+from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.prediction import Prediction, block_squares, pooled_nrmse, predict
 from ride_estimation.diagnosis.result import (
     EXPLAINED,
@@ -36,7 +38,8 @@ from ride_estimation.diagnosis.result import (
     NamedCause,
     Step,
 )
-from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
@@ -123,28 +126,28 @@ def _diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of one run, the others only judging."""
     try:
-        plant, data, splits = _prepare(vehicle, run, settings)
-        calibrated = with_held_faults(calibrate(plant, data, settings, splits.train))
-        _check_excitation(calibrated.scene, settings)
+        data, splits = _prepare(vehicle, run, settings)
+        calibrated = with_held_faults(calibrate(data, splits.train))
+        _check_excitation(calibrated.view, settings)
     except InputDataError as error:
         return insufficient(vehicle, str(error))
     report(0.15)
 
-    def build(scene: Scene) -> list[Hypothesis]:
+    def build(view: RunView) -> list[Hypothesis]:
         return [
-            h for name, cause in library().items() if causes is None or name in causes for h in cause.hypotheses(scene)
+            h for name, cause in library().items() if causes is None or name in causes for h in cause.hypotheses(view)
         ]
 
     selector = Selector(calibrated, splits, build, settings, lambda share: report(0.15 + 0.6 * share))
     selection = selector.run()
     report(0.8)
-    work = Work(vehicle, calibrated.scene.plant, data, calibrated, splits, selector, selection, settings)
+    work = Work(vehicle, calibrated, splits, selector, selection, settings)
     answer = _conclude(work, validation, causes is None or SOFT_MOUNT in causes)
     report(1.0)
     return answer
 
 
-def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Plant, Measurement, Splits]:
+def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[RunData, Splits]:
     duration = run.samples / run.rate_hz
     if duration < settings.minimum_duration_s:
         raise InputDataError(
@@ -157,23 +160,22 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Pla
     }
     tolerances = settings.tolerances
     plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)
-    data = measurement(plant, run)
-    probe = Scene(plant, data, ModelState(*file_parameters(plant)), settings)
-    if probe.blocks.count < LEAST_BLOCKS:
+    data = RunData(plant, measurement(plant, run), settings)
+    if data.blocks.count < LEAST_BLOCKS:
         raise InputDataError(
-            f"only {probe.blocks.count} blocks of {settings.block_s:g} s without gaps remain; {LEAST_BLOCKS} are needed"
+            f"only {data.blocks.count} blocks of {settings.block_s:g} s without gaps remain; {LEAST_BLOCKS} are needed"
         )
-    return plant, data, make_splits(probe.blocks.count)
+    return data, make_splits(data.blocks.count)
 
 
-def _check_excitation(scene: Scene, settings: Settings) -> None:
-    signal = scene.grid.signal(scene.measured_spectrum * scene.grid.band_weight[:, None])
+def _check_excitation(view: RunView, settings: Settings) -> None:
+    signal = view.grid.signal(view.data.output_spectrum * view.grid.band_weight[:, None])
     ratio = max(
-        float(np.std(signal[:, i])) / max(s.noise_std, 1e-12) for i, s in enumerate(scene.plant.outputs)
+        float(np.std(signal[:, i])) / max(s.noise_std, 1e-12) for i, s in enumerate(view.plant.outputs)
     )
     if ratio < settings.minimum_signal_to_noise:
         raise InputDataError(
-            f"the response is only {ratio:.1f} times the sensor noise in {settings.band_hz[0]:.3g}-{scene.grid.upper_hz:.3g} Hz; "
+            f"the response is only {ratio:.1f} times the sensor noise in {settings.band_hz[0]:.3g}-{view.grid.upper_hz:.3g} Hz; "
             f"{settings.minimum_signal_to_noise:g} times are needed: a rougher road, or a longer stroke on a bench"
         )
 
@@ -192,15 +194,15 @@ def insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
 
 
 def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) -> Diagnosis:
-    settings, scene = work.settings, work.calibrated.scene
-    base = predict(scene, work.data, work.baseline, settings)
+    settings, view = work.settings, work.calibrated.view
+    base = predict(work.data, work.baseline)
     judged = _accepted_or_not(work, base, validation)
     work, extended, gain, law = judged.work, judged.extended, judged.gain, judged.law
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
     soft = _soft_mount(work, state, log_std[0]) if judge_mounts else None
-    seen = scene if accepted is None else accepted.scene
+    seen = view if accepted is None else accepted.view
     named = name_causes(work.selection, soft, seen, work.splits.train)
     verdict, remaining, known = _verdict(work, base, judged, named)
     stable = stability(work, verdict) if settings.stability else None
@@ -211,9 +213,9 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
         warnings.append(
             f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"
         )
-    if scene.noise_scale > 1.25:
+    if view.data.noise_scale > 1.25:
         warnings.append(
-            f"the body accelerometers are {scene.noise_scale:.2f} times as noisy as the vehicle file states; "
+            f"the body accelerometers are {view.data.noise_scale:.2f} times as noisy as the vehicle file states; "
             "the measured noise is used"
         )
     alike = confusions(work.selection.contests)
@@ -223,8 +225,8 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     remarks += _installation(work, {c.location for c in causes})
     residual = residual_summary(base, extended, remaining, accepted is not None)
     further = next_run(work) if settings.plan_next and causes else None
-    doubt = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
-    sentence = describe(verdict, causes, gain, remaining, law) + doubt + (f" {stable.sentence}" if stable is not None else "")
+    rivals = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
+    sentence = describe(verdict, causes, gain, remaining, law) + rivals + (f" {stable.sentence}" if stable is not None else "")
     return Diagnosis(
         verdict=verdict,
         sentence=sentence,
@@ -271,7 +273,7 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[UniformR
     accepted, settings = work.selection.accepted, work.settings
     if accepted is None:
         return _Judged(work, base, *measured_gain(work, base, base, validation))
-    extended = predict(work.calibrated.scene, work.data, work.extended, settings)
+    extended = predict(work.data, work.extended)
     reason, refuted = refusal(work, base, extended), False
     if not reason:
         gain, warnings = measured_gain(work, base, extended, validation)
@@ -302,7 +304,7 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     """Return the verdict, the share of the residual energy that remains and the probability that the library explains the run.
 
     Causes that leave little where nothing was fitted explain the run even if their laws have not the form of the real ones; what
-    remains lowers their confidence and is told.
+    remains lowers their confidence and is stated.
     """
     left, remaining = (1.0, 1.0) if judged.refuted else remaining_energy(work, base, judged.gain)
     elsewhere = left_elsewhere(judged.gain)
@@ -318,25 +320,25 @@ def _soft_mount(work: Work, state: ModelState, log_std: Array) -> Fitted | None:
     """Return a mount out of line with its file and the others, None where there is none."""
     accepted = work.selection.accepted
     laws = [(f.hypothesis.cause, f.hypothesis.ports) for f in (accepted.fitted if accepted is not None else ())]
-    bent = {p for _, ports in laws for p in ports}
+    nonlinear = {p for _, ports in laws for p in ports}
     curved = {p for cause, ports in laws if library()[cause].LAW is Law.ELASTIC for p in ports}
-    soft = soft_mount(work.calibrated, state.stiffness, log_std, bent, curved)
-    seen = work.calibrated.scene if accepted is None else accepted.scene
+    soft = soft_mount(work.calibrated, state.stiffness, log_std, nonlinear, curved)
+    seen = work.calibrated.view if accepted is None else accepted.view
     return soft if soft is not None and _elsewhere(soft, seen, work) >= work.settings.significance else None
 
 
-def _elsewhere(soft: Fitted, scene: Scene, work: Work) -> float:
+def _elsewhere(soft: Fitted, view: RunView, work: Work) -> float:
     """Return what the run loses when a soft mount is held 15 % below what the other mounts of the axis imply [nat].
 
     They imply the file's value times the sum of their stiffnesses over the sum of the file's: how two of them share their
     force may be as uncertain as how much of it the soft one takes.
     """
-    port = scene.port_index(soft.hypothesis.location, soft.hypothesis.axis)
-    stated = file_parameters(scene.plant)[0]
-    others = [i for i, p in enumerate(scene.plant.ports) if p.axis == soft.hypothesis.axis and i != port]
-    common = float(scene.state.stiffness[others].sum() / stated[others].sum())
-    factor = (1.0 - CALIBRATION) * common * float(stated[port] / scene.state.stiffness[port])
-    return loss_without(scene, port, factor, work.splits.train) if factor > 1.0 else 0.0
+    port = view.port_index(soft.hypothesis.location, soft.hypothesis.axis)
+    stated = file_parameters(view.plant)[0]
+    others = [i for i, p in enumerate(view.plant.ports) if p.axis == soft.hypothesis.axis and i != port]
+    common = float(view.state.stiffness[others].sum() / stated[others].sum())
+    factor = (1.0 - CALIBRATION) * common * float(stated[port] / view.state.stiffness[port])
+    return loss_without(view, port, factor, work.splits.train) if factor > 1.0 else 0.0
 
 
 def _log_std(work: Work) -> tuple[Array, Array]:
@@ -349,7 +351,7 @@ def _log_std(work: Work) -> tuple[Array, Array]:
         std = np.full(len(work.plant.ports), np.inf)
         for i, a in enumerate(adjustables):
             if a.kind == kind:
-                std[work.calibrated.scene.port_index(a.place, a.axis)] = np.sqrt(max(covariance[i, i], 0.0))
+                std[work.calibrated.view.port_index(a.place, a.axis)] = np.sqrt(max(covariance[i, i], 0.0))
         out.append(np.sqrt(std**2 + form))
     return out[0], out[1]
 
@@ -365,12 +367,12 @@ def form_variance(fit: FullFit | None, ports: int) -> Array:
     out = np.zeros((2, ports))
     if fit is None:
         return out
-    scene = fit.scene
+    view = fit.view
     for fitted in fit.fitted:
-        for effect in combined_effects(fitted.hypothesis.columns(scene, fitted.shape), fitted.coefficients):
+        for effect in combined_effects(fitted.hypothesis.columns(view, fitted.shape), fitted.coefficients):
             if effect.where is Where.PORT:
-                travel, rate = scene.scales[effect.index][:2]
-                linear = np.array([scene.state.stiffness[effect.index] * travel, scene.state.damping[effect.index] * rate])
+                travel, rate = view.scales[effect.index][:2]
+                linear = np.array([view.state.stiffness[effect.index] * travel, view.state.damping[effect.index] * rate])
                 force = float(np.std(effect.signal))
                 out[:, effect.index] += np.divide(0.5 * FORM * force**2, linear**2, out=np.zeros(2), where=linear > 0.0)
     return out
@@ -423,15 +425,15 @@ def _extended_vehicle(
     remarks: list[str] = []
     for fitted in accepted.fitted if accepted is not None else ():
         cause = library()[fitted.hypothesis.cause]
-        scene = accepted.scene if accepted is not None else work.calibrated.scene
-        vehicle, notes = cause.extend(vehicle, scene, fitted)
+        view = accepted.view if accepted is not None else work.calibrated.view
+        vehicle, notes = cause.extend(vehicle, view, fitted)
         remarks += notes
-    scene = work.calibrated.scene
-    return with_knowledge(vehicle, ports, _log_std(work), scene.deflection, scene.grid.rate_hz), tuple(remarks)
+    view = work.calibrated.view
+    return with_knowledge(vehicle, ports, _log_std(work), view.deflection, view.grid.rate_hz), tuple(remarks)
 
 
 def _ladder(work: Work, base: Prediction, extended: Prediction) -> tuple[Step, ...]:
-    dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
+    dof = float(work.calibrated.view.block_dof[work.splits.train].sum())
     errors, signal = block_squares(base)
     steps = [Step("calibrated linear model", pooled_nrmse(errors, signal, work.splits.judge), work.selector.base_excess, 0.0)]
     for current in work.selection.rounds:

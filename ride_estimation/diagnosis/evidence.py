@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.lines import residual_lines
 from ride_estimation.diagnosis.prediction import Prediction
 from ride_estimation.diagnosis.result import Evidence
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 
@@ -22,17 +22,17 @@ _EDGES_HZ = (0.4, 0.8, 1.5, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 
 def _white_power(prediction: Prediction) -> Array:
     """Return the whitened residual power per frequency and channel, one for a right model, shape (F, ny)."""
-    scene = prediction.scene
-    white = np.einsum("fij,fj->fi", scene.whitener, scene.inside(scene.measured_spectrum - prediction.spectrum))
-    weight = np.maximum(scene.grid.band_weight[:, None] ** 2, 1e-6)
-    return np.asarray(np.abs(white) ** 2 / scene.grid.samples / weight)
+    view = prediction.view
+    white = np.einsum("fij,fj->fi", view.noise.whitener, view.data.inside(view.data.output_spectrum - prediction.spectrum))
+    weight = np.maximum(view.grid.band_weight[:, None] ** 2, 1e-6)
+    return np.asarray(np.abs(white) ** 2 / view.grid.samples / weight)
 
 
 def band_table(base: Prediction, extended: Prediction) -> tuple[tuple[str, float, float], ...]:
     """Return misfit per degree of freedom by band for both models."""
-    f = base.scene.grid.frequency
+    f = base.view.grid.frequency
     p0, p1 = _white_power(base), _white_power(extended)
-    inside = base.scene.grid.band_weight > 0.5
+    inside = base.view.grid.band_weight > 0.5
     out = []
     for low, high in itertools.pairwise(_EDGES_HZ):
         pick = (f >= low) & (f < high) & inside
@@ -43,11 +43,11 @@ def band_table(base: Prediction, extended: Prediction) -> tuple[tuple[str, float
 
 def residual_summary(base: Prediction, extended: Prediction, remaining: float, is_extended: bool) -> dict[str, Any]:
     """Return what remains, in numbers and in words."""
-    scene = extended.scene
+    view = extended.view
     bands = band_table(base, extended)
-    lines = [{"frequency_hz": line.frequency_hz, "peak_over_median": line.ratio} for line in residual_lines(scene)]
+    lines = [{"frequency_hz": line.frequency_hz, "peak_over_median": line.ratio} for line in residual_lines(view)]
     error = extended.residual()
-    trim = round(scene.settings.trim_s * scene.data.rate_hz)
+    trim = round(view.settings.trim_s * view.grid.rate_hz)
     inner = error[trim:-trim]
     kurtosis = float(np.mean(np.mean(inner**4, axis=0) / np.maximum(np.mean(inner**2, axis=0) ** 2, 1e-300)))
     ordered = np.sort(np.sum(inner**2, axis=1))[::-1]
@@ -71,43 +71,44 @@ def residual_summary(base: Prediction, extended: Prediction, remaining: float, i
 
 def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
     """Return the arrays behind the pictures of the report."""
-    scene = base.scene
-    grid, n = scene.grid, scene.grid.samples
-    residual = [np.abs(scene.inside(scene.measured_spectrum - p.spectrum)) ** 2 for p in (base, extended)]
-    noise = np.real(np.diagonal(scene.noise_covariance, axis1=1, axis2=2))
+    view = base.view
+    grid, n = view.grid, view.grid.samples
+    residual = [np.abs(view.data.inside(view.data.output_spectrum - p.spectrum)) ** 2 for p in (base, extended)]
+    noise = np.real(np.diagonal(view.noise.covariance, axis1=1, axis2=2))
     e0, e1, y = base.residual(), extended.residual(), base.measured()
-    trim = round(scene.settings.trim_s * scene.data.rate_hz)
+    trim = round(view.settings.trim_s * view.grid.rate_hz)
     inner = slice(trim, -trim)
     rms = np.maximum(np.std(y[inner], axis=0), 1e-300)
     weight = grid.band_weight[:, None] ** 2
     floor = np.sqrt(np.sum(noise * weight, axis=0) * n) / np.maximum(
-        np.sqrt(np.sum(np.abs(scene.measured_spectrum) ** 2 * weight, axis=0)), 1e-300
+        np.sqrt(np.sum(np.abs(view.data.output_spectrum) ** 2 * weight, axis=0)), 1e-300
     )
     table = np.stack([np.std(e0[inner], axis=0) / rms, np.std(e1[inner], axis=0) / rms, floor], axis=1)
     first = trim
-    last = min(first + round(6.0 * scene.data.rate_hz), len(y))
+    last = min(first + round(6.0 * view.grid.rate_hz), len(y))
     part = slice(first, last)
+    time_s = view.data.time_s[part]
     stretch = {
-        s.name: (scene.time_s[part], y[part, i], (y - e0)[part, i], (y - e1)[part, i]) for i, s in enumerate(scene.plant.outputs)
+        s.name: (time_s, y[part, i], (y - e0)[part, i], (y - e1)[part, i]) for i, s in enumerate(view.plant.outputs)
     }
     blocks = np.stack([_block_misfit(p) for p in (base, extended)], axis=1)
     return Evidence(
         grid.frequency, residual[0].sum(axis=1) / n, residual[1].sum(axis=1) / n, noise.sum(axis=1),
-        tuple(s.name for s in scene.plant.outputs), table, band_table(base, extended), scene.blocks.time_s, blocks,
-        _loops(base, extended), stretch, _unit(scene),
+        tuple(s.name for s in view.plant.outputs), table, band_table(base, extended), view.blocks.time_s, blocks,
+        _loops(base, extended), stretch, _unit(view),
     )
 
 
-def _unit(scene: Scene) -> str:
+def _unit(view: RunView) -> str:
     """Return the unit of the measured channels."""
-    kinds = {s.kind for s in scene.plant.outputs}
+    kinds = {s.kind for s in view.plant.outputs}
     return " or ".join({"acceleration": "m/s^2", "displacement": "m"}.get(k, "-") for k in sorted(kinds))
 
 
 def _block_misfit(prediction: Prediction) -> Array:
-    scene = prediction.scene
-    rows = scene.rows((scene.measured_spectrum - prediction.spectrum)[:, :, None])[:, :, 0]
-    return np.asarray((rows**2).sum(axis=1) / np.maximum(scene.block_dof, 1e-9))
+    view = prediction.view
+    rows = view.rows((view.data.output_spectrum - prediction.spectrum)[:, :, None])[:, :, 0]
+    return np.asarray((rows**2).sum(axis=1) / np.maximum(view.block_dof, 1e-9))
 
 
 def _loops(base: Prediction, extended: Prediction) -> dict[str, tuple[Array, Array, Array, Array]]:
@@ -115,18 +116,18 @@ def _loops(base: Prediction, extended: Prediction) -> dict[str, tuple[Array, Arr
 
     Measured: the extended model and the forces that explain what it leaves of the readings; all along the deflection with these.
     """
-    scene, plain = extended.scene, base.scene.state
-    trim = round(scene.settings.trim_s * scene.data.rate_hz)
-    part = slice(trim, min(trim + round(10.0 * scene.data.rate_hz), scene.grid.samples))
-    extra = np.zeros_like(scene.deflection)
-    for effect in scene.state.effects:
+    view, plain = extended.view, base.view.state
+    trim = round(view.settings.trim_s * view.grid.rate_hz)
+    part = slice(trim, min(trim + round(10.0 * view.grid.rate_hz), view.grid.samples))
+    extra = np.zeros_like(view.deflection)
+    for effect in view.state.effects:
         if effect.where is Where.PORT:
             extra[:, effect.index] += effect.signal
-    missed = scene.grid.signal(scene.missing_forces(scene.residual_spectrum, 1.0))
-    moved = scene.with_port_forces(range(len(scene.plant.ports)), missed)
-    stiffness, damping = scene.state.linear
+    missed = view.grid.signal(view.missing_forces(view.residual_spectrum, 1.0))
+    moved = view.with_port_forces(range(len(view.plant.ports)), missed)
+    stiffness, damping = view.state.linear
     out = {}
-    for p, port in enumerate(scene.plant.ports):
+    for p, port in enumerate(view.plant.ports):
         x, v = moved.deflection[part, p], moved.deflection_rate[part, p]
         total = stiffness[p] * x + damping[p] * v + extra[part, p]
         out[port.name] = (x, plain.stiffness[p] * x + plain.damping[p] * v, total, total + missed[part, p])

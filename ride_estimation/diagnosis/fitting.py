@@ -13,9 +13,10 @@ from ride_estimation.diagnosis.baseline import Adjustable, port_columns
 from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, hold, step_factor, stepped
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.scene import ModelState, Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import Projector, Pushed, Score, mean_rows, price, solve_signed
 from ride_estimation.diagnosis.splits import Splits
 
@@ -40,7 +41,7 @@ class FullFit:
 
     Attributes
     ----------
-    scene
+    view
         Run seen through the extended model.
     fitted
         One entry per hypothesis.
@@ -64,7 +65,7 @@ class FullFit:
         Price of the hypotheses [nat].
     """
 
-    scene: Scene
+    view: RunView
     fitted: tuple[Fitted, ...]
     regression: Regression
     adjustables: tuple[Adjustable, ...]
@@ -83,10 +84,10 @@ class FullFit:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
         return -0.5 * (self.misfit / temper + self.penalty) - self.price
 
-    def slim(self, scene: Scene, regression: Regression) -> FullFit:
-        """Return what is told of a fit that lost its round, on a scene and a regression that are kept anyhow."""
+    def slim(self, view: RunView, regression: Regression) -> FullFit:
+        """Return what is kept of a fit that lost its round, on a view and a regression that are kept anyhow."""
         return dataclasses.replace(
-            self, scene=scene, regression=regression, rows=self.rows[:, :, :0].copy(), means=self.means[:, :0].copy()
+            self, view=view, regression=regression, rows=self.rows[:, :, :0].copy(), means=self.means[:, :0].copy()
         )
 
     def part(self, place: int) -> slice:
@@ -146,27 +147,27 @@ def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Ef
     return tuple(Effect(where, index, signal) for (where, index), signal in total.items())
 
 
-def held_effects(scene: Scene, every: bool = False) -> list[Effect]:
-    """Return what the linear response holds of law forces, along the deflection of a scene.
+def held_effects(view: RunView, every: bool = False) -> list[Effect]:
+    """Return what the linear response holds of law forces, along the deflection of a view.
 
     Parameters
     ----------
     every
         Also for ports of which nothing is held.
     """
-    held = np.zeros((2, len(scene.plant.ports))) if scene.state.held is None else scene.state.held
+    held = np.zeros((2, len(view.plant.ports))) if view.state.held is None else view.state.held
     return [
-        Effect(Where.PORT, p, k * scene.deflection[:, p] + c * scene.deflection_rate[:, p])
+        Effect(Where.PORT, p, k * view.deflection[:, p] + c * view.deflection_rate[:, p])
         for p, (k, c) in enumerate(held.T) if every or k != 0.0 or c != 0.0
     ]
 
 
-def with_effects(scene: Scene, state: ModelState, effects: Sequence[Effect]) -> ModelState:
+def with_effects(view: RunView, state: ModelState, effects: Sequence[Effect]) -> ModelState:
     """Return a state with effects, the equivalent linear part of those at ports in its linear response.
 
     Parameters
     ----------
-    scene
+    view
         Run whose deflections the equivalent stiffness and damping are taken along (least squares).
     state
         Stiffness and damping of the ports.
@@ -177,7 +178,7 @@ def with_effects(scene: Scene, state: ModelState, effects: Sequence[Effect]) -> 
     out = []
     for e in effects:
         if e.where is Where.PORT:
-            pair = np.stack([scene.deflection[:, e.index], scene.deflection_rate[:, e.index]], axis=1)
+            pair = np.stack([view.deflection[:, e.index], view.deflection_rate[:, e.index]], axis=1)
             k, c = np.linalg.lstsq(pair, e.signal, rcond=None)[0]
             held[:, e.index] = max(k, -_MOST_HELD * state.stiffness[e.index]), max(c, -_MOST_HELD * state.damping[e.index])
             out.append(dataclasses.replace(e, signal=e.signal - pair @ held[:, e.index]))
@@ -207,10 +208,10 @@ def searched_shape(
 
 
 def _slopes(
-    hypothesis: Hypothesis, scene: Scene, shape: Shapes, coefficients: Array
+    hypothesis: Hypothesis, view: RunView, shape: Shapes, coefficients: Array
 ) -> tuple[list[Column], Array]:
     """Return what small moves of the shape parameters change in the response to a law, and the moves (Gauss-Newton)."""
-    own = hypothesis.columns(scene, shape)
+    own = hypothesis.columns(view, shape)
     weights = coefficients[: len(own)]
     out: list[Column] = []
     sizes = []
@@ -218,7 +219,7 @@ def _slopes(
         size = 0.1 * s.step if s.step > 0.0 else 0.02 * abs(shape[s.name])
         if shape[s.name] + size > s.upper:
             size = -size
-        moved = hypothesis.columns(scene, {**shape, s.name: shape[s.name] + size})
+        moved = hypothesis.columns(view, {**shape, s.name: shape[s.name] + size})
         out.append(combined_effects([*moved, *own], np.concatenate([weights, -weights])))
         sizes.append(size)
     return out, np.array(sizes)
@@ -245,27 +246,27 @@ def _widened(hypothesis: Hypothesis, entries: Sequence[Shapes]) -> list[dict[str
     return out
 
 
-def _advanced(scene: Scene, result: FullFit) -> ModelState:
+def _advanced(view: RunView, result: FullFit) -> ModelState:
     """Return the state after one pass: a step of stiffness and damping, laws with their coefficients.
 
     What the limit of a step leaves of it stays a force, so that the trajectory is still the one that was fitted.
     """
     count = result.regression.count
-    columns = [c for f in result.fitted for c in f.hypothesis.columns(scene, f.shape)]
+    columns = [c for f in result.fitted for c in f.hypothesis.columns(view, f.shape)]
     weights = [*result.coefficients[count:]]
     for a, value in zip(result.adjustables, result.coefficients):
         left = 1.0 + value - step_factor(value)
         if a.kind in ("stiffness", "damping") and left != 0.0:
-            p = scene.port_index(a.place, a.axis)
+            p = view.port_index(a.place, a.axis)
             force = (
-                scene.state.stiffness[p] * scene.deflection[:, p] if a.kind == "stiffness"
-                else scene.state.damping[p] * scene.deflection_rate[:, p]
+                view.state.stiffness[p] * view.deflection[:, p] if a.kind == "stiffness"
+                else view.state.damping[p] * view.deflection_rate[:, p]
             )
             columns.append((Effect(Where.PORT, p, force),))
             weights.append(left)
-    plain = ModelState(scene.state.stiffness, scene.state.damping)
-    state = stepped(plain, scene, result.adjustables, result.coefficients[:count])
-    return with_effects(scene, state, combined_effects(columns, np.array(weights)))
+    plain = ModelState(view.state.stiffness, view.state.damping)
+    state = stepped(plain, view, result.adjustables, result.coefficients[:count])
+    return with_effects(view, state, combined_effects(columns, np.array(weights)))
 
 
 def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
@@ -275,12 +276,12 @@ def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
     further. The difference of the law forces along the estimated deflection with and without one more realisation of its
     error measures how much.
     """
-    noisy = fit.scene.with_deflection_noise(seed)
+    noisy = fit.view.with_deflection_noise(seed)
     total = np.zeros(fit.rows.shape[:2])
     for f in fit.fitted:
         if not np.any(f.coefficients):
             continue
-        pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)])[:, :, 0] for s in (fit.scene, noisy)]
+        pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)])[:, :, 0] for s in (fit.view, noisy)]
         total += pair[1] - pair[0]
     return float(np.sum(total[blocks] ** 2))
 
@@ -300,19 +301,19 @@ class FullFitter:
         self._cal, self._splits = calibrated, splits
         self._blocks = blocks = splits.train
         #: effective number of samples of the fit
-        self._dof = float(calibrated.scene.block_dof[blocks].sum())
-        self._prior = file_parameters(calibrated.scene.plant)
+        self._dof = float(calibrated.view.block_dof[blocks].sum())
+        self._prior = file_parameters(calibrated.view.plant)
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
 
     def _regression(
-        self, scene: Scene, residual: Array, temper: float, hypotheses: Sequence[Hypothesis]
+        self, view: RunView, residual: Array, temper: float, hypotheses: Sequence[Hypothesis]
     ) -> tuple[tuple[Adjustable, ...], Regression]:
-        """Return the regression with port columns of this scene and the tolerance columns of the calibrated model.
+        """Return the regression with port columns of this view and the tolerance columns of the calibrated model.
 
         A cause that is a large value of a tolerance takes its place: shared between both, the cause would be reported too small.
         """
         cal = self._cal
-        adjustables, rows = port_columns(scene, self._prior)
+        adjustables, rows = port_columns(view, self._prior)
         everything = list(cal.adjustables)
         for i, a in zip(self._ports, adjustables):
             everything[i] = a
@@ -333,25 +334,25 @@ class FullFitter:
         after
             A fit of similar hypotheses whose trajectory is the first estimate; that of the calibrated model where None.
         """
-        scene = self._cal.scene if after is None else after.scene
+        view = self._cal.view if after is None else after.view
         shapes = [dict(s.shape) for s in start]
         hypotheses = [s.hypothesis for s in start]
         fresh = [isinstance(s, Score) for s in start]
-        temper = self._cal.regression.temper if after is None else temper_of(after.misfit / self._dof, scene.inefficiency)
+        temper = self._cal.regression.temper if after is None else temper_of(after.misfit / self._dof, view.inefficiency)
         best: FullFit | None = None
         best_moves = np.inf
         for iteration in range(iterations + 1):
-            residual = scene.residual
-            given = [*scene.state.effects, *held_effects(scene)]
+            residual = view.residual
+            given = [*view.state.effects, *held_effects(view)]
             if given:
-                residual = residual + scene.push([tuple(given)])[:, :, 0]
-            adjustables, regression = self._regression(scene, residual, temper, hypotheses)
+                residual = residual + view.push([tuple(given)])[:, :, 0]
+            adjustables, regression = self._regression(view, residual, temper, hypotheses)
             projector = Projector(regression, self._blocks)
             if iteration == 1:
-                self._choose_families(scene, projector, hypotheses, shapes, fresh)
+                self._choose_families(view, projector, hypotheses, shapes, fresh)
             if iteration:
-                self._search_shapes(scene, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
-            result = self._solve(scene, regression, adjustables, projector, hypotheses, shapes)
+                self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
+            result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
             settled = best is not None and iteration > 1 and moves < 0.03 and best.misfit - result.misfit < 2.0 * temper
             # a result whose stiffness and damping still move is a linearisation, not a model
@@ -361,27 +362,25 @@ class FullFitter:
                 settled = True
             if settled or iteration == iterations:
                 break
-            temper = temper_of(result.misfit / self._dof, scene.inefficiency)
-            scene = Scene(
-                self._cal.scene.plant, self._cal.scene.data, _advanced(scene, result), self._cal.scene.settings, self._cal.scene
-            )
-            if not float(np.sum(scene.residual**2)) < _RUNAWAY * float(np.sum(self._cal.scene.residual**2)):
+            temper = temper_of(result.misfit / self._dof, view.inefficiency)
+            view = RunView(self._cal.view.data, _advanced(view, result), self._cal.view.noise)
+            if not float(np.sum(view.residual**2)) < _RUNAWAY * float(np.sum(self._cal.view.residual**2)):
                 break  # the step led where the motion of the model runs away: what was found before it stands
         if best is None:
             raise ValueError("at least one pass is needed")
         return best
 
     def _solve(
-        self, scene: Scene, regression: Regression, adjustables: tuple[Adjustable, ...], projector: Projector,
+        self, view: RunView, regression: Regression, adjustables: tuple[Adjustable, ...], projector: Projector,
         hypotheses: Sequence[Hypothesis], shapes: Sequence[dict[str, float]],
     ) -> FullFit:
         counts, columns, signs = [], [], []
         for h, shape in zip(hypotheses, shapes):
-            own = h.columns(scene, shape)
+            own = h.columns(view, shape)
             counts.append(len(own))
             columns += own
             signs += list(h.column_signs(len(own)))
-        rows, means = scene.push(columns), mean_rows(self._cal.table, columns)
+        rows, means = view.push(columns), mean_rows(self._cal.table, columns)
         normal, right = projector.reduce(rows, means)
         coefficients, _ = solve_signed(normal, right, signs)
         used = [i for i, c in enumerate(coefficients) if c != 0.0]
@@ -405,12 +404,12 @@ class FullFitter:
         on_fit = float(misfit[self._blocks].sum())
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
-            scene, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
-            scene.inefficiency, penalty, cost,
+            view, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
+            view.inefficiency, penalty, cost,
         )  # fmt: skip
 
     def _choose_families(
-        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
+        self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
         fresh: Sequence[bool],
     ) -> None:
         """Choose again among what the grid of a hypothesis tells apart beyond shape parameters; changes ``shapes``.
@@ -421,33 +420,33 @@ class FullFitter:
             refined = {s.name for s in h.shapes}
             if not fresh[index] or not any(name not in refined for name in shapes[index]):
                 continue
-            others, signs = self._others(scene, projector, hypotheses, shapes, index)
+            others, signs = self._others(view, projector, hypotheses, shapes, index)
 
             def drop(trial: Shapes, h: Hypothesis = h, others: tuple[Pushed, ...] = others, signs: list[Sign] = signs) -> float:
-                own = self._pushed(scene, projector, h.columns(scene, trial))
+                own = self._pushed(view, projector, h.columns(view, trial))
                 return solve_signed(*projector.join(own, *others), [*h.column_signs(len(own.size)), *signs])[1]
 
             ranked = sorted([dict(shapes[index]), *(dict(g) for g in h.grid if g != shapes[index])], key=drop, reverse=True)
             shapes[index] = max([ranked[0], *_widened(h, ranked[:_CLOSE])], key=drop)
 
-    def _pushed(self, scene: Scene, projector: Projector, columns: Sequence[Column]) -> Pushed:
-        return projector.pushed(scene.push(columns, single=True), mean_rows(self._cal.table, columns))
+    def _pushed(self, view: RunView, projector: Projector, columns: Sequence[Column]) -> Pushed:
+        return projector.pushed(view.push(columns, single=True), mean_rows(self._cal.table, columns))
 
     def _others(
-        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: Sequence[Shapes], index: int
+        self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: Sequence[Shapes], index: int
     ) -> tuple[tuple[Pushed, ...], list[Sign]]:
         """Return the columns of all hypotheses but one with their signs; nothing where there is no other."""
         columns: list[Column] = []
         signs: list[Sign] = []
         for i, (h, shape) in enumerate(zip(hypotheses, shapes)):
             if i != index:
-                own = h.columns(scene, shape)
+                own = h.columns(view, shape)
                 columns += own
                 signs += h.column_signs(len(own))
-        return ((self._pushed(scene, projector, columns),) if columns else ()), signs
+        return ((self._pushed(view, projector, columns),) if columns else ()), signs
 
     def _search_shapes(
-        self, scene: Scene, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
+        self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
         searched: Sequence[bool],
     ) -> None:
         """Improve shape parameters with the linear coefficients eliminated; changes ``shapes``.
@@ -460,7 +459,7 @@ class FullFitter:
         for index, h in enumerate(hypotheses):
             if not h.shapes:
                 continue
-            others, signs = self._others(scene, projector, hypotheses, shapes, index)
+            others, signs = self._others(view, projector, hypotheses, shapes, index)
 
             def solve(
                 trial: Shapes,
@@ -469,8 +468,8 @@ class FullFitter:
                 others: tuple[Pushed, ...] = others,
                 signs: list[Sign] = signs,
             ) -> tuple[Array, float]:
-                own = h.columns(scene, trial)
-                fresh = self._pushed(scene, projector, [*own, *slopes])
+                own = h.columns(view, trial)
+                fresh = self._pushed(view, projector, [*own, *slopes])
                 normal, right = projector.join(fresh, *others)
                 return solve_signed(normal, right, [*h.column_signs(len(own)), *[Sign.ANY] * len(slopes), *signs])
 
@@ -478,7 +477,7 @@ class FullFitter:
                 shapes[index] = searched_shape(h, shapes[index], lambda trial, solve=solve: solve(trial)[1])  # type: ignore[misc]
             for _ in range(_STEPS):
                 coefficients, current = solve(shapes[index])
-                slopes, sizes = _slopes(h, scene, shapes[index], coefficients)
+                slopes, sizes = _slopes(h, view, shapes[index], coefficients)
                 count = len(coefficients) - len(signs)
                 moves = solve(shapes[index], slopes)[0][count : count + len(slopes)] * sizes
                 trials = [_moved(h, shapes[index], share * moves) for share in _SHARES]

@@ -174,7 +174,7 @@ def _paths(plant: Plant, response: LinearResponse, turning: Array) -> tuple[Comp
     )
 
 
-def tilt_doubt(
+def tilt_uncertainty(
     plant: Plant, response: LinearResponse, base_spectrum: ComplexArray, inputs: ComplexArray, noise: ComplexArray,
     samples: int, width: int,
 ) -> tuple[Array, ComplexArray, ComplexArray]:

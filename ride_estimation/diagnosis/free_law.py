@@ -18,10 +18,10 @@ from ride_estimation.diagnosis.baseline import MeanTable
 from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.hypothesis import Law, Sign
 from ride_estimation.diagnosis.operators import friction_level, relaxed
+from ride_estimation.diagnosis.port_groups import PortGroup, force_columns, port_groups
 from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import Projector, mean_rows, solve_signed
-from ride_estimation.diagnosis.sites import Site, force_columns, sites
 
 Array = NDArray[np.float64]
 
@@ -57,12 +57,12 @@ class FreeLaw:
 NO_LAW = FreeLaw("", "", 0.0)
 
 
-def free_law(scene: Scene, table: MeanTable, problem: Regression, explained: float, left: float) -> FreeLaw:
+def free_law(view: RunView, table: MeanTable, problem: Regression, explained: float, left: float) -> FreeLaw:
     """Return the best law of general form on top of a model.
 
     Parameters
     ----------
-    scene
+    view
         Run seen through the model.
     table
         Mean readings.
@@ -73,40 +73,40 @@ def free_law(scene: Scene, table: MeanTable, problem: Regression, explained: flo
     """
     projector = Projector(problem, np.arange(len(problem.grams)))
     most, best, law = 0.0, None, np.zeros((0, 0, 0))
-    places = sites(scene)
+    places = port_groups(view)
     for axis in dict.fromkeys(s.axis for s in places):
         along = [s for s in places if s.axis == axis]
         ports = sorted({p for s in along for p in s.ports})
-        columns = force_columns(scene, Site("", axis, tuple(ports)), lambda *motion: _general(scene, *motion))
+        columns = force_columns(view, PortGroup("", axis, tuple(ports)), lambda *motion: _general(view, *motion))
         count = len(columns) // len(ports)
-        rows = scene.push(columns, single=True)
+        rows = view.push(columns, single=True)
         normal, right = projector.reduce(rows, mean_rows(table, columns))
-        for site in along:
-            used = [count * ports.index(p) + i for p in site.ports for i in range(count)]
+        for group in along:
+            used = [count * ports.index(p) + i for p in group.ports for i in range(count)]
             drop = solve_signed(normal[np.ix_(used, used)], right[used], [Sign.ANY] * len(used))[1]
             drop -= 2.0 * problem.temper * len(used)  # what as many columns of mere chance bring (Akaike 1974)
             if drop > most:
-                most, best, law = drop, site, rows[:, :, used]
+                most, best, law = drop, group, rows[:, :, used]
     if best is None or explained <= 0.0:
         return NO_LAW
     # where one block holds most of the energy, folds without it are far off with any law: no more than in its own fit counts
-    energy = min(_predicted(scene, problem, law, best), most)
+    energy = min(_predicted(view, problem, law, best), most)
     return FreeLaw(best.location, best.axis, energy / explained, max(left, 0.0) / explained)
 
 
-def _general(scene: Scene, x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
+def _general(view: RunView, x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
     """Return the columns of a law of general form: elastic, dissipative, mixed, with memory, inertial."""
     u, w = x / x_rms, v / v_rms
     bends = [np.maximum(sign * part - bend, 0.0) for part in (u, w) for bend in _BENDS for sign in (1.0, -1.0)]
-    memory = [*(friction_level(x, reach * x_rms) for reach in _SLIDES), *_cells(scene, u)]
-    acceleration = scene.grid.filtered(v, np.asarray(1j * scene.grid.omega, dtype=np.complex128))
+    memory = [*(friction_level(x, reach * x_rms) for reach in _SLIDES), *_cells(view, u)]
+    acceleration = view.grid.filtered(v, np.asarray(1j * view.grid.omega, dtype=np.complex128))
     return [
         *bends, np.tanh(w / _ROUNDING), u * w, u * np.abs(w), np.abs(u) * w, *memory,
         acceleration / max(float(np.std(acceleration)), 1e-12),
     ]
 
 
-def form_columns(scene: Scene, law: Law, axis: str, ports: tuple[int, ...]) -> list[Column]:
+def form_columns(view: RunView, law: Law, axis: str, ports: tuple[int, ...]) -> list[Column]:
     """Return the columns of any law of a kind at some ports: what a named law of that kind may describe badly.
 
     Parameters
@@ -127,22 +127,22 @@ def form_columns(scene: Scene, law: Law, axis: str, ports: tuple[int, ...]) -> l
             return [np.maximum(sign * w - bend, 0.0) for bend in _BENDS for sign in (1.0, -1.0)]
         if law is Law.SLIDING:
             return [turning, *(friction_level(x, reach * x_rms) for reach in _SLIDES)]
-        return _cells(scene, u)
+        return _cells(view, u)
 
-    return force_columns(scene, Site("", axis, ports), forms)
+    return force_columns(view, PortGroup("", axis, ports), forms)
 
 
-def _cells(scene: Scene, u: Array) -> list[Array]:
+def _cells(view: RunView, u: Array) -> list[Array]:
     """Return Maxwell cells of unit stiffness along a deflection."""
-    omega = scene.grid.omega
-    return [scene.grid.filtered(u, relaxed(omega, np.ones(len(omega), np.complex128), corner)) for corner in _CELLS_HZ]
+    omega = view.grid.omega
+    return [view.grid.filtered(u, relaxed(omega, np.ones(len(omega), np.complex128), corner)) for corner in _CELLS_HZ]
 
 
-def _predicted(scene: Scene, problem: Regression, rows: Array, site: Site) -> float:
+def _predicted(view: RunView, problem: Regression, rows: Array, group: PortGroup) -> float:
     """Return the energy that a law explains on blocks that took no part in its fit, four folds of the run."""
-    stiffness, damping = scene.state.linear
+    stiffness, damping = view.state.linear
     # columns are of unit size: no unknown law carries more than the spring and the damper of its mount
-    size = [float(np.hypot(stiffness[p] * scene.scales[p][0], damping[p] * scene.scales[p][1])) for p in site.ports]
+    size = [float(np.hypot(stiffness[p] * view.scales[p][0], damping[p] * view.scales[p][1])) for p in group.ports]
     grams = problem.candidate_grams(rows.astype(float))
     std = np.repeat(size, rows.shape[2] // len(size))
     fold = np.arange(len(grams)) % _FOLDS

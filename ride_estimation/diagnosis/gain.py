@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit, inherent_misfit, tolerance_of
 from ride_estimation.diagnosis.hypothesis import Law
+from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.prediction import (
     Prediction,
     block_squares,
@@ -20,7 +21,8 @@ from ride_estimation.diagnosis.prediction import (
     predict,
 )
 from ride_estimation.diagnosis.result import Gain, ValidationGain
-from ride_estimation.diagnosis.scene import Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS
 from ride_estimation.diagnosis.verdict import MISSED, shows_elsewhere
 from ride_estimation.diagnosis.work import Work, within_tolerance
@@ -66,11 +68,11 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     """
     if not _in_band(work.selection.accepted):
         return True
-    inside = base.scene.block_window(work.splits.judge)[:, None]
+    inside = base.view.data.block_window(work.splits.judge)[:, None]
     parts = (base.residual(), extended.residual(), base.measured())
     before, after, signal = (np.sum((part * inside) ** 2, axis=0) for part in parts)
     # a channel near a node is the small difference of two motions, each of which the model may miss by so much
-    return bool(np.any(before - after > work.settings.adequacy**2 * base.scene.gross_ratio * signal))
+    return bool(np.any(before - after > work.settings.adequacy**2 * base.view.noise.power_ratio * signal))
 
 
 def measured_gain(
@@ -80,25 +82,25 @@ def measured_gain(
 
     On the validation runs, on the judge blocks of the run itself where there are none.
     """
-    settings, scene = work.settings, work.calibrated.scene
+    settings = work.settings
     warnings: list[str] = []
     base_squares, ext_squares = block_squares(base), block_squares(extended)
     results = []
     for other in validation:
         try:
-            data = measurement(work.plant, other)
+            data = RunData(work.plant, measurement(work.plant, other), settings)
         except KeyError as error:
             warnings.append(f"validation run {other.name}: sensor {error} is missing; not used")
             continue
-        probe = predict(scene, data, work.baseline, settings)
-        count = probe.scene.blocks.count
+        probe = predict(data, work.baseline)
+        count = probe.view.blocks.count
         if count < LEAST_BLOCKS:
             warnings.append(f"validation run {other.name}: too short; not used")
             continue
         bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
         refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
         judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
-        better = predict(scene, data, work.extended, settings, refit) if work.extended.fitted else probe
+        better = predict(data, work.extended, refit) if work.extended.fitted else probe
         if not better.settled:
             warnings.append(
                 f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
@@ -111,22 +113,22 @@ def measured_gain(
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
             )
         before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
-        known = _in_range(work.selection.accepted, better.scene, judged)
+        known = _in_range(work.selection.accepted, better.view, judged)
         inside = None
         if len(known) < len(judged):
             there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
-            inside = (there[0], there[1], min(noise_floor(probe.scene, s0, known), *there))
+            inside = (there[0], there[1], min(noise_floor(probe.view, s0, known), *there))
         results.append(ValidationGain(
             other.name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
-            min(noise_floor(probe.scene, s0, judged), before, left), inside,
+            min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
     judge = work.splits.judge
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
     # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
-    floor = min(noise_floor(base.scene, base_squares[1], judge), baseline, after)
+    floor = min(noise_floor(base.view, base_squares[1], judge), baseline, after)
     if not results:
         results.append(ValidationGain(
-            f"{work.data.name} (judge blocks)", baseline, after,
+            f"{work.data.measured.name} (judge blocks)", baseline, after,
             bootstrap_interval(
                 base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
             ), floor,
@@ -136,7 +138,7 @@ def measured_gain(
     return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
 
 
-def _in_range(accepted: FullFit | None, scene: Scene, blocks: IntArray) -> IntArray:
+def _in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntArray:
     """Return the blocks of another run in which the laws stay within what they were fitted on, all where those are too few.
 
     A stop that the other road hits twice as deep is the same stop, and what it does there no run has told.
@@ -148,15 +150,15 @@ def _in_range(accepted: FullFit | None, scene: Scene, blocks: IntArray) -> IntAr
         laws = [f.hypothesis.ports for f in accepted.fitted if library()[f.hypothesis.cause].LAW is law]
         ports = sorted({p for group in laws for p in group})
         if ports:
-            seen = _extremes(accepted.scene, getattr(accepted.scene, name)[:, ports], np.arange(accepted.scene.blocks.count))
-            here = _extremes(scene, getattr(scene, name)[:, ports], blocks)
+            seen = _extremes(accepted.view, getattr(accepted.view, name)[:, ports], np.arange(accepted.view.blocks.count))
+            here = _extremes(view, getattr(view, name)[:, ports], blocks)
             inside &= np.all((here[0] >= seen[0].min(axis=0)) & (here[1] <= seen[1].max(axis=0)), axis=1)
     return blocks[inside] if np.count_nonzero(inside) >= max(LEAST_BLOCKS, len(blocks) // 4) else blocks
 
 
-def _extremes(scene: Scene, signals: Array, blocks: IntArray) -> tuple[Array, Array]:
+def _extremes(view: RunView, signals: Array, blocks: IntArray) -> tuple[Array, Array]:
     """Return the smallest and largest values of signals (N, q) in some blocks, shape (blocks, q) each."""
-    parts = [signals[scene.block_window(blocks[i : i + 1]) > 0.0] for i in range(len(blocks))]
+    parts = [signals[view.data.block_window(blocks[i : i + 1]) > 0.0] for i in range(len(blocks))]
     # both scatter about zero, which stands for blocks without samples
     least, most = ([f(part, axis=0, initial=0.0) for part in parts] for f in (np.min, np.max))
     return np.array(least), np.array(most)
@@ -167,13 +169,13 @@ def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, f
 
     Without causes both are zero unless the calibrated model misses more than one that counts as right, here and elsewhere.
     """
-    dof = float(work.calibrated.scene.block_dof[work.splits.train].sum())
+    dof = float(work.calibrated.view.block_dof[work.splits.train].sum())
     excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
     accepted = work.selection.accepted
     if accepted is None:
         errors, signal = block_squares(base)
         nrmse = pooled_nrmse(errors, signal, work.splits.train)
-        floor = noise_floor(base.scene, signal, work.splits.train)
+        floor = noise_floor(base.view, signal, work.splits.train)
         missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
         wrong = excess > FLOOR and missed > MISSED * work.settings.adequacy and shows_elsewhere(gain, work.settings)
         return (excess, 1.0) if wrong else (0.0, 0.0)

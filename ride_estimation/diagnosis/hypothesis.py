@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.vehicles.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from ride_estimation.diagnosis.scene import Scene
+    from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class Hypothesis:
     cause, location, axis
         As in ``diagnosis.json``.
     columns
-        Builds the columns on a scene for given shape parameters.
+        Builds the columns on a view for given shape parameters.
     grid
         Shape parameters tried by the screening.
     shapes
@@ -83,7 +83,7 @@ class Hypothesis:
     cause: str
     location: str
     axis: str
-    columns: Callable[[Scene, Shapes], list[Column]]
+    columns: Callable[[RunView, Shapes], list[Column]]
     grid: tuple[Shapes, ...] = ({},)
     shapes: tuple[Shape, ...] = ()
     signs: tuple[Sign, ...] = (Sign.ANY,)
@@ -124,7 +124,7 @@ class Reported:
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
-    """A hypothesis with its numbers on one scene.
+    """A hypothesis with its numbers on one view.
 
     Attributes
     ----------
@@ -157,13 +157,13 @@ class Cause(abc.ABC):
     LAW: ClassVar[Law | None] = None
 
     @abc.abstractmethod
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return the candidate explanations this run allows; empty where its needs are not met."""
 
     @abc.abstractmethod
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the numbers an engineer can check."""
 
     @abc.abstractmethod
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Return the vehicle with the cause built in, and remarks on what a vehicle file cannot hold."""

@@ -17,7 +17,7 @@ from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import build_regression, file_parameters, stepped
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 
 IntArray = NDArray[np.int64]
 
@@ -25,14 +25,14 @@ _FIXED = 1e-4  # standard deviation of ln k of the mount that is held
 _PASSES = 3
 
 
-def loss_without(scene: Scene, port: int, factor: float, blocks: IntArray) -> float:
+def loss_without(view: RunView, port: int, factor: float, blocks: IntArray) -> float:
     """Return the log-likelihood that a run loses when one stiffness is held elsewhere [nat].
 
     The other mounts of the axis start with what keeps the sum of the stiffnesses, and everything else is calibrated again.
 
     Parameters
     ----------
-    scene
+    view
         The run seen through the final model.
     port
         Row of the stiffness.
@@ -41,21 +41,21 @@ def loss_without(scene: Scene, port: int, factor: float, blocks: IntArray) -> fl
     blocks
         Blocks of the fit.
     """
-    prior = file_parameters(scene.plant)
-    own, temper = _misfit(scene, build_regression(scene, prior)[2], blocks)
-    held = scene.plant.ports[port]
-    others = [i for i, p in enumerate(scene.plant.ports) if p.axis == held.axis and i != port]
+    prior = file_parameters(view.plant)
+    own, temper = _misfit(view, build_regression(view, prior)[2], blocks)
+    held = view.plant.ports[port]
+    others = [i for i, p in enumerate(view.plant.ports) if p.axis == held.axis and i != port]
     values = []
-    for now in (scene.state.stiffness, scene.state.damping):
+    for now in (view.state.stiffness, view.state.damping):
         new = now.copy()
         new[port] *= factor
         rest = float(now[others].sum())
         new[others] *= max(1.0 - (new[port] - now[port]) / max(rest, 1e-12), 0.3)
         values.append(new)
-    state = dataclasses.replace(scene.state, stiffness=values[0], damping=values[1])
+    state = dataclasses.replace(view.state, stiffness=values[0], damping=values[1])
     best = np.inf
     for _ in range(_PASSES):
-        other = Scene(scene.plant, scene.data, state, scene.settings, scene)
+        other = RunView(view.data, state, view.noise)
         _, adjustables, regression = build_regression(other, prior)
         fixed = _held(regression, adjustables, held.mount, held.axis)
         best = min(best, _misfit(other, fixed, blocks)[0])
@@ -63,11 +63,11 @@ def loss_without(scene: Scene, port: int, factor: float, blocks: IntArray) -> fl
     return float(0.5 * (best - own) / temper)
 
 
-def _misfit(scene: Scene, regression: Regression, blocks: IntArray) -> tuple[float, float]:
+def _misfit(view: RunView, regression: Regression, blocks: IntArray) -> tuple[float, float]:
     """Return the sum of squares after calibration and its temper."""
-    dof = float(scene.block_dof[blocks].sum())
+    dof = float(view.block_dof[blocks].sum())
     fit = regression.fit(regression.grams, blocks)
-    temper = temper_of(regression.misfit(regression.grams, blocks, fit.coefficients) / dof, scene.inefficiency)
+    temper = temper_of(regression.misfit(regression.grams, blocks, fit.coefficients) / dof, view.inefficiency)
     fit = regression.with_temper(temper).fit(regression.grams, blocks)
     return regression.misfit(regression.grams, blocks, fit.coefficients), temper
 

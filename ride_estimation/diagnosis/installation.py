@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.wording import quantity
 
 Array = NDArray[np.float64]
 
-#: kind -> name, factor and unit of what is told
+#: kind -> name, factor and unit of what is reported
 _TOLD: dict[str, tuple[str, float, str]] = {
     "gain": ("gain error", 1.0, "-"),
     "misalignment": ("turned", float(np.degrees(1.0)), "deg"),
@@ -51,8 +51,8 @@ def installation_remarks(
         if size > _LARGE and abs(value) > _CERTAIN * std:
             name, factor, unit = _TOLD[a.kind]
             about = f"{'about ' if a.kind == 'misalignment' else ''}{a.axis}"
-            told = quantity(name, factor * value, factor * std, unit)
+            size_text = quantity(name, factor * value, factor * std, unit)
             words = f"{a.place} {about}".strip()
             edge = f"{size:.1f} standard deviations of a good installation; counted as calibration"
-            found.append((size, f"{words}: {told}, {edge}"))
+            found.append((size, f"{words}: {size_text}, {edge}"))
     return tuple(words for _, words in sorted(found, reverse=True)[:_MOST])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import medfilt
 
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -34,16 +34,16 @@ class Line:
     ratio: float
 
 
-def white_spectrum(scene: Scene) -> ComplexArray:
+def white_spectrum(view: RunView) -> ComplexArray:
     """Return the whitened spectrum of the residual inside the analysed stretch, shape (F, ny)."""
-    return np.asarray(np.einsum("fij,fj->fi", scene.whitener, scene.inside(scene.residual_spectrum)))
+    return np.asarray(np.einsum("fij,fj->fi", view.noise.whitener, view.data.inside(view.residual_spectrum)))
 
 
-def residual_lines(scene: Scene, count: int = 2, least_ratio: float = _PEAK_OVER_MEDIAN) -> list[Line]:
-    """Return the strongest lines of a scene's residual, strongest first."""
-    power = np.sum(np.abs(white_spectrum(scene)) ** 2, axis=1) / scene.grid.samples
-    step = scene.grid.rate_hz / scene.grid.padded
-    inside = scene.grid.band_weight > 0.5
+def residual_lines(view: RunView, count: int = 2, least_ratio: float = _PEAK_OVER_MEDIAN) -> list[Line]:
+    """Return the strongest lines of a view's residual, strongest first."""
+    power = np.sum(np.abs(white_spectrum(view)) ** 2, axis=1) / view.grid.samples
+    step = view.grid.rate_hz / view.grid.padded
+    inside = view.grid.band_weight > 0.5
     width = round(2.0 / step) | 1
     floor = np.maximum(medfilt(power, width), 0.3 * float(np.median(power[inside])) + 1e-12)
     ratio = np.where(inside, power / floor, 0.0)
@@ -58,24 +58,24 @@ def residual_lines(scene: Scene, count: int = 2, least_ratio: float = _PEAK_OVER
         near = [i for i in range(max(peak - reach, 0), min(peak + reach, len(high) - 1)) if high[i]]
         low, up = min(near), max(near)
         half = max(0.5 * (up - low) * step, 2.0 * step)
-        out.append(Line(float(scene.grid.frequency[peak]), float(min(half, 0.8)), float(ratio[peak])))
+        out.append(Line(float(view.grid.frequency[peak]), float(min(half, 0.8)), float(ratio[peak])))
         ratio[max(low - reach // 2, 0) : up + reach // 2] = 0.0
     return out
 
 
-def tracked_phase(scene: Scene, line: Line) -> Array:
+def tracked_phase(view: RunView, line: Line) -> Array:
     """Return the phase of a line through the run [rad], shape (N,).
 
     The residual around the line is projected on its strongest pattern over the channels, demodulated and unwrapped.
     """
-    white = np.einsum("fij,fj->fi", scene.whitener, scene.residual_spectrum)
-    f = scene.grid.frequency
-    reach = 1.5 * line.half_width_hz + 2.0 * scene.grid.rate_hz / scene.grid.padded
+    white = np.einsum("fij,fj->fi", view.noise.whitener, view.residual_spectrum)
+    f = view.grid.frequency
+    reach = 1.5 * line.half_width_hz + 2.0 * view.grid.rate_hz / view.grid.padded
     gate = np.where(np.abs(f - line.frequency_hz) < reach, 1.0, 0.0)
     part = white * gate[:, None]
     _, vectors = np.linalg.eigh(np.conj(part.T) @ part)
     pattern = part @ vectors[:, -1]
-    full = np.zeros(scene.grid.padded, dtype=complex)
-    full[scene.grid.first : scene.grid.last] = pattern
-    analytic = np.fft.ifft(full)[: scene.grid.samples]
+    full = np.zeros(view.grid.padded, dtype=complex)
+    full[view.grid.first : view.grid.last] = pattern
+    analytic = np.fft.ifft(full)[: view.grid.samples]
     return np.asarray(np.unwrap(np.angle(analytic)))

@@ -21,10 +21,13 @@ from ride_estimation.diagnosis.calibration import calibrated_at
 from ride_estimation.diagnosis.fitting import FullFit, FullFitter
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted
 from ride_estimation.diagnosis.isolability import separation
+from ride_estimation.diagnosis.measurement import Measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.prediction import Model, predict
 from ride_estimation.diagnosis.result import CandidateRun, NextRun
-from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Candidate, Round, Selector
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, make_splits
 from ride_estimation.diagnosis.verdict import reversal_odds
@@ -80,7 +83,7 @@ def next_run(work: Work) -> NextRun | None:
         fitter = FullFitter(work.calibrated, work.splits)
         fits = [fitter.fit([*others, f], _PASSES) for f in (mine, its)]
         pair = [f.fitted[-1] for f in fits]
-        runs = candidate_runs(work.calibrated.scene.plant, work.data)
+        runs = candidate_runs(work.plant, work.data.measured)
         tried = tuple(CandidateRun(words, *(_right(work, fits, others, data, truth) for truth in (0, 1))) for words, data in runs)
         names = [title(f.hypothesis.cause, f.hypothesis.location, f.hypothesis.axis) for f in pair]
         return NextRun(names[0], names[1], odds, tried, separation(mine.hypothesis.cause, its.hypothesis.cause))
@@ -138,24 +141,24 @@ def _bumps(plant: Plant, data: Measurement, rest: Array) -> Array | None:
 
 
 def _model(fit: FullFit) -> Model:
-    state = ModelState(fit.scene.state.stiffness, fit.scene.state.damping, held=fit.scene.state.held)
-    return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.scene.scales)
+    state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
+    return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.view.scales)
 
 
 def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data: Measurement, truth: int) -> float:
     """Return the probability that a candidate run ranks two explanations rightly where that of number ``truth`` is true."""
-    plant, settings = work.calibrated.scene.plant, work.settings
-    predicted = predict(work.calibrated.scene, data, _model(fits[truth]), settings)
-    moved, known = (float(np.abs(s.deflection).max()) for s in (predicted.scene, work.calibrated.scene))
+    plant, settings = work.plant, work.settings
+    predicted = predict(RunData(plant, data, settings), _model(fits[truth]))
+    moved, known = (float(np.abs(s.deflection).max()) for s in (predicted.view, work.calibrated.view))
     if not predicted.settled or moved > _KNOWN_RANGE * known:
         return 0.5
-    outputs = predicted.scene.grid.signal(predicted.spectrum) + data.outputs.mean(axis=0)
+    outputs = predicted.view.grid.signal(predicted.spectrum) + data.outputs.mean(axis=0)
     measured = dataclasses.replace(data, outputs=outputs)
-    scene = Scene(plant, measured, work.calibrated.scene.state, settings)
-    if scene.blocks.count < LEAST_BLOCKS:
+    view = RunView(RunData(plant, measured, settings), work.calibrated.view.state)
+    if view.blocks.count < LEAST_BLOCKS:
         return 0.5
-    splits = make_splits(scene.blocks.count)
-    selector = Selector(calibrated_at(scene, splits.train), splits, lambda _: [], settings)
+    splits = make_splits(view.blocks.count)
+    selector = Selector(calibrated_at(view, splits.train), splits, lambda _: [], settings)
     both = [selector.fitter.fit([*others, f.fitted[-1]], _PASSES) for f in fits]
     before = selector.fitter.fit(others, _PASSES) if others else None
     found = selector.compared(both, len(others), before)

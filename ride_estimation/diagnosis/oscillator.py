@@ -57,7 +57,7 @@ _REMAINS = 0.25  # share of the linear model's squared error that may remain
 _MOSTLY = 0.5  # share from which on naming the best rung would mislead
 _ABOVE_NOISE = 2.0  # error over the noise floor from which on a model is not the whole truth
 _LEAST_SAMPLES = 3000  # 1000 to fit and as many to choose and to judge
-_BETTER = 0.8  # held-out squared error over that of the best bent spring below which a law describes the mount better
+_BETTER = 0.8  # held-out squared error over that of the best nonlinear spring below which a law describes the mount better
 _UNRELATED = 0.95  # error of every model, as a share of the response, from which on the excitation does not explain it
 _METRIC = "NRMSE of the response simulated from the excitation alone (rms error over rms of the measured response)"
 
@@ -70,7 +70,7 @@ def default_fit(count: int) -> BoolArray:
 def diagnose_oscillator(
     record: OscillatorRecord, fit: BoolArray | None = None, validation: Sequence[OscillatorRecord] = ()
 ) -> Diagnosis:
-    """Compare the linear oscillator with bent springs on data that were not fitted.
+    """Compare the linear oscillator with nonlinear springs on data that were not fitted.
 
     Parameters
     ----------
@@ -117,27 +117,27 @@ def diagnose_oscillator(
     gains = tuple(_gain(item, keep, linear, model) for item, keep in [(record, judge), *((v, _all(v)) for v in validation)])
     own = gains[0]
     remaining = _remaining(own)
-    bent = index > 0 and own.ci95[0] > 0.0
+    nonlinear = index > 0 and own.ci95[0] > 0.0
     missed = max(own.baseline, own.extended) > _ABOVE_NOISE * own.noise_floor
-    verdict = (EXPLAINED if remaining < _REMAINS else UNEXPLAINED) if bent else UNEXPLAINED if missed else NO_DISCREPANCY
-    causes = (_cause(rungs, best, remaining),) if bent and remaining < _MOSTLY else ()
+    verdict = (EXPLAINED if remaining < _REMAINS else UNEXPLAINED) if nonlinear else UNEXPLAINED if missed else NO_DISCREPANCY
+    causes = (_cause(rungs, best, remaining),) if nonlinear and remaining < _MOSTLY else ()
     shown = (*gains[1:], own)
-    gain = Gain(_METRIC, own.baseline, own.extended if bent else own.baseline, own.noise_floor, shown)
+    gain = Gain(_METRIC, own.baseline, own.extended if nonlinear else own.baseline, own.noise_floor, shown)
     return Diagnosis(
         verdict, describe(verdict, causes, gain, remaining), causes, gain,
-        {"words": _words(own, best, bent, remaining), "share": remaining if bent else 1.0},
+        {"words": _words(own, best, nonlinear, remaining), "share": remaining if nonlinear else 1.0},
         ("mass not identifiable from excitation and response: the vehicle file has a unit mass",),
-        _vehicle(best if bent else linear),
+        _vehicle(best if nonlinear else linear),
         tuple(Step(r.name.replace("_", " "), r.mse**0.5, float("nan"), -0.5 * (r.criterion - linear.criterion)) for r in rungs),
-        remarks=_remarks(best) if bent else (),
+        remarks=_remarks(best) if nonlinear else (),
     )  # fmt: skip
 
 
 def _with_law(
     record: OscillatorRecord, judge: BoolArray, validation: Sequence[OscillatorRecord], rungs: Sequence[OscillatorRung],
-    bent: OscillatorRung, laws: Sequence[LawFit],
+    nonlinear: OscillatorRung, laws: Sequence[LawFit],
 ) -> Diagnosis:
-    """Return the diagnosis of an oscillator that a law of the library describes better than any bent spring."""
+    """Return the diagnosis of an oscillator that a law of the library describes better than any nonlinear spring."""
     law, linear = laws[0], rungs[0]
 
     def model(item: OscillatorRecord) -> Array:
@@ -148,7 +148,7 @@ def _with_law(
     remaining = _remaining(own)
     verdict = EXPLAINED if remaining < _REMAINS else UNEXPLAINED
     # twenty blocks tell two models apart, however many samples they have
-    others = {law.law.cause: law.mse} | {"stiffness_nonlinearity": bent.mse} | {f.law.cause: f.mse for f in laws[:0:-1]}
+    others = {law.law.cause: law.mse} | {"stiffness_nonlinearity": nonlinear.mse} | {f.law.cause: f.mse for f in laws[:0:-1]}
     others[law.law.cause] = law.mse
     weights = {cause: (law.mse / mse) ** (0.5 * _BLOCKS) for cause, mse in others.items()}
     confidence = (1.0 - _UNKNOWN) * weights[law.law.cause] / sum(weights.values()) * (1.0 - remaining**2)
@@ -224,9 +224,9 @@ def _gain(item: OscillatorRecord, keep: BoolArray, linear: OscillatorRung, best:
     return ValidationGain(name, before, after, bootstrap_interval(squares[0], squares[1], power, 400, 1), floor)
 
 
-def _words(own: ValidationGain, best: OscillatorRung, bent: bool, remaining: float) -> str:
+def _words(own: ValidationGain, best: OscillatorRung, nonlinear: bool, remaining: float) -> str:
     floor = f"(noise floor {100 * own.noise_floor:.2f} %)"
-    if not bent:
+    if not nonlinear:
         return f"The linear oscillator leaves {100 * own.baseline:.2f} % of the response {floor}."
     return (
         f"The {best.name.replace('_', ' ')} leaves {100 * own.extended:.2f} % of the response, the linear oscillator "
@@ -255,7 +255,7 @@ def _cause(rungs: Sequence[OscillatorRung], best: OscillatorRung, remaining: flo
     return NamedCause(
         "stiffness_nonlinearity", "mount", "z", (*reported, frequency), max(confidence, 0.0), (),
         "the same resonance frequency at a tenth and at ten times the level",
-        "a sine sweep at two levels: a bent spring moves the resonance", "Does the restoring force bend with the response?",
+        "a sine sweep at two levels: a nonlinear spring moves the resonance", "Is the restoring force nonlinear in the response?",
     )  # fmt: skip
 
 

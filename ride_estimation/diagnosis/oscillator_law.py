@@ -18,8 +18,8 @@ from ride_estimation.elements.sum_of_elements import SumOfElements
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.identification.bench.law_oscillator import PARAMETERS, LawFit
 
-#: what the parameters are called, and in which units per unit mass; Z of a loop with g and h is a reference and not told
-_TOLD = {
+#: what the parameters are called, and in which units per unit mass; Z of a loop with g and h is a reference and not reported
+_TITLES = {
     "b": ("reciprocal of the mass", "1/kg"), "c": ("damping over mass", "1/s"), "k": ("stiffness over mass", "1/s^2"),
     "k3": ("cubic stiffness over mass", "1/(m s)^2"), "c2": ("square damping over mass", "1/m"),
     "A": ("stiffness of the law over mass", "1/s^2"), "Z": ("largest force of the law over mass", "m/s^2"),
@@ -36,8 +36,8 @@ def law_parameters(fit: LawFit) -> tuple[Reported, ...]:
     own = [PARAMETERS[i] for i in fit.law.free]
     out = []
     for name in (*own, "b", "c", "k"):
-        told, unit = _TOLD[name]
-        out.append(Reported(f"{fit.law.name}: {told}" if name in own else told, *values[name], unit))
+        title, unit = _TITLES[name]
+        out.append(Reported(f"{fit.law.name}: {title}" if name in own else title, *values[name], unit))
     return tuple(out)
 
 
@@ -61,7 +61,7 @@ def _beside(name: str, v: Mapping[str, float]) -> ForceElement | None:
     match name:
         case "Maxwell relaxation":
             return Maxwell(v["A"], v["A"] * v["tau"])
-        case "bent spring":
+        case "nonlinear spring":
             return CubicSpring(0.0, v["k3"])
         case "dry friction":
             return StribeckFriction(v["F"], v["F"], v["w"], rounding=v["w"])

@@ -28,7 +28,7 @@ _LEAST_CERTAIN = 0.1
 
 
 def soft_mount(
-    calibrated: Calibrated, stiffness: Array, log_std: Array, bent: Collection[int] = (), curved: Collection[int] = ()
+    calibrated: Calibrated, stiffness: Array, log_std: Array, nonlinear: Collection[int] = (), curved: Collection[int] = ()
 ) -> Fitted | None:
     """Return the mount axis that is an outlier towards soft, None where there is none.
 
@@ -41,16 +41,16 @@ def soft_mount(
     ----------
     stiffness, log_std
         Calibrated stiffness of every port and the standard deviation of its logarithm, shape (P,).
-    bent
+    nonlinear
         Ports that carry a found force law. What is left as their spring rate depends on how the law is split from it, so
         they are as stiff as the larger of it and of their spring rate in the plain calibrated model.
     curved
         Ports whose found law bends the spring itself. A spring rate is then no number of its own: they are not judged.
     """
-    ports = calibrated.scene.plant.ports
-    prior, _ = file_parameters(calibrated.scene.plant)
-    plain = stepped(calibrated.scene.state, calibrated.scene, calibrated.adjustables, calibrated.fit.coefficients).stiffness
-    judged = np.array([max(k, plain[i]) if i in bent else k for i, k in enumerate(stiffness)])
+    ports = calibrated.view.plant.ports
+    prior, _ = file_parameters(calibrated.view.plant)
+    plain = stepped(calibrated.view.state, calibrated.view, calibrated.adjustables, calibrated.fit.coefficients).stiffness
+    judged = np.array([max(k, plain[i]) if i in nonlinear else k for i, k in enumerate(stiffness)])
     ratio = np.log(judged / np.maximum(prior, 1e-12))
     axes = tuple(dict.fromkeys(p.axis for p in ports))
     known = {a: [i for i, p in enumerate(ports) if p.axis == a and log_std[i] < _LEAST_CERTAIN] for a in axes}
@@ -67,6 +67,6 @@ def soft_mount(
         likely = float(stats.t.isf(_FALSE_ALARM / len(tested), freedom)) * scatter
         margin = -deviation - max(-np.log1p(-CALIBRATION) + 3.0 * log_std[i], likely)
         if margin > 0.0 and (best is None or margin > best[0]):
-            h = Hypothesis(SOFT_MOUNT, ports[i].mount, ports[i].axis, lambda scene, shape: [])
+            h = Hypothesis(SOFT_MOUNT, ports[i].mount, ports[i].axis, lambda view, shape: [])
             best = margin, Fitted(h, np.array([deviation]), np.array([[log_std[i] ** 2]]), {})
     return None if best is None else best[1]

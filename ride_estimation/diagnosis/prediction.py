@@ -16,9 +16,10 @@ from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.fitting import combined_effects, held_effects, searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Fitted, Shapes
-from ride_estimation.diagnosis.scene import Measurement, ModelState, Scene
+from ride_estimation.diagnosis.model_run import ModelState
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import Projector, mean_rows, screen, solve_signed
-from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.waveform import port_forces
 
 Array = NDArray[np.float64]
@@ -64,7 +65,7 @@ class Model:
 
 @dataclasses.dataclass(frozen=True)
 class Prediction:
-    """A predicted run: scene without accepted effects' tolerance part and the full predicted output spectrum (F, ny).
+    """A predicted run: view without accepted effects' tolerance part and the full predicted output spectrum (F, ny).
 
     Attributes
     ----------
@@ -72,82 +73,80 @@ class Prediction:
         Whether the law forces are those along the predicted deflections, as far as a prediction can be told from a guess.
     """
 
-    scene: Scene
+    view: RunView
     spectrum: ComplexArray
     settled: bool = True
 
     def residual(self) -> Array:
         """Return the in-band residual in measured units, shape (N, ny)."""
-        scene = self.scene
-        return scene.grid.signal((scene.measured_spectrum - self.spectrum) * scene.grid.band_weight[:, None])
+        view = self.view
+        return view.grid.signal((view.data.output_spectrum - self.spectrum) * view.grid.band_weight[:, None])
 
     def measured(self) -> Array:
         """Return the in-band measured outputs, shape (N, ny)."""
-        return self.scene.grid.signal(self.scene.measured_spectrum * self.scene.grid.band_weight[:, None])
+        return self.view.grid.signal(self.view.data.output_spectrum * self.view.grid.band_weight[:, None])
 
 
-def predict(base: Scene, data: Measurement, model: Model, settings: Settings, blocks: IntArray | None = None) -> Prediction:
+def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Prediction:
     """Predict a run.
 
     Parameters
     ----------
-    base
-        A scene of the same plant.
     data
-        Run to predict.
+        Run to predict, of the plant of the model.
     model
         What to predict with.
     blocks
         Blocks on which causes that belong to one run only (a disturbance, a change during the run) may be fitted again;
         None keeps their coefficients.
     """
-    plant = base.plant
+    plant = data.plant
     ports = {(p.mount, p.axis): i for i, p in enumerate(plant.ports)}
     state = model.stepped_state(ports)
     fitted = list(model.fitted)
     # a law may carry most of its mount: without its equivalent of the fitted run the first deflections would be far too large
     start = dataclasses.replace(state, held=model.state.held) if fitted else state
-    scene = Scene(plant, data, start, settings, scales=model.scales, smooth=bool(fitted))
+    view = RunView(data, start, scales=model.scales, sees_outputs=bool(fitted))
     if blocks is not None:
-        fitted = [_refitted(scene, f, np.asarray(blocks, dtype=int)) for f in fitted]
+        fitted = [_refitted(view, f, np.asarray(blocks, dtype=int)) for f in fitted]
     missed = 0.0
     if fitted:
-        scene, missed = _settled(scene, data, state, model, fitted, settings)
-    adjustables, spectra, _ = baseline_spectra(scene, mean_table(scene), file_parameters(plant))
+        view, missed = _settled(view, state, model, fitted)
+    adjustables, spectra, _ = baseline_spectra(view, mean_table(view), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     weights = np.array([values.get(a.name, 0.0) for a in adjustables])
-    adjusted = scene.predicted_spectrum.copy()
+    adjusted = view.model.predicted_spectrum.copy()
     for weight, spectrum in zip(weights, spectra):
         if weight != 0.0:
             adjusted += weight * spectrum
-    return Prediction(scene, adjusted, missed < _GUESS)
+    return Prediction(view, adjusted, missed < _GUESS)
 
 
 def _settled(
-    scene: Scene, data: Measurement, state: ModelState, model: Model, fitted: list[Fitted], settings: Settings
-) -> tuple[Scene, float]:
-    """Return the scene whose effects are those of the laws along its own deflection, and by which share they still are not.
+    view: RunView, state: ModelState, model: Model, fitted: list[Fitted]
+) -> tuple[RunView, float]:
+    """Return the view whose effects are those of the laws along its own deflection, and by which share they still are not.
 
     Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
     iterated, each step extrapolated from the last few (Anderson 1965, J. ACM 12). Where the law is too stiff for that (a hard
-    stop on a rougher road) Newton steps are taken; the scene whose effects were nearest to its laws is returned.
+    stop on a rougher road) Newton steps are taken; the view whose effects were nearest to its laws is returned.
     """
-    def laws(at: Scene) -> tuple[Effect, ...]:
+    def laws(at: RunView) -> tuple[Effect, ...]:
         columns = [c for f in fitted for c in f.hypothesis.columns(at, f.shape)]
         return combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
 
     before: tuple[Effect, ...] = ()
-    first, nearest, best = scene, np.inf, scene
+    first, nearest, best = view, np.inf, view
     tried: list[Array] = []
     missed: list[Array] = []
     for number in range(_PASSES):
-        target = laws(scene)
+        target = laws(view)
         if number:
             known = {(e.where, e.index): e.signal for e in before}
             target = tuple(e for e in target if (e.where, e.index) in known)
             change = _relative_change(target, known)
             if change < nearest:
-                nearest, best = change, scene
+                nearest, best = change, view
             if change < _SETTLED or not change < _LOST * nearest:
                 break
             tried.append(np.concatenate([known[e.where, e.index] for e in target]))
@@ -155,24 +154,24 @@ def _settled(
             step = _extrapolated(tried[-_HISTORY:], missed[-_HISTORY:])
             target = tuple(Effect(e.where, e.index, part) for e, part in zip(target, np.split(step, len(target))))
         before = target
-        scene = Scene(scene.plant, data, with_effects(scene, state, target), settings, scales=model.scales, smooth=False)
+        view = RunView(view.data, with_effects(view, state, target), scales=model.scales, sees_outputs=False)
     if nearest < _GUESS or not any(e.where is Where.PORT for e in before):
         return best, nearest
-    scene = first
+    view = first
     for _ in range(_NEWTON_PASSES):
-        scene = Scene(scene.plant, data, port_forces(scene, laws), settings, scales=model.scales, smooth=False)
-        change = _missed_laws(scene, laws(scene))
+        view = RunView(view.data, port_forces(view, laws), scales=model.scales, sees_outputs=False)
+        change = _missed_laws(view, laws(view))
         if change < _SETTLED:
-            return scene, change
+            return view, change
     return best, nearest
 
 
-def _missed_laws(scene: Scene, target: tuple[Effect, ...]) -> float:
-    """Return the largest relative rms by which the port forces of a scene miss their laws."""
+def _missed_laws(view: RunView, target: tuple[Effect, ...]) -> float:
+    """Return the largest relative rms by which the port forces of a view miss their laws."""
     out = 0.0
     for e in (e for e in target if e.where is Where.PORT):
-        held = next(f.signal for f in held_effects(scene, every=True) if f.index == e.index)
-        own = next((f.signal for f in scene.state.effects if (f.where, f.index) == (e.where, e.index)), np.zeros(1))
+        held = next(f.signal for f in held_effects(view, every=True) if f.index == e.index)
+        own = next((f.signal for f in view.state.effects if (f.where, f.index) == (e.where, e.index)), np.zeros(1))
         out = max(out, float(np.std(e.signal - held - own)) / max(float(np.std(e.signal)), 1e-300))
     return out
 
@@ -197,25 +196,25 @@ def _relative_change(effects: tuple[Effect, ...], known: dict[tuple[Where, int],
     )
 
 
-def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:
+def _refitted(view: RunView, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted:
     """Return a run-bound cause fitted again on some blocks of another run; other causes as they are."""
     if not fitted.hypothesis.run_bound:
         return fitted
     cause, wanted = library()[fitted.hypothesis.cause], fitted.hypothesis
     same = [
-        h for h in cause.hypotheses(scene)
+        h for h in cause.hypotheses(view)
         if h.run_bound and (h.location, h.axis) == (wanted.location, wanted.axis)
     ]
     if not same:
         return dataclasses.replace(fitted, coefficients=np.zeros_like(fitted.coefficients))
-    table, _, regression = build_regression(scene, file_parameters(scene.plant))
+    table, _, regression = build_regression(view, file_parameters(view.plant))
     projector = Projector(regression, blocks)
-    best = screen(scene, table, projector, same, float(scene.block_dof[blocks].sum()))[0]
+    best = screen(view, table, projector, same, float(view.block_dof[blocks].sum()))[0]
     h = best.hypothesis
 
     def solve(shape: Shapes) -> tuple[Array, float]:
-        columns = h.columns(scene, shape)
-        return solve_signed(*projector.reduce(scene.push(columns), mean_rows(table, columns)), h.column_signs(len(columns)))
+        columns = h.columns(view, shape)
+        return solve_signed(*projector.reduce(view.push(columns), mean_rows(table, columns)), h.column_signs(len(columns)))
 
     shape = searched_shape(h, dict(best.shape), lambda trial: solve(trial)[1])
     return Fitted(h, solve(shape)[0], fitted.covariance, shape)
@@ -223,40 +222,40 @@ def _refitted(scene: Scene, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitted
 
 def block_squares(prediction: Prediction) -> tuple[Array, Array]:
     """Return residual and measured sums of squares of every block pooled over the acceleration channels, shape (B,) each."""
-    scene = prediction.scene
-    used = [i for i, s in enumerate(scene.plant.outputs) if s.kind == "acceleration"] or list(range(len(scene.plant.outputs)))
-    ratio = scene.grid.rate_hz / scene.grid.decimated_rate_hz
-    first = np.round(scene.blocks.index[:, 0] * ratio).astype(int)
-    length = round(scene.blocks.index.shape[1] * ratio)
+    view = prediction.view
+    used = [i for i, s in enumerate(view.plant.outputs) if s.kind == "acceleration"] or list(range(len(view.plant.outputs)))
+    ratio = view.grid.rate_hz / view.grid.decimated_rate_hz
+    first = np.round(view.blocks.index[:, 0] * ratio).astype(int)
+    length = round(view.blocks.index.shape[1] * ratio)
     error, signal = prediction.residual()[:, used] ** 2, prediction.measured()[:, used] ** 2
-    keep = scene.data.valid[:, None]
+    keep = view.data.measured.valid[:, None]
     return (
         np.array([float((error * keep)[i : i + length].sum()) for i in first]),
         np.array([float((signal * keep)[i : i + length].sum()) for i in first]),
     )
 
 
-def noise_floor(scene: Scene, signal: Array, blocks: Sequence[int] | IntArray) -> float:
+def noise_floor(view: RunView, signal: Array, blocks: Sequence[int] | IntArray) -> float:
     """Return the NRMSE that the measurement alone leaves: body sensors directly, errors of the base motion by the model.
 
     Parameters
     ----------
-    scene
+    view
         The run.
     signal
         Measured sums of squares of every block, shape (B,), of :func:`block_squares`.
     blocks
         Blocks the NRMSE is pooled over: noise is the same in quiet and in rough ones, the signal is not.
     """
-    plant = scene.plant
+    plant = view.plant
     used = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"] or list(range(len(plant.outputs)))
-    noise_y = scene.noise_scale * np.array([s.noise_std for s in plant.outputs])[used]
-    through = np.sum(np.abs(scene.noise_transfer[:, used] * scene.disturbance[:, None, :]) ** 2, axis=2)
-    weight = scene.grid.band_weight[:, None] ** 2
+    noise_y = view.data.noise_scale * np.array([s.noise_std for s in plant.outputs])[used]
+    through = np.sum(np.abs(view.noise.output_transfer[:, used] * view.noise.disturbance[:, None, :]) ** 2, axis=2)
+    weight = view.grid.band_weight[:, None] ** 2
     # mean square per sample: bins are variances per sample, each stands for two of the padded transform
-    power = 2.0 * float(np.sum((through + noise_y**2) * weight)) / scene.grid.padded
+    power = 2.0 * float(np.sum((through + noise_y**2) * weight)) / view.grid.padded
     index = np.asarray(blocks, dtype=int)
-    samples = float(scene.blocks.weight[index].sum()) * scene.grid.rate_hz / scene.grid.decimated_rate_hz
+    samples = float(view.blocks.weight[index].sum()) * view.grid.rate_hz / view.grid.decimated_rate_hz
     return float(np.sqrt(power * samples / max(float(signal[index].sum()), 1e-300)))
 
 

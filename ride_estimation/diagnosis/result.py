@@ -182,28 +182,28 @@ class Stability:
     @property
     def counts(self) -> tuple[int, int]:
         """Return on how many copies the answer is the same, and how many could tell."""
-        told = [c.agrees for c in self.copies if c.agrees is not None]
-        return sum(told), len(told)
+        answers = [c.agrees for c in self.copies if c.agrees is not None]
+        return sum(answers), len(answers)
 
     @property
     def factor(self) -> float:
         """Return the factor of the confidence: the share of the run and its copies that give the answer."""
-        same, told = self.counts
-        return (same + 1) / (told + 1)
+        same, copies = self.counts
+        return (same + 1) / (copies + 1)
 
     @property
     def sentence(self) -> str:
         """Return the share that agrees in words, with what the others say."""
-        same, told = self.counts
-        if not told:
+        same, copies = self.counts
+        if not copies:
             return "No perturbed copy of the run shows whether the answer is stable."
         rest = "; ".join(f"{c.change}: {c.found}" for c in self.copies if c.agrees is False)
-        return f"The answer is the same on {same} of {told} perturbed copies of the run{f' ({rest})' if rest else ''}."
+        return f"The answer is the same on {same} of {copies} perturbed copies of the run{f' ({rest})' if rest else ''}."
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the JSON form."""
-        same, told = self.counts
-        return {"same": same, "told": told, "copies": [dataclasses.asdict(c) for c in self.copies]}
+        same, copies = self.counts
+        return {"same": same, "answers": copies, "copies": [dataclasses.asdict(c) for c in self.copies]}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -158,7 +158,7 @@ def price(hypothesis: Hypothesis, columns: int, samples: float, choices: int) ->
 
 
 def screen(
-    scene: Scene, table: MeanTable, projector: Projector, hypotheses: Sequence[Hypothesis], samples: float
+    view: RunView, table: MeanTable, projector: Projector, hypotheses: Sequence[Hypothesis], samples: float
 ) -> list[Score]:
     """Return the best score of every hypothesis over its grid, best first.
 
@@ -171,27 +171,27 @@ def screen(
     choices = sum(len(members) for _, _, members in jobs)
 
     def score(batch: Sequence[_Job]) -> list[Score]:
-        return _score_batch(scene, table, projector, batch, samples, choices)
+        return _score_batch(view, table, projector, batch, samples, choices)
 
     best: dict[int, Score] = {}
-    for scores in in_order(score, _batches(jobs), scene.settings.threads or usable_threads()):
+    for scores in in_order(score, _batches(jobs), view.settings.threads or usable_threads()):
         for s in scores:
             known = best.get(id(s.hypothesis))
             if known is None or s.gain > known.gain:
                 best[id(s.hypothesis)] = s
-    return sorted(_at_common_temper(scene, projector.regression.temper, best.values(), samples), key=lambda s: -s.penalised)
+    return sorted(_at_common_temper(view, projector.regression.temper, best.values(), samples), key=lambda s: -s.penalised)
 
 
-def _at_common_temper(scene: Scene, temper: float, scores: Iterable[Score], samples: float) -> list[Score]:
+def _at_common_temper(view: RunView, temper: float, scores: Iterable[Score], samples: float) -> list[Score]:
     """Return scores with gains weighed as after the best of them, as full fits are compared.
 
     The temper of the model before the round counts all its misfit as model error. Gains divided by that shrink below every
     price, and the order would be the order of the prices.
     """
     known = list(scores)
-    misfit = 1.0 + (temper - 1.0) / max(scene.inefficiency, 1.0)
+    misfit = 1.0 + (temper - 1.0) / max(view.inefficiency, 1.0)
     largest = max((2.0 * temper * s.gain for s in known), default=0.0)
-    factor = temper / temper_of(max(misfit - largest / max(samples, 1.0), 1.0), scene.inefficiency)
+    factor = temper / temper_of(max(misfit - largest / max(samples, 1.0), 1.0), view.inefficiency)
     return [dataclasses.replace(s, gain=factor * s.gain, penalised=factor * s.gain - (s.gain - s.penalised)) for s in known]
 
 
@@ -234,15 +234,15 @@ def _batches(jobs: Sequence[_Job]) -> list[list[_Job]]:
 
 
 def _score_batch(
-    scene: Scene, table: MeanTable, projector: Projector, jobs: Sequence[_Job], samples: float, choices: int
+    view: RunView, table: MeanTable, projector: Projector, jobs: Sequence[_Job], samples: float, choices: int
 ) -> list[Score]:
     """Return the scores of the jobs of one batch."""
-    batch = [(job, columns) for job in jobs if (columns := job[0].columns(scene, job[1]))]
+    batch = [(job, columns) for job in jobs if (columns := job[0].columns(view, job[1]))]
     flat = [c for _, columns in batch for c in columns]
     if not flat:
         return []
     out: list[Score] = []
-    normal, right = projector.reduce(scene.push(flat, single=True), mean_rows(table, flat))
+    normal, right = projector.reduce(view.push(flat, single=True), mean_rows(table, flat))
     offset = 0
     for (main, shape, members), columns in batch:
         per_port = len(columns) // max(len(main.ports), 1)

@@ -29,7 +29,7 @@ from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Sign
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, screen, solve_signed
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import Splits
@@ -52,7 +52,7 @@ _LEAST = 0.01
 #: prior standard deviation of a coefficient that nothing is known of
 _FREE = 1e12
 
-Build = Callable[[Scene], Sequence[Hypothesis]]
+Build = Callable[[RunView], Sequence[Hypothesis]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Selector:
     splits
         Blocks.
     build
-        Hypotheses of a scene.
+        Hypotheses of a view.
     settings
         Thresholds.
     progress
@@ -143,7 +143,7 @@ class Selector:
     ) -> None:
         self._cal, self._splits, self._build, self._settings = calibrated, splits, build, settings
         self._blocks = splits.train
-        self._dof = float(calibrated.scene.block_dof[self._blocks].sum())
+        self._dof = float(calibrated.view.block_dof[self._blocks].sum())
         #: fits a given set of hypotheses on the same blocks
         self.fitter = FullFitter(calibrated, splits)
         self._progress = progress or (lambda share: None)
@@ -196,7 +196,7 @@ class Selector:
         """Return the law without a name that explains more than accepted causes; of causes that show in means only, none."""
         if accepted is None or not accepted.in_band:
             return NO_LAW
-        scene, problem = self._residual_problem(accepted)
+        view, problem = self._residual_problem(accepted)
         plain = self._cal.regression.block_misfit(self._cal.regression.grams, self._cal.fit.coefficients)
         relieved = accepted.regression.temper * max(self._base_penalty - accepted.penalty, 0.0)
         explained = float((plain - accepted.block_misfit).sum()) + relieved
@@ -205,7 +205,7 @@ class Selector:
         named = accepted.coefficients[count:][accepted.coefficients[count:] != 0.0]
         spread = np.concatenate([np.sqrt(problem.temper) * problem.prior_std[:count], np.abs(named)])
         problem = problem.with_prior(spread, np.concatenate([problem.prior_offset[:count], named]))
-        return free_law(scene, self._cal.table, problem, explained, float((accepted.block_misfit - scene.block_dof).sum()))
+        return free_law(view, self._cal.table, problem, explained, float((accepted.block_misfit - view.block_dof).sum()))
 
     def without_weakest(self, selection: Selection, accepted: FullFit) -> Selection:
         """Return a selection of several accepted causes without the one that the others need least."""
@@ -230,7 +230,7 @@ class Selector:
 
     def compared(self, fits: Sequence[FullFit], place: int, before: FullFit | None = None) -> Round:
         """Return fits that differ in the hypothesis at ``place`` as rivals, ``before`` the model without any of those."""
-        temper = min(temper_of(f.misfit / self._dof, f.scene.inefficiency) for f in fits)
+        temper = min(temper_of(f.misfit / self._dof, f.view.inefficiency) for f in fits)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), place) for f in fits), key=lambda c: -c.log_likelihood)
         return Round(tuple(candidates), self._reference(before, temper), temper)
 
@@ -263,12 +263,12 @@ class Selector:
         temper = self._common_temper(f for f, _ in found)
         best = max((f for f, _ in found), key=lambda f: f.log_likelihood(temper))
         return [
-            (f if f is best or f.misfit < best.misfit else f.slim(self._cal.scene, self._cal.regression), place)
+            (f if f is best or f.misfit < best.misfit else f.slim(self._cal.view, self._cal.regression), place)
             for f, place in found
         ]
 
     def _without_trajectory(self, candidate: Candidate) -> Candidate:
-        return dataclasses.replace(candidate, fit=candidate.fit.slim(self._cal.scene, self._cal.regression))
+        return dataclasses.replace(candidate, fit=candidate.fit.slim(self._cal.view, self._cal.regression))
 
     def _recorded(self, current: Round) -> Round:
         """Put the numbers of a round on record and return them; the trajectory of its winner lives as long as it is accepted."""
@@ -333,11 +333,11 @@ class Selector:
     # ------------------------------------------------------------------ one round
     def _round(self, accepted: FullFit | None, place: int | None = None) -> Round:
         """Compare candidates for a further cause, or with ``place`` for that of one accepted cause."""
-        scene, regression = self._residual_problem(accepted, place)
+        view, regression = self._residual_problem(accepted, place)
         projector = Projector(regression, self._blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
-        hypotheses = [h for h in self._build(scene) if not taken(h, kept) and not (kept and h.only_alone)]
-        scores = screen(scene, self._cal.table, projector, hypotheses, self._dof)
+        hypotheses = [h for h in self._build(view) if not taken(h, kept) and not (kept and h.only_alone)]
+        scores = screen(view, self._cal.table, projector, hypotheses, self._dof)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)
         else:
@@ -356,14 +356,14 @@ class Selector:
         candidates = [*candidates[:1], *map(self._without_trajectory, candidates[1:])]
         own = 1.0
         if candidates and kept:
-            own = self._own_share(scene, projector, scores, kept, candidates[0])
+            own = self._own_share(view, projector, scores, kept, candidates[0])
         reference = self._reference(accepted, temper)
         if accepted is not None and place is not None:
             reference -= (accepted.misfit_without(place, self._blocks) - accepted.misfit) / (2.0 * temper)
         return Round(tuple(candidates), reference, temper, own)
 
     def _own_share(
-        self, scene: Scene, projector: Projector, scores: Sequence[Score], kept: Sequence[Fitted], best: Candidate
+        self, view: RunView, projector: Projector, scores: Sequence[Score], kept: Sequence[Fitted], best: Candidate
     ) -> float:
         """Return the share of a candidate's gain that nothing else at the places of the other causes can bring.
 
@@ -376,36 +376,36 @@ class Selector:
             s for s in scores
             if any(same_place(s.hypothesis, k.hypothesis) for k in kept) and not same_place(s.hypothesis, mine)
         ][:_SLACK]
-        parts = [s.hypothesis.columns(scene, s.shape) for s in near]
+        parts = [s.hypothesis.columns(view, s.shape) for s in near]
         slack = [c for columns in parts for c in columns]
         signs = [sign for s, columns in zip(near, parts) for sign in s.hypothesis.column_signs(len(columns))]
         for k in kept:
             if (law := library()[k.hypothesis.cause].LAW) is not None:
-                slack += form_columns(scene, law, k.hypothesis.axis, k.hypothesis.ports)
+                slack += form_columns(view, law, k.hypothesis.axis, k.hypothesis.ports)
         signs += [Sign.ANY] * (len(slack) - len(signs))
         if not slack:
             return 1.0
-        own = mine.columns(scene, best.fit.fitted[best.contested].shape)
+        own = mine.columns(view, best.fit.fitted[best.contested].shape)
         everything, own_signs = [*slack, *own], mine.column_signs(len(own))
-        normal, right = projector.reduce(scene.push(everything, single=True), mean_rows(self._cal.table, everything))
+        normal, right = projector.reduce(view.push(everything, single=True), mean_rows(self._cal.table, everything))
         n = len(slack)
         without = solve_signed(normal[:n, :n], right[:n], signs)[1]
         together = solve_signed(normal, right, [*signs, *own_signs])[1]
         alone = solve_signed(normal[n:, n:], right[n:], own_signs)[1]
         return float(np.clip((together - without) / max(alone, 1e-9), 0.0, 1.0))
 
-    def _residual_problem(self, accepted: FullFit | None, place: int | None = None) -> tuple[Scene, Regression]:
-        """Return scene and regression with the columns of the accepted causes, that at ``place`` excepted, in the baseline."""
+    def _residual_problem(self, accepted: FullFit | None, place: int | None = None) -> tuple[RunView, Regression]:
+        """Return view and regression with the columns of the accepted causes, that at ``place`` excepted, in the baseline."""
         cal = self._cal
         if accepted is None:
-            return cal.scene, cal.regression
+            return cal.view, cal.regression
         base = accepted.regression
         skipped = accepted.part(place) if place is not None else slice(0, 0)
         used = [
             i for i in range(accepted.rows.shape[2])
             if accepted.coefficients[base.count + i] != 0.0 and not skipped.start <= i < skipped.stop
         ]
-        return accepted.scene, base.extended(accepted.rows[:, :, used], accepted.means[:, used], _FREE)
+        return accepted.view, base.extended(accepted.rows[:, :, used], accepted.means[:, used], _FREE)
 
     def _reference(self, accepted: FullFit | None, temper: float) -> float:
         if accepted is None:
@@ -473,7 +473,7 @@ class Selector:
             return fit
         energy = dict(zip(last.hypothesis.ports, fit.port_energies(len(fit.fitted) - 1)))
         carrying = [
-            h for h in self._build(fit.scene)
+            h for h in self._build(fit.view)
             if within(h, last.hypothesis) and sum(energy[p] for p in h.ports) > MOSTLY * sum(energy.values())
         ]
         removed = fit.misfit_without(len(fit.fitted) - 1, self._blocks) - fit.misfit

@@ -8,29 +8,29 @@ import numpy as np
 from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.kinematics import rotation_matrices
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import AXES
 
 _NO_ANGLE = 1e-6  # reference that stands for the derivative at no rotation [rad]
 
 
-def sensor_axes(scene: Scene, sensor: str) -> tuple[int, ...]:
+def sensor_axes(view: RunView, sensor: str) -> tuple[int, ...]:
     """Return the measured components of a sensor."""
-    signals = (*scene.plant.outputs, *scene.plant.inputs)
+    signals = (*view.plant.outputs, *view.plant.inputs)
     return tuple(s.component for s in signals if s.sensor == sensor)
 
 
-def is_accelerometer(scene: Scene, sensor: str) -> bool:
+def is_accelerometer(view: RunView, sensor: str) -> bool:
     """Return whether a sensor measures acceleration."""
-    return scene.plant.vehicle.sensors[sensor].kind != "displacement"
+    return view.plant.vehicle.sensors[sensor].kind != "displacement"
 
 
-def is_input(scene: Scene, sensor: str) -> bool:
+def is_input(view: RunView, sensor: str) -> bool:
     """Return whether a sensor measures base motion, the input of the model."""
-    return any(s.sensor == sensor for s in scene.plant.inputs)
+    return any(s.sensor == sensor for s in view.plant.inputs)
 
 
-def sensor_column(scene: Scene, sensor: str, kind: str, component: int) -> Column:
+def sensor_column(view: RunView, sensor: str, kind: str, component: int) -> Column:
     """Return the column of one unit of a sensor error; empty where the error has no effect.
 
     Parameters
@@ -40,17 +40,17 @@ def sensor_column(scene: Scene, sensor: str, kind: str, component: int) -> Colum
     component
         Axis of the error.
     """
-    errors, from_input = sensor_error_spectra(scene, sensor, kind, component)
+    errors, from_input = sensor_error_spectra(view, sensor, kind, component)
     where, sign = (Where.INPUT, -1.0) if from_input else (Where.OUTPUT, 1.0)
-    effects = [Effect(where, i, sign * scene.grid.signal(spectrum)) for i, spectrum in errors.items()]
-    if is_accelerometer(scene, sensor) and effects:
-        table = mean_table(scene)
+    effects = [Effect(where, i, sign * view.grid.signal(spectrum)) for i, spectrum in errors.items()]
+    if is_accelerometer(view, sensor) and effects:
+        table = mean_table(view)
         means = sensor_error_means(table, sensor, kind, component)
         effects += [Effect(Where.MEAN, row, np.array([value])) for row, value in means.items()]
     return tuple(effects)
 
 
-def turned_column(scene: Scene, sensor: str, component: int, angle: float) -> Column:
+def turned_column(view: RunView, sensor: str, component: int, angle: float) -> Column:
     """Return the column of a sensor turned about one of its axes, per radian and exact at an angle; empty without effect.
 
     A sensor turned by R reads ``R^T`` times what one that is not turned reads; what a base sensor should have read is R times
@@ -64,18 +64,18 @@ def turned_column(scene: Scene, sensor: str, component: int, angle: float) -> Co
         Where the column is exact [rad].
     """
     angle = angle if abs(angle) > _NO_ANGLE else _NO_ANGLE
-    plant, from_input = scene.plant, is_input(scene, sensor)
+    plant, from_input = view.plant, is_input(view, sensor)
     turn = rotation_matrices(angle * np.eye(3)[component][None])[0]
     change = ((turn if from_input else turn.T) - np.eye(3)) / angle
-    signals, spectrum = (plant.inputs, scene.input_spectrum) if from_input else (plant.outputs, scene.ideal_spectrum)
+    signals, spectrum = (plant.inputs, view.data.input_spectrum) if from_input else (plant.outputs, view.model.ideal_spectrum)
     rows = {s.component: i for i, s in enumerate(signals) if s.sensor == sensor}
     effects = []
     for c, i in rows.items():
         if np.any(change[c, list(rows)]):
             reading = sum((change[c, d] * spectrum[:, k] for d, k in rows.items()), np.zeros(len(spectrum), dtype=complex))
-            effects.append(Effect(Where.INPUT if from_input else Where.OUTPUT, i, scene.grid.signal(reading)))
+            effects.append(Effect(Where.INPUT if from_input else Where.OUTPUT, i, view.grid.signal(reading)))
     if effects:
-        table = mean_table(scene)
+        table = mean_table(view)
         shift = (turn.T - np.eye(3)) @ table.gravity[sensor] / angle
         means = {table.row(sensor, c): float(shift[c]) for c in range(3)}
         effects += [Effect(Where.MEAN, row, np.array([v])) for row, v in means.items() if row is not None and v != 0.0]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.hypothesis import Fitted
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import rotation_from_rpy
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.correction import Correction
@@ -39,18 +39,18 @@ def delay_sensors(vehicle: Vehicle, sensors: Sequence[str], delay: float) -> Ext
     return _corrected(vehicle, changes)
 
 
-def scale_sensor(vehicle: Vehicle, scene: Scene, sensor: str, axes: Sequence[int], error: float) -> Extended:
+def scale_sensor(vehicle: Vehicle, view: RunView, sensor: str, axes: Sequence[int], error: float) -> Extended:
     """Return the vehicle with a sensor that reads ``1 + error`` times too much about its value at rest.
 
     Parameters
     ----------
-    scene
+    view
         Where the error was found.
     axes
         Components of the sensor.
     """
     old = vehicle.sensors[sensor]
-    before = scene.plant.vehicle.sensors[sensor].correction
+    before = view.plant.vehicle.sensors[sensor].correction
     channels = _channels(old)
     gain, bias = old.correction.gains(channels), old.correction.biases(channels)
     rest = _at_rest(old, vehicle.gravity, channels)
@@ -60,12 +60,12 @@ def scale_sensor(vehicle: Vehicle, scene: Scene, sensor: str, axes: Sequence[int
     return _corrected(vehicle, {sensor: _with_values(old.correction, gain, bias)})
 
 
-def offset_sensor(vehicle: Vehicle, scene: Scene, sensor: str, axes: Sequence[int], offset: float) -> Extended:
+def offset_sensor(vehicle: Vehicle, view: RunView, sensor: str, axes: Sequence[int], offset: float) -> Extended:
     """Return the vehicle with a sensor whose readings are ``offset`` [unit of the sensor] too large.
 
     Parameters
     ----------
-    scene
+    view
         Where the error was found.
     axes
         Components of the sensor.
@@ -74,7 +74,7 @@ def offset_sensor(vehicle: Vehicle, scene: Scene, sensor: str, axes: Sequence[in
     channels = _channels(old)
     gain, bias = old.correction.gains(channels), old.correction.biases(channels)
     for i in _places(axes, channels):
-        bias[i] += scene.plant.vehicle.sensors[sensor].correction.gains(channels)[i] * offset
+        bias[i] += view.plant.vehicle.sensors[sensor].correction.gains(channels)[i] * offset
     return _corrected(vehicle, {sensor: _with_values(old.correction, gain, bias)})
 
 

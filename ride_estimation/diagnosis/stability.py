@@ -19,9 +19,11 @@ from ride_estimation.diagnosis.candidates import Identity, identity
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.measurement import Measurement
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
-from ride_estimation.diagnosis.scene import Measurement, Scene
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Round, Selector
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, make_splits
 from ride_estimation.diagnosis.wording import title
@@ -39,7 +41,7 @@ _MISSES = 1.1
 
 def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
     """Yield what was changed, the plant and the data of every copy of a run; the same ones every time."""
-    plant, data = work.calibrated.scene.plant, work.data
+    plant, data = work.plant, work.data.measured
     rng = np.random.default_rng(work.settings.seed)
     more = np.sqrt((1.0 + _NOISE) ** 2 - 1.0)
     noisy = [
@@ -101,11 +103,11 @@ def stability(work: Work, verdict: str) -> Stability:
 
 def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measurement) -> PerturbedCopy:
     settings, accepted = work.settings, work.selection.accepted
-    scene = Scene(plant, data, work.calibrated.scene.state, settings)
-    if scene.blocks.count < LEAST_BLOCKS:
+    view = RunView(RunData(plant, data, settings), work.calibrated.view.state)
+    if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
-    splits = make_splits(scene.blocks.count)
-    calibrated = calibrated_at(scene, splits.train)
+    splits = make_splits(view.blocks.count)
+    calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
     copy = _Copy(work, calibrated, selector)
     if accepted is not None:
@@ -124,9 +126,9 @@ class _Copy:
     """A perturbed copy on which found causes are fitted again."""
 
     def __init__(self, work: Work, calibrated: Calibrated, selector: Selector) -> None:
-        self._selection, self._scene, self._fitter = work.selection, calibrated.scene, selector.fitter
+        self._selection, self._view, self._fitter = work.selection, calibrated.view, selector.fitter
         self._selector, self._significance = selector, work.settings.significance
-        self._whole = len(calibrated.scene.plant.outputs) == len(work.plant.outputs)
+        self._whole = len(calibrated.view.plant.outputs) == len(work.plant.outputs)
         self._built: dict[str, dict[Identity, Hypothesis]] = {}
 
     def changed(self, accepted: FullFit, place: int, contest: Round) -> str:
@@ -158,7 +160,7 @@ class _Copy:
         """Return a found hypothesis as it is built on the copy, with its numbers; None where its channel is missing."""
         h = fitted.hypothesis
         if h.cause not in self._built:
-            self._built[h.cause] = {identity(b): b for b in library()[h.cause].hypotheses(self._scene)}
+            self._built[h.cause] = {identity(b): b for b in library()[h.cause].hypotheses(self._view)}
         # on all channels a hypothesis of the run means the same here
         again = self._built[h.cause].get(identity(h), h if self._whole else None)
         return None if again is None else dataclasses.replace(fitted, hypothesis=again)

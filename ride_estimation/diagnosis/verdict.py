@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Reported
 from ride_estimation.diagnosis.isolability import separation
 from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival, ValidationGain
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Candidate, Round, Selection
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.wording import quantity, title
@@ -38,7 +38,7 @@ _STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
 
 
 def name_causes(
-    selection: Selection, soft: Fitted | None, scene: Scene, blocks: IntArray
+    selection: Selection, soft: Fitted | None, view: RunView, blocks: IntArray
 ) -> tuple[NamedCause, ...]:
     """Return the named causes, strongest first, each as sure as its last contest within the library makes it.
 
@@ -48,7 +48,7 @@ def name_causes(
         Rounds of forward selection.
     soft
         A mount out of line, from :mod:`outlier`.
-    scene
+    view
         The run seen through the extended model.
     blocks
         Blocks that fitted and selected.
@@ -58,9 +58,9 @@ def name_causes(
     for fitted, contest in zip(accepted.fitted if accepted is not None else (), selection.contests):
         cause = library()[fitted.hypothesis.cause]
         confidence, rivals = _weigh(contest, blocks)
-        axis = fitted.hypothesis.axis or _axis_of(scene, fitted)
+        axis = fitted.hypothesis.axis or _axis_of(view, fitted)
         named = NamedCause(
-            fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(scene, fitted), confidence, rivals,
+            fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(view, fitted), confidence, rivals,
             cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
         )
         out.append((_strength(accepted, fitted, blocks), named))
@@ -68,7 +68,7 @@ def name_causes(
         cause = library()["one_soft_mount"]
         z = abs(float(soft.coefficients[0])) / max(soft.std(0), 1e-9)
         named = NamedCause(
-            "one_soft_mount", soft.hypothesis.location, soft.hypothesis.axis, cause.parameters(scene, soft),
+            "one_soft_mount", soft.hypothesis.location, soft.hypothesis.axis, cause.parameters(view, soft),
             float(1.0 - np.exp(-0.5 * min(z, 20.0))), (),
             cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
         )
@@ -111,11 +111,11 @@ def _right(share: float, mean: float) -> float:
     return _TAIL / scale * math.pow(1.0 + share / scale, -(_TAIL + 1.0))
 
 
-def _axis_of(scene: Scene, fitted: Fitted) -> str:
+def _axis_of(view: RunView, fitted: Fitted) -> str:
     """Return the axis of the strongest reported coordinate of causes without an axis of their own."""
     if fitted.hypothesis.cause != "harmonic_disturbance":
         return ""
-    names = [p.name.split()[-1] for p in library()[fitted.hypothesis.cause].parameters(scene, fitted) if "amplitude" in p.name]
+    names = [p.name.split()[-1] for p in library()[fitted.hypothesis.cause].parameters(view, fitted) if "amplitude" in p.name]
     return names[0] if names else ""
 
 
@@ -287,8 +287,8 @@ def _left_to(law: FreeLaw) -> str:
 
 
 def _phrase(cause: NamedCause) -> str:
-    told = [p for p in cause.parameters if p.value != 0.0 or p.std > 0.0]
-    numbers = ", ".join(_number(p) for p in told[:2])
+    reported = [p for p in cause.parameters if p.value != 0.0 or p.std > 0.0]
+    numbers = ", ".join(_number(p) for p in reported[:2])
     return f"{title(cause.id, cause.location, cause.axis)} ({numbers}; confidence {100 * cause.confidence:.0f} %)"
 
 

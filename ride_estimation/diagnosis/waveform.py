@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.scene import ModelState, Scene
+from ride_estimation.diagnosis.model_run import ModelState
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
-Laws = Callable[[Scene], tuple[Effect, ...]]
+Laws = Callable[[RunView], tuple[Effect, ...]]
 
 _STEPS = 12  # Newton steps
 _KRYLOV = 30  # directions of one step
@@ -27,39 +28,39 @@ _SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step that are tried
 _ENOUGH = 0.01  # rms by which the forces still miss their laws, relative to them
 
 
-def port_forces(scene: Scene, laws: Laws) -> ModelState:
-    """Return the state of a scene with the port forces that the laws have along their own linear response.
+def port_forces(view: RunView, laws: Laws) -> ModelState:
+    """Return the state of a view with the port forces that the laws have along their own linear response.
 
     Parameters
     ----------
-    scene
+    view
         Run and model, where the steps begin; what the state holds of the laws stays held.
     laws
-        Effects of the laws along the deflections of a scene; those at other places than ports stay as they come out first.
+        Effects of the laws along the deflections of a view; those at other places than ports stay as they come out first.
 
     Returns
     -------
     ModelState
         With the nearest forces that were found.
     """
-    first = laws(scene)
+    first = laws(view)
     ports = sorted(e.index for e in first if e.where is Where.PORT)
     rest = tuple(e for e in first if e.where is not Where.PORT)
-    linear = np.zeros((2, len(ports))) if scene.state.held is None else scene.state.held[:, ports]
-    known = {(e.where, e.index): e.signal for e in scene.state.effects}
-    zero = np.zeros(scene.grid.samples)
+    linear = np.zeros((2, len(ports))) if view.state.held is None else view.state.held[:, ports]
+    known = {(e.where, e.index): e.signal for e in view.state.effects}
+    zero = np.zeros(view.grid.samples)
     start = np.stack([known.get((Where.PORT, p), zero) for p in ports], axis=1)
 
     def beyond(forces: Array) -> Array:
         """Return what the laws along these forces have beyond what is held."""
-        moved = scene.with_port_forces(ports, forces - start)
+        moved = view.with_port_forces(ports, forces - start)
         signal = {e.index: e.signal for e in laws(moved) if e.where is Where.PORT}
         total = np.stack([signal.get(p, zero) for p in ports], axis=1)
         return np.asarray(total - linear[0] * moved.deflection[:, ports] - linear[1] * moved.deflection_rate[:, ports])
 
     forces = _solved(beyond, start)
     effects = (*rest, *(Effect(Where.PORT, p, forces[:, i]) for i, p in enumerate(ports)))
-    return dataclasses.replace(scene.state, effects=effects)
+    return dataclasses.replace(view.state, effects=effects)
 
 
 def _solved(function: Callable[[Array], Array], start: Array) -> Array:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import Calibrated
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.prediction import Model
-from ride_estimation.diagnosis.scene import Measurement, ModelState
+from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.selection import Selection, Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import Splits
@@ -41,8 +42,6 @@ class Work:
     """Everything the conclusion needs."""
 
     vehicle: Vehicle
-    plant: Plant
-    data: Measurement
     calibrated: Calibrated
     splits: Splits
     selector: Selector
@@ -50,10 +49,20 @@ class Work:
     settings: Settings
 
     @property
+    def plant(self) -> Plant:
+        """Return the calibrated plant."""
+        return self.calibrated.view.plant
+
+    @property
+    def data(self) -> RunData:
+        """Return the run."""
+        return self.calibrated.view.data
+
+    @property
     def baseline(self) -> Model:
         """Return the calibrated model."""
-        scene = self.calibrated.scene
-        state = ModelState(scene.state.stiffness, scene.state.damping)
+        view = self.calibrated.view
+        state = ModelState(view.state.stiffness, view.state.damping)
         adjustables = self.calibrated.adjustables
         return Model(state, adjustables, within_tolerance(adjustables, self.calibrated.fit.coefficients))
 
@@ -63,5 +72,5 @@ class Work:
         fit = self.selection.accepted
         if fit is None:
             return self.baseline
-        state = ModelState(fit.scene.state.stiffness, fit.scene.state.damping, held=fit.scene.state.held)
-        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.scene.scales)
+        state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
+        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.view.scales)

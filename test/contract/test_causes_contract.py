@@ -11,8 +11,11 @@ import pytest
 
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.hypothesis import Fitted, Sign
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.signals.recording import UniformRun
@@ -26,7 +29,7 @@ IDS = (
 
 
 @functools.cache
-def cab_scene() -> Scene:
+def cab_view() -> RunView:
     """Return a short run of the cab: white vibration on every sensor, one line, one clipped channel."""
     vehicle = load_vehicle("config/vehicles/truck_cab.yaml")
     rng = np.random.default_rng(1)
@@ -41,7 +44,7 @@ def cab_scene() -> Scene:
     valid = {name: np.ones(count, dtype=bool) for name in data}
     plant = build_plant(vehicle, dict.fromkeys(data, 3))
     state = ModelState(np.array([p.stiffness for p in plant.ports]), np.array([p.damping for p in plant.ports]))
-    return Scene(plant, measurement(plant, UniformRun("contract", rate, 0, data, valid)), state, Settings())
+    return RunView(RunData(plant, measurement(plant, UniformRun("contract", rate, 0, data, valid)), Settings()), state)
 
 
 def test_the_library_is_exactly_the_nineteen_published_ids():
@@ -58,17 +61,17 @@ def test_a_cause_says_what_it_asks_needs_and_what_would_refute_it(name):
 
 @pytest.mark.parametrize("name", [n for n in IDS if n != "one_soft_mount"])
 def test_hypotheses_have_finite_columns_at_declared_places(name):
-    scene = cab_scene()
-    hypotheses = library()[name].hypotheses(scene)
+    view = cab_view()
+    hypotheses = library()[name].hypotheses(view)
     assert hypotheses
-    plant = scene.plant
+    plant = view.plant
     places = {*plant.mounts, *plant.sensors, *(b for b, _ in plant.coordinates), "all", "front", "rear", "left", "right"}
     for h in hypotheses:
         assert h.cause == name
         assert h.location in places
         assert h.axis in ("", "x", "y", "z", "roll", "pitch", "yaw")
     h = hypotheses[0]
-    columns = h.columns(scene, h.grid[0])
+    columns = h.columns(view, h.grid[0])
     assert columns
     for column in columns:
         for effect in column:
@@ -77,25 +80,25 @@ def test_hypotheses_have_finite_columns_at_declared_places(name):
 
 @pytest.mark.parametrize("name", IDS)
 def test_the_extended_vehicle_is_written_and_loads_again(name, tmp_path):
-    scene = cab_scene()
+    view = cab_view()
     cause = library()[name]
-    hypotheses = cause.hypotheses(scene)
+    hypotheses = cause.hypotheses(view)
     if name == "one_soft_mount":
         from ride_estimation.diagnosis.hypothesis import Hypothesis
 
-        h, size, shape = Hypothesis(name, "front_left", "z", lambda scene, shape: []), 1, {}
+        h, size, shape = Hypothesis(name, "front_left", "z", lambda view, shape: []), 1, {}
     else:
         h = hypotheses[0]
         shape = dict(h.grid[0])
-        size = len(h.columns(scene, shape))
+        size = len(h.columns(view, shape))
     signs = h.column_signs(size)
     coefficients = np.array([-0.01 if s == Sign.NEGATIVE else 0.01 for s in signs])
     fitted = Fitted(h, coefficients, 1e-6 * np.eye(size), shape)
-    for reported in cause.parameters(scene, fitted):
+    for reported in cause.parameters(view, fitted):
         assert np.isfinite(reported.value)
         assert reported.std >= 0.0
         assert reported.unit
-    vehicle, remarks = cause.extend(scene.plant.vehicle, scene, fitted)
+    vehicle, remarks = cause.extend(view.plant.vehicle, view, fitted)
     path = tmp_path / "vehicle_extended.yaml"
     save_vehicle(vehicle, path)
     again = load_vehicle(path)
@@ -106,29 +109,29 @@ def test_the_extended_vehicle_is_written_and_loads_again(name, tmp_path):
 @pytest.mark.parametrize("name", ["flexible_mode", "viscoelasticity", "missing_degree_of_freedom"])
 def test_what_a_linear_cause_does_on_a_road_twice_as_rough_is_twice_as_large(name):
     """Coefficients are those of the vehicle and not of the run they were found on."""
-    scene = cab_scene()
-    rougher = copy.copy(scene)
-    rougher.deflection_spectrum = 2.0 * scene.deflection_spectrum
-    rougher.coordinate_spectrum = 2.0 * scene.coordinate_spectrum
-    h = library()[name].hypotheses(scene)[0]
-    for one, two in zip(h.columns(scene, h.grid[0]), h.columns(rougher, h.grid[0]), strict=True):
+    view = cab_view()
+    rougher = copy.copy(view)
+    rougher.deflection_spectrum = 2.0 * view.deflection_spectrum
+    rougher.coordinate_spectrum = 2.0 * view.coordinate_spectrum
+    h = library()[name].hypotheses(view)[0]
+    for one, two in zip(h.columns(view, h.grid[0]), h.columns(rougher, h.grid[0]), strict=True):
         for before, after in zip(one, two, strict=True):
             np.testing.assert_allclose(after.signal, 2.0 * before.signal, rtol=1e-9, atol=1e-12 * np.max(np.abs(after.signal)))
 
 
 def test_a_mass_changes_within_the_stretch_that_is_analysed():
     """What happened before its first block is a wrong mass and no change."""
-    scene = cab_scene()
-    (h,) = (h for h in library()["mass_change"].hypotheses(scene) if h.shapes)
-    first, last = scene.blocks.time_s[[0, -1]]
+    view = cab_view()
+    (h,) = (h for h in library()["mass_change"].hypotheses(view) if h.shapes)
+    first, last = view.blocks.time_s[[0, -1]]
     (instant,) = h.shapes
     assert first <= instant.lower <= min(g["at"] for g in h.grid) < max(g["at"] for g in h.grid) <= instant.upper <= last
 
 
 def test_one_soft_mount_has_no_residual_hypothesis():
-    assert library()["one_soft_mount"].hypotheses(cab_scene()) == ()
+    assert library()["one_soft_mount"].hypotheses(cab_view()) == ()
 
 
 def test_clipping_is_only_suspected_where_samples_heap_up_at_an_extreme():
-    found = library()["sensor_clipping"].hypotheses(cab_scene())
+    found = library()["sensor_clipping"].hypotheses(cab_view())
     assert [h.location for h in found] == ["cab_rear_left"]

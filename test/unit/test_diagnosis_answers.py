@@ -16,8 +16,11 @@ from ride_estimation.diagnosis.calibration import file_parameters
 from ride_estimation.diagnosis.diagnose import diagnose, form_variance
 from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.kinematics import rotation_matrices
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import missing_forces
 from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.port_groups import port_groups
 from ride_estimation.diagnosis.result import (
     EXPLAINED,
     INSUFFICIENT,
@@ -26,10 +29,10 @@ from ride_estimation.diagnosis.result import (
     Gain,
     ValidationGain,
 )
-from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import turned_column
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.sites import sites
 from ride_estimation.diagnosis.verdict import gained_nothing, left_elsewhere, proven, unexplained_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -155,27 +158,27 @@ def test_a_wild_model_asks_for_finite_forces():
 def test_a_sensor_turned_by_far_is_seen_as_the_rotation_that_it_is():
     vehicle, run = quarter_car(), quarter_car_run(3)
     plant = build_plant(vehicle, {"body": 3, "base": 3})
-    scene = Scene(plant, measurement(plant, run), ModelState(*file_parameters(plant)), Settings())
+    view = RunView(RunData(plant, measurement(plant, run), Settings()), ModelState(*file_parameters(plant)))
     angle = np.radians(-18.0)
-    column = turned_column(scene, "base", 0, angle)
-    reading = scene.grid.signal(scene.input_spectrum)
+    column = turned_column(view, "base", 0, angle)
+    reading = view.grid.signal(view.data.input_spectrum)
     turn = rotation_matrices(angle * np.eye(3)[:1])[0]
     for effect in (e for e in column if e.where is Where.INPUT):
         expected = reading @ (turn - np.eye(3))[effect.index]
         np.testing.assert_allclose(angle * effect.signal, expected, atol=1e-9 * np.abs(reading).max())
     means = {e.index: angle * float(e.signal[0]) for e in column if e.where is Where.MEAN}
     gravity = np.array([0.0, 0.0, GRAVITY])
-    rows = [i for i, s in enumerate(mean_table(scene).signals) if s.sensor == "base"]
+    rows = [i for i, s in enumerate(mean_table(view).signals) if s.sensor == "base"]
     np.testing.assert_allclose([means.get(r, 0.0) for r in rows], turn.T @ gravity - gravity, atol=1e-9)
 
 
 def test_the_mounts_of_an_axle_and_of_a_side_are_places_of_a_law():
     vehicle = load_vehicle(Path("config/vehicles/truck_cab.yaml"))
     ports = [p for p in build_plant(vehicle, dict.fromkeys(vehicle.sensors, 3)).ports if p.axis == "z"]
-    scene = SimpleNamespace(
+    view = SimpleNamespace(
         plant=SimpleNamespace(vehicle=vehicle, ports=ports), deflection=np.random.default_rng(0).normal(size=(50, len(ports)))
     )
-    found = {s.location: {ports[p].mount for p in s.ports} for s in sites(scene)}
+    found = {s.location: {ports[p].mount for p in s.ports} for s in port_groups(view)}
     assert found["rear"] == {"rear_left", "rear_right"} and found["left"] == {"front_left", "rear_left"}
     assert set(found) == {"front", "rear", "left", "right", "all", *(p.mount for p in ports)}
 
@@ -184,12 +187,12 @@ def test_what_the_form_of_a_law_leaves_open_is_in_stiffness_and_damping() -> Non
     """Half of 0.5 % of the energy of a friction of 100 N beside springs of 440 N and dampers of 110 N, at its own port only."""
     friction = 100.0 * np.sign(np.sin(np.linspace(0.0, 20.0 * np.pi, 10000, endpoint=False) + 1e-4))
     state = SimpleNamespace(stiffness=np.array([44e3, 44e3]), damping=np.array([2.2e3, 2.2e3]))
-    scene = SimpleNamespace(scales=[(0.01, 0.05), (0.01, 0.05)], state=state)
+    view = SimpleNamespace(scales=[(0.01, 0.05), (0.01, 0.05)], state=state)
 
-    def columns(scene: object, shape: object) -> list[tuple[Effect, ...]]:
+    def columns(view: object, shape: object) -> list[tuple[Effect, ...]]:
         return [(Effect(Where.PORT, 1, friction),), (Effect(Where.MEAN, 0, np.ones(1)),)]
 
     law = SimpleNamespace(hypothesis=SimpleNamespace(columns=columns), shape={}, coefficients=np.array([1.0, 1.0]))
-    found = form_variance(SimpleNamespace(scene=scene, fitted=(law,)), 2)  # type: ignore[arg-type]
+    found = form_variance(SimpleNamespace(view=view, fitted=(law,)), 2)  # type: ignore[arg-type]
     np.testing.assert_allclose(found[:, 1], [0.0025 * (100.0 / 440.0) ** 2, 0.0025 * (100.0 / 110.0) ** 2], rtol=1e-9)
     assert np.all(found[:, 0] == 0.0) and np.all(form_variance(None, 2) == 0.0)

@@ -17,8 +17,9 @@ from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanc
 from ride_estimation.diagnosis.gain import noticeable
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.kinematics import BodyMotion, transducer_correction
+from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.scene import measurement
+from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import rotation_from_rpy
@@ -91,7 +92,7 @@ def test_cg_and_inertia_enter_a_model_that_misses_much_only_where_they_explain_i
     steps = iter([SimpleNamespace(number=i, left=value) for i, value in enumerate(left)])
     monkeypatch.setattr(calibration, "_gauss_newton", lambda *_: next(steps))
     monkeypatch.setattr(calibration, "_excess", lambda found: found.left)
-    assert calibrate(None, None, Settings()).number == answer
+    assert calibrate(None).number == answer
     assert next(steps, None) is None
 
 
@@ -121,10 +122,10 @@ def test_base_motion_that_follows_from_no_sensor_is_refused_with_the_sensor_that
 def test_a_stiffness_the_run_determines_is_missed_elsewhere_and_not_where_it_is():
     vehicle, run = quarter_car(), quarter_car_run(seed=3)
     plant = build_plant(vehicle, {"body": 3, "base": 3})
-    found = calibrate(plant, measurement(plant, run), Settings())
-    blocks = np.arange(found.scene.blocks.count)
-    assert abs(loss_without(found.scene, 0, 1.0, blocks)) < 3.0
-    assert loss_without(found.scene, 0, 1.3, blocks) > 100.0
+    found = calibrate(RunData(plant, measurement(plant, run), Settings()))
+    blocks = np.arange(found.view.blocks.count)
+    assert abs(loss_without(found.view, 0, 1.0, blocks)) < 3.0
+    assert loss_without(found.view, 0, 1.3, blocks) > 100.0
 
 
 @pytest.mark.parametrize(("share", "node", "counts"), [(0.003, 1.0, False), (0.005, 1.0, True), (0.005, 2.0, False)])
@@ -136,8 +137,11 @@ def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(sha
     left = 0.01 * noise
     before = left.copy()
     before[:, 1] += effect
-    scene = SimpleNamespace(block_window=lambda blocks: np.ones(4000), gross_ratio=np.array([1.0, node, 1.0]))
-    base = SimpleNamespace(scene=scene, residual=lambda: before, measured=lambda: signal)
+    view = SimpleNamespace(
+        data=SimpleNamespace(block_window=lambda blocks: np.ones(4000)),
+        noise=SimpleNamespace(power_ratio=np.array([1.0, node, 1.0])),
+    )
+    base = SimpleNamespace(view=view, residual=lambda: before, measured=lambda: signal)
     extended = SimpleNamespace(residual=lambda: left)
     work = SimpleNamespace(
         selection=SimpleNamespace(accepted=SimpleNamespace(in_band=True)), settings=Settings(),

@@ -22,6 +22,8 @@ from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import Sign
 from ride_estimation.diagnosis.kinematics import rotation_matrices
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import noise_scale, temper_of
 from ride_estimation.diagnosis.operators import friction_level, loose_friction, relaxed, resonant
 from ride_estimation.diagnosis.plant import build_plant
@@ -29,7 +31,8 @@ from ride_estimation.diagnosis.prediction import bootstrap_interval
 from ride_estimation.diagnosis.regression import Regression, offset_deviance
 from ride_estimation.diagnosis.response import respond
 from ride_estimation.diagnosis.result import Gain, ValidationGain
-from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import solve_signed
 from ride_estimation.diagnosis.selection import beyond_tolerance
 from ride_estimation.diagnosis.settings import Settings
@@ -209,10 +212,10 @@ def test_calibration_recovers_stiffness_and_damping_of_a_quarter_car():
     vehicle = quarter_car()
     run = quarter_car_run(seed=1)
     plant = build_plant(vehicle, {"body": 3, "base": 3})
-    found = calibrate(plant, measurement(plant, run), Settings())
+    found = calibrate(RunData(plant, measurement(plant, run), Settings()))
     # truth 44 kN/m and 2 kN s/m; 0.5 % noise, 40 s: standard errors below 0.3 % and 1 %
-    assert found.scene.state.stiffness[0] * np.exp(found.fit.coefficients[0]) == pytest.approx(44e3, rel=0.01)
-    assert found.scene.state.damping[0] * np.exp(found.fit.coefficients[1]) == pytest.approx(2e3, rel=0.03)
+    assert found.view.state.stiffness[0] * np.exp(found.fit.coefficients[0]) == pytest.approx(44e3, rel=0.01)
+    assert found.view.state.damping[0] * np.exp(found.fit.coefficients[1]) == pytest.approx(2e3, rel=0.03)
 
 
 def test_a_worse_installation_of_the_file_counts_and_a_better_one_makes_no_fault():
@@ -221,9 +224,9 @@ def test_a_worse_installation_of_the_file_counts_and_a_better_one_makes_no_fault
     told = dataclasses.replace(vehicle.sensors["body"], installation=stated)
     vehicle = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "body": told})
     plant = build_plant(vehicle, {"body": 3, "base": 3})
-    scene = Scene(plant, measurement(plant, quarter_car_run(5, 12.0)), ModelState(*file_parameters(plant)), Settings())
-    table = mean_table(scene)
-    std = {(a.kind, a.place): a.prior_std for a in baseline_columns(scene, table, file_parameters(plant))[0]}
+    view = RunView(RunData(plant, measurement(plant, quarter_car_run(5, 12.0)), Settings()), ModelState(*file_parameters(plant)))
+    table = mean_table(view)
+    std = {(a.kind, a.place): a.prior_std for a in baseline_columns(view, table, file_parameters(plant))[0]}
     assert (std["gain", "body"], std["misalignment", "body"]) == (0.02, USUAL.misalignment)
     assert (std["gain", "base"], std["delay", "body"]) == (USUAL.gain, USUAL.delay)
     assert {s.sensor: float(v) for s, v in zip(table.signals, table.std)} == {"body": 0.3, "base": USUAL.bias}
@@ -232,13 +235,10 @@ def test_a_worse_installation_of_the_file_counts_and_a_better_one_makes_no_fault
 def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
     vehicle, run = quarter_car(), quarter_car_run(seed=2)
     plant = build_plant(vehicle, {"body": 3, "base": 3})
-    data = measurement(plant, run)
+    data = RunData(plant, measurement(plant, run), Settings())
     k, c = file_parameters(plant)
-    settings = Settings()
-    here = Scene(plant, data, ModelState(k, c), settings, smooth=False)
-    shifted = Scene(
-        plant, data, ModelState(k * 1.001, c), settings, like=here, smooth=False
-    )
+    here = RunView(data, ModelState(k, c), sees_outputs=False)
+    shifted = RunView(data, ModelState(k * 1.001, c), here.noise, sees_outputs=False)
     adjustables, rows, _ = baseline_columns(here, mean_table(here), (k, c))
     index = [a.kind for a in adjustables].index("stiffness")
     difference = (here.residual - shifted.residual) / np.log(1.001)
@@ -303,8 +303,8 @@ def test_an_error_beyond_three_tolerances_is_left_in_the_residual(true, held, ki
     regression = Regression(residual, columns, np.zeros(0), np.zeros((0, 2)), np.array([0.01, 0.1]), np.zeros(2))
     used = np.arange(blocks)
     fit = regression.fit(regression.grams, used)
-    scene = types.SimpleNamespace(block_dof=np.full(blocks, float(rows)), inefficiency=1.0)
-    found = with_held_faults(Calibrated(scene, None, adjustables, regression, fit, used))
+    view = types.SimpleNamespace(block_dof=np.full(blocks, float(rows)), inefficiency=1.0)
+    found = with_held_faults(Calibrated(view, None, adjustables, regression, fit, used))
     # the data determine it to 1 / (200 sqrt(240)) = 0.3 mm
     # a CG stays at its limit, an error of a sensor is left to its cause as a whole
     kept = (-0.03 if kind == "cg" else 0.0) if held else true

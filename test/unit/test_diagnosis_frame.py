@@ -11,16 +11,19 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.bent import Family, odd_form
 from ride_estimation.diagnosis.calibration import file_parameters
+from ride_estimation.diagnosis.characteristic import Family, odd_form
 from ride_estimation.diagnosis.declipping import domes, missing_readings
 from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion, unseen_tilt
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import excess_inefficiency, noise_scale
 from ride_estimation.diagnosis.outlier import soft_mount
 from ride_estimation.diagnosis.plant import Plant, build_plant
 from ride_estimation.diagnosis.prediction import Model as PredictionModel
 from ride_estimation.diagnosis.prediction import block_squares, noise_floor, predict
-from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.frames import point_motion_matrix
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -173,17 +176,17 @@ def test_cut_base_readings_come_back_as_far_as_the_body_feels_them():
     true = data.inputs[:, index].copy()
     level = float(true.mean() + 0.8 * np.std(true))
     data.inputs[:, index] = np.minimum(true, level)
-    scene = Scene(plant, data, ModelState(np.array([44e3]), np.array([2e3])), Settings())
-    missing, free = missing_readings(scene, index, true >= level, 1.0, float(np.std(true)))
+    view = RunView(RunData(plant, data, Settings()), ModelState(np.array([44e3]), np.array([2e3])))
+    missing, free = missing_readings(view, index, true >= level, 1.0, float(np.std(true)))
     assert np.all(missing >= 0.0)
     assert np.all(missing[true < level] == 0.0)
     assert 0.0 < free < 2.0 * run.rate_hz * float(np.mean(true >= level)) * run.samples / run.rate_hz
     # what counts is the response of the body, transfer (k + i w c) / (k - m w^2 + i w c)
-    iw = 1j * scene.grid.omega
-    transfer = (44e3 + 2e3 * iw) / (44e3 + 2e3 * iw + 400.0 * iw**2) * scene.grid.band_weight
+    iw = 1j * view.grid.omega
+    transfer = (44e3 + 2e3 * iw) / (44e3 + 2e3 * iw + 400.0 * iw**2) * view.grid.band_weight
 
     def felt(x: np.ndarray) -> np.ndarray:
-        return scene.grid.signal(transfer * scene.grid.spectrum(x))[600:-600]
+        return view.grid.signal(transfer * view.grid.spectrum(x))[600:-600]
 
     gone = np.maximum(true - level, 0.0)
     assert np.std(felt(gone - missing)) < 0.35 * np.std(felt(gone))
@@ -195,7 +198,7 @@ def test_domes_have_unit_height_over_every_cut_run():
 
 
 @pytest.mark.parametrize("family", [Family.SATURATING, Family.GROWING, Family.BULGE])
-def test_bent_forms_are_odd_and_start_with_unit_slope(family):
+def test_characteristic_forms_are_odd_and_start_with_unit_slope(family):
     u = np.linspace(-2.0, 2.0, 41)
     y = odd_form(u, {"family": float(family), "scale": 0.8})
     np.testing.assert_allclose(y, -y[::-1], atol=1e-14)
@@ -208,8 +211,8 @@ def test_a_bent_spring_is_not_called_a_soft_mount_for_its_rate_at_rest():
     prior = file_parameters(plant)[0]
     ports = [(p.mount, p.axis) for p in plant.ports]
     index = ports.index(("rear_left", "z"))
-    scene = types.SimpleNamespace(plant=plant, state=ModelState(prior.copy(), file_parameters(plant)[1].copy()))
-    calibrated = types.SimpleNamespace(scene=scene, adjustables=(), fit=types.SimpleNamespace(coefficients=np.zeros(0)))
+    view = types.SimpleNamespace(plant=plant, state=ModelState(prior.copy(), file_parameters(plant)[1].copy()))
+    calibrated = types.SimpleNamespace(view=view, adjustables=(), fit=types.SimpleNamespace(coefficients=np.zeros(0)))
     soft = prior.copy()
     soft[index] *= 0.6
     log_std = np.full(len(prior), 0.005)
@@ -218,7 +221,7 @@ def test_a_bent_spring_is_not_called_a_soft_mount_for_its_rate_at_rest():
     assert (named.hypothesis.location, named.hypothesis.axis) == ("rear_left", "z")
     assert soft_mount(calibrated, soft, log_std, {index}) is None
     # softer at rest and on the average, as a curved spring is: friction does not do that, a spring that bends does
-    scene.state = ModelState(soft.copy(), scene.state.damping)
+    view.state = ModelState(soft.copy(), view.state.damping)
     assert soft_mount(calibrated, soft, log_std, {index}) is not None
     assert soft_mount(calibrated, soft, log_std, {index}, {index}) is None
 
@@ -226,15 +229,15 @@ def test_a_bent_spring_is_not_called_a_soft_mount_for_its_rate_at_rest():
 def test_the_noise_floor_of_quiet_blocks_is_higher_than_that_of_loud_ones():
     vehicle, run = quarter_car(), quarter_car_run(seed=5)
     plant = build_plant(vehicle, {"body": 3, "base": 3})
-    data = measurement(plant, run)
-    scene = Scene(plant, data, ModelState(np.array([44e3]), np.array([2e3])), Settings())
+    data = RunData(plant, measurement(plant, run), Settings())
+    view = RunView(data, ModelState(np.array([44e3]), np.array([2e3])))
     model = PredictionModel(ModelState(np.array([44e3]), np.array([2e3])), (), np.zeros(0))
-    prediction = predict(scene, data, model, Settings())
+    prediction = predict(data, model)
     errors, signal = block_squares(prediction)
     order = np.argsort(signal)
-    quiet, loud = noise_floor(scene, signal, order[:3]), noise_floor(scene, signal, order[-3:])
+    quiet, loud = noise_floor(view, signal, order[:3]), noise_floor(view, signal, order[-3:])
     assert quiet > loud
     everything = np.arange(len(signal))
     # a right model leaves the floor: chi-square of some thousand samples, and 0.4 % tolerated model error
     nrmse = np.sqrt(errors.sum() / signal.sum())
-    assert noise_floor(scene, signal, everything) == pytest.approx(nrmse, rel=0.15)
+    assert noise_floor(view, signal, everything) == pytest.approx(nrmse, rel=0.15)

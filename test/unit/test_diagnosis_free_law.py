@@ -14,20 +14,21 @@ from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.free_law import free_law
+from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.scene import measurement
+from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.settings import Settings
 
 
 def planted(force: float, noise: float) -> tuple[float, str, float]:
     """Return what a law on top of the linear quarter car explains, its place, and what of it the linear model cannot."""
     plant = build_plant(quarter_car(), {"body": 3, "base": 3})
-    calibrated = calibrate(plant, measurement(plant, quarter_car_run(41, 30.0)), Settings())
-    scene, base = calibrated.scene, calibrated.regression
-    u = scene.deflection[:, 0] / scene.scales[0][0]
+    calibrated = calibrate(RunData(plant, measurement(plant, quarter_car_run(41, 30.0)), Settings()))
+    view, base = calibrated.view, calibrated.regression
+    u = view.deflection[:, 0] / view.scales[0][0]
     # a spring that bends between two bends of the general law: none of its columns is the law
-    column = scene.push([(Effect(Where.PORT, 0, force * np.maximum(u - 0.75, 0.0)),)])[:, :, 0]
+    column = view.push([(Effect(Where.PORT, 0, force * np.maximum(u - 0.75, 0.0)),)])[:, :, 0]
     residual = column + noise * np.random.default_rng(42).standard_normal(column.shape)
     problem = Regression(
         residual, base.columns, 0.0 * base.mean_residual, 0.0 * base.mean_columns, np.full(base.count, 1e9), np.zeros(base.count)
@@ -36,7 +37,7 @@ def planted(force: float, noise: float) -> tuple[float, str, float]:
     flat = flat[:, np.any(flat, axis=0)]
     flat = flat / np.linalg.norm(flat, axis=0)
     own = column.reshape(-1) - flat @ np.linalg.lstsq(flat, column.reshape(-1), rcond=1e-12)[0]
-    law = free_law(scene, calibrated.table, problem, 1.0, 0.0)
+    law = free_law(view, calibrated.table, problem, 1.0, 0.0)
     return law.share, f"{law.location} {law.axis}", float(own @ own)
 
 

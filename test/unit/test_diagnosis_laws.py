@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, MASS, quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.bent import Family, bent_forms
 from ride_estimation.diagnosis.causes.bump_stop import _hardening
+from ride_estimation.diagnosis.characteristic import Family, characteristic_forms
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.result import EXPLAINED, Gain, NamedCause, ValidationGain
@@ -35,13 +35,13 @@ def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_whe
 def test_both_parts_of_a_growing_spring_make_one_that_stiffens_in_one_direction_only():
     """Closed form: s sinh(u / s) + s (cosh(u / s) - 1) = s (exp(u / s) - 1), which has unit slope at rest."""
     u, shape = np.linspace(-3.0, 3.0, 61), {"family": float(Family.GROWING), "scale": 1.3}
-    both = sum(bent_forms(u, shape, over_rate=False))
+    both = sum(characteristic_forms(u, shape, over_rate=False))
     np.testing.assert_allclose(both, 1.3 * np.expm1(u / 1.3), atol=1e-12)
 
 
 @pytest.mark.parametrize(("mass", "means"), [(150.0, True), (250.0, False)])
 def test_a_coefficient_beyond_what_is_possible_means_nothing(mass, means):
-    h = Hypothesis("missing_degree_of_freedom", "cab", "z", lambda scene, shape: [], essential=(0,), largest=200.0)
+    h = Hypothesis("missing_degree_of_freedom", "cab", "z", lambda view, shape: [], essential=(0,), largest=200.0)
     assert h.meaningful(np.array([mass, 3.0])) is means
 
 

@@ -11,10 +11,10 @@ import pytest
 from diagnosis_runs import GRAVITY, hiding_law, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.next_run import candidate_runs
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import CandidateRun, NextRun
-from ride_estimation.diagnosis.scene import measurement
 from ride_estimation.diagnosis.settings import Settings
 
 PLANNED = Settings(plan_next=True)

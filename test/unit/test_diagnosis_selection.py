@@ -17,7 +17,7 @@ from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.effect import Effect, Shape, Where
 from ride_estimation.diagnosis.fitting import searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
-from ride_estimation.diagnosis.scene import ModelState
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.screening import Score
 from ride_estimation.diagnosis.verdict import reversal_odds
 from ride_estimation.signals.recording import UniformRun
@@ -99,10 +99,10 @@ def test_a_sprung_part_of_the_mass_is_found_with_its_share():
 def test_what_the_linear_response_holds_of_a_law_is_missing_in_its_effect_and_nothing_else():
     rng = np.random.default_rng(5)
     x, v = rng.normal(size=(2, 500, 1))
-    scene = types.SimpleNamespace(deflection=x, deflection_rate=v)
+    view = types.SimpleNamespace(deflection=x, deflection_rate=v)
     state = ModelState(np.array([100.0]), np.array([10.0]))
     signal = 250.0 * x[:, 0] - 30.0 * v[:, 0] + np.tanh(x[:, 0])
-    after = with_effects(scene, state, [Effect(Where.PORT, 0, signal), Effect(Where.OUTPUT, 0, np.ones(500))])
+    after = with_effects(view, state, [Effect(Where.PORT, 0, signal), Effect(Where.OUTPUT, 0, np.ones(500))])
     stiffness, damping = after.linear
     assert stiffness[0] > 300.0
     assert damping[0] == pytest.approx(1.0)  # a response with negative damping would grow: a tenth is kept
@@ -112,7 +112,7 @@ def test_what_the_linear_response_holds_of_a_law_is_missing_in_its_effect_and_no
 
 
 def score(cause: str, location: str, ports: tuple[int, ...], gain: float) -> Score:
-    h = Hypothesis(cause, location, "z", lambda scene, shape: [], ports=ports)
+    h = Hypothesis(cause, location, "z", lambda view, shape: [], ports=ports)
     return Score(h, {}, np.zeros(1), gain, gain)
 
 
@@ -153,7 +153,7 @@ def test_a_scan_finds_a_peak_too_narrow_for_steps():
     found = {}
     for scan in (0.0, 2.5):
         bounds = (Shape("at", 5.0, 0.0, 10.0, 0.4, scan),)
-        hypothesis = Hypothesis("mass_change", "cab", "", lambda scene, shape: [], ({"at": 3.0},), bounds)
+        hypothesis = Hypothesis("mass_change", "cab", "", lambda view, shape: [], ({"at": 3.0},), bounds)
         found[scan] = searched_shape(hypothesis, {"at": 3.0}, drop)["at"]
     assert abs(found[0.0] - 3.0) < 0.2
     assert abs(found[2.5] - 5.0) < 0.05

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.outlier import soft_mount
 from ride_estimation.diagnosis.plant import Port
-from ride_estimation.diagnosis.scene import ModelState
 
 MOUNTS, AXES = ("fl", "fr", "rl", "rr"), "xyz"
 FILE = np.array([3e5, 3e5, 4e4] * 4)
@@ -20,11 +20,11 @@ def judged(logs: np.ndarray, log_std: float = 0.01):
     """Verdict for stiffness ``FILE exp(logs)``, logs (4, 3)."""
     ports = tuple(Port(m, a, k, 1e3, 0.3, 0.5) for (m, a), k in zip(((m, a) for m in MOUNTS for a in AXES), FILE))
     stiffness = FILE * np.exp(logs.ravel())
-    scene = SimpleNamespace(
+    view = SimpleNamespace(
         plant=SimpleNamespace(ports=ports), state=ModelState(stiffness, np.full(12, 1e3)),
         port_index=lambda mount, axis: 3 * MOUNTS.index(mount) + AXES.index(axis),
     )
-    calibrated = SimpleNamespace(scene=scene, adjustables=(), fit=SimpleNamespace(coefficients=np.zeros(0)))
+    calibrated = SimpleNamespace(view=view, adjustables=(), fit=SimpleNamespace(coefficients=np.zeros(0)))
     return soft_mount(calibrated, stiffness, np.full(12, log_std))
 
 

@@ -12,9 +12,9 @@ from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import stability as module
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import PerturbedCopy, Stability
-from ride_estimation.diagnosis.scene import measurement
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.stability import spare_sensor
 from ride_estimation.sensors.sensor import Sensor
@@ -47,7 +47,7 @@ def test_copies_of_a_run_give_its_answer(form, size, cause):
     assert asked.sentence == f"{plain.sentence} The answer is the same on 3 of 3 perturbed copies of the run."
     assert [c.confidence for c in asked.causes] == [c.confidence for c in plain.causes]
     document = json.loads(json.dumps(asked.to_mapping()))
-    assert document["stability"]["same"] == document["stability"]["told"] == 3
+    assert document["stability"]["same"] == document["stability"]["answers"] == 3
     assert plain.to_mapping()["stability"] is None
 
 
@@ -60,7 +60,7 @@ def test_a_copy_that_shows_something_else_is_told_and_costs_confidence(monkeypat
     plain = diagnose(quarter_car(), run)
 
     def copies(work):
-        yield "of another run", work.calibrated.scene.plant, measurement(work.calibrated.scene.plant, other)
+        yield "of another run", work.calibrated.view.plant, measurement(work.calibrated.view.plant, other)
 
     monkeypatch.setattr(module, "perturbed", copies)
     asked = diagnose(quarter_car(), run, settings=ASKED)
@@ -74,10 +74,10 @@ def test_a_copy_too_short_to_tell_says_so(monkeypatch):
     run = quarter_car_run(11)
 
     def copies(work):
-        data = work.data
+        data = work.data.measured
         few = slice(0, int(13 * data.rate_hz))
         short = dataclasses.replace(data, outputs=data.outputs[few], inputs=data.inputs[few], valid=data.valid[few])
-        yield "short", work.calibrated.scene.plant, short
+        yield "short", work.calibrated.view.plant, short
 
     monkeypatch.setattr(module, "perturbed", copies)
     found = diagnose(quarter_car(), run, settings=ASKED).stability

@@ -11,7 +11,7 @@ import math
 
 import pytest
 from worlds.adapters import believed_vehicle, uniform_run
-from worlds.hidden_cab import HIDDEN, SEED, Hidden, driven, effect_of, scene
+from worlds.hidden_cab import HIDDEN, SEED, Hidden, cab_on_roads, driven, effect_of
 
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.diagnose import diagnose
@@ -36,7 +36,7 @@ def slow_but(*fast: str) -> list[object]:
 def case(hidden: Hidden | None) -> tuple[Vehicle, UniformRun, UniformRun]:
     """Return the file, the fitted and the other run."""
     fit, other, belief = driven(hidden)
-    return believed_vehicle(fit, belief, SEED, scene()[0]), uniform_run(fit, "fitted"), uniform_run(other, "other road")
+    return believed_vehicle(fit, belief, SEED, cab_on_roads()[0]), uniform_run(fit, "fitted"), uniform_run(other, "other road")
 
 
 def diagnosed(hidden: Hidden | None, without: str = "") -> Diagnosis:

@@ -17,12 +17,15 @@ from worlds.bench import mount_force, random_motion
 from worlds.hiding import FORMS, Site, law_of
 
 from ride_estimation.diagnosis.bench import bench_run, bench_vehicle
-from ride_estimation.diagnosis.bent import Family, odd_form
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.characteristic import Family, odd_form
 from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.hypothesis import Hypothesis
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.scene import ModelState, Scene, measurement
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 
@@ -31,18 +34,18 @@ LEAST_LEFT = 0.05  #: share of the non-linear part, rms
 
 
 @functools.cache
-def scene() -> Scene:
+def view() -> RunView:
     """Return 20 s of random stroke, 0.5 to 20 Hz, of a mount whose linear part is known."""
     _, x, _ = random_motion(RMS, 20.0, 3, step=1.0 / RATE)
     settings = Settings(over_band=True, band_hz=(0.25, 40.0), block_s=1.0, trim_s=2.5)
     plant = build_plant(bench_vehicle(KelvinVoigt(STIFFNESS, DAMPING), 1.0), {"force": 3, "motion": 3})
     run = bench_run("stroke", RATE, x, STIFFNESS * x, settings.band_hz)
-    return Scene(plant, measurement(plant, run), ModelState(np.array([STIFFNESS]), np.array([DAMPING])), settings)
+    return RunView(RunData(plant, measurement(plant, run), settings), ModelState(np.array([STIFFNESS]), np.array([DAMPING])))
 
 
 def hidden_force(form: str, u: float, w: float) -> np.ndarray:
-    """Return the force of a hiding law along the stroke of :func:`scene` [N]."""
-    x, v = scene().deflection[:, 0], scene().deflection_rate[:, 0]
+    """Return the force of a hiding law along the stroke of :func:`view` [N]."""
+    x, v = view().deflection[:, 0], view().deflection_rate[:, 0]
     rms, rate = float(np.std(x)), float(np.std(v))
     code = law_of(form, Site(STIFFNESS, DAMPING, 300.0, rms, rate, STIFFNESS * rms), 0.4, u, w)
     return mount_force(np.arange(len(x)) / RATE, x, v, 0.0, 0.0, (code,))
@@ -50,7 +53,7 @@ def hidden_force(form: str, u: float, w: float) -> np.ndarray:
 
 def left_by(h: Hypothesis, force: np.ndarray) -> float:
     """Return the share of the part of a force beyond a spring and a damper that a hypothesis leaves at its best shape."""
-    x, v = scene().deflection[:, 0], scene().deflection_rate[:, 0]
+    x, v = view().deflection[:, 0], view().deflection_rate[:, 0]
     inner = slice(round(2.0 * RATE), -round(2.0 * RATE))
     linear = np.column_stack([x / np.std(x), v / np.std(v), np.ones_like(x)])
 
@@ -62,7 +65,7 @@ def left_by(h: Hypothesis, force: np.ndarray) -> float:
     whole = rest(linear)
 
     def left(shape: dict[str, float]) -> float:
-        own = [e.signal for column in h.columns(scene(), shape) for e in column if e.where is Where.PORT]
+        own = [e.signal for column in h.columns(view(), shape) for e in column if e.where is Where.PORT]
         return rest(np.column_stack([linear, *own])) / whole
 
     return min(_refined(h, left, dict(entry)) for entry in sorted(h.grid, key=left)[:2])
@@ -89,12 +92,12 @@ def _refined(h: Hypothesis, left: Callable[[dict[str, float]], float], entry: di
 
 def left_by_library(force: np.ndarray) -> dict[str, float]:
     """Return the least that any hypothesis of every cause of the library leaves, by cause; force laws only."""
-    hypotheses = {name: [h for h in cause.hypotheses(scene()) if h.ports] for name, cause in library().items()}
+    hypotheses = {name: [h for h in cause.hypotheses(view()) if h.ports] for name, cause in library().items()}
     return {name: min(left_by(h, force) for h in found) for name, found in hypotheses.items() if found}
 
 
 def test_the_measure_sees_a_formula_of_the_library():
-    u = scene().deflection[:, 0] / np.std(scene().deflection[:, 0])
+    u = view().deflection[:, 0] / np.std(view().deflection[:, 0])
     force = 300.0 * odd_form(u, {"family": float(Family.GROWING), "scale": 1.2})
     left = left_by_library(force)
     assert set(left) >= set(FORMS), "every cause that a law hides is compared"

@@ -63,7 +63,7 @@ HIDDEN = (
 
 
 @functools.cache
-def scene() -> tuple[CabVehicle, tuple[CabSensor, ...], tuple[BaseMotion, BaseMotion]]:
+def cab_on_roads() -> tuple[CabVehicle, tuple[CabSensor, ...], tuple[BaseMotion, BaseMotion]]:
     """Return the healthy cab, its sensors and the base motion of the fitted and of the other road."""
     rng = np.random.default_rng(SEED)
     vehicle = random_vehicle(rng, "air")
@@ -76,7 +76,7 @@ def scene() -> tuple[CabVehicle, tuple[CabSensor, ...], tuple[BaseMotion, BaseMo
 @functools.cache
 def reference() -> Reference:
     """Return the run without effect."""
-    vehicle, sensors, (first, _) = scene()
+    vehicle, sensors, (first, _) = cab_on_roads()
     return Reference(vehicle, sensors, simulate(vehicle, first))
 
 
@@ -88,7 +88,7 @@ def effect_of(case: Hidden) -> Effect:
 
 def driven(case: Hidden | None) -> tuple[Measurement, Measurement, Belief]:
     """Return the measurement of both roads with a case hidden, or of the healthy cab, and what its file believes."""
-    vehicle, sensors, (first, other) = scene()
+    vehicle, sensors, (first, other) = cab_on_roads()
     cg_off = (0.0, 0.0, 0.0)
     if case is not None:
         vehicle, sensors, cg_off = effect_of(case).apply(case.size)

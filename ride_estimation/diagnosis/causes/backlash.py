@@ -13,8 +13,8 @@ from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import loose_share
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
+from ride_estimation.diagnosis.port_groups import PortGroup, force_columns, group_of, port_groups
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -42,55 +42,55 @@ class Backlash(Cause):
 
     LAW = Law.ELASTIC
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return two hypotheses per site: play of the mount and play in the joint of its damper."""
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return two hypotheses per group: play of the mount and play in the joint of its damper."""
         out: list[Hypothesis] = []
-        for site in sites(scene):
+        for group in port_groups(view):
 
-            def columns(scene: Scene, shape: Shapes, s: Site = site) -> list[Column]:
+            def columns(view: RunView, shape: Shapes, s: PortGroup = group) -> list[Column]:
                 def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
                     half, centre = float(shape["half"]) * x_rms, float(shape["centre"]) * x_rms
                     return [_missing(x, half, centre), np.where(np.abs(x - centre) < half, v, 0.0)]
 
-                return force_columns(scene, s, law)
+                return force_columns(view, s, law)
 
             grid = tuple({"half": h, "centre": c} for h in (0.15, 0.5) for c in (0.0, -0.7, 0.7))
             bounds = (Shape("half", 0.3, 0.02, 1.5), Shape("centre", 0.0, -1.5, 1.5, 0.12))
             signs = (Sign.NEGATIVE, Sign.NEGATIVE)
-            out.append(Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, signs, 1.0, site.ports))
-            out += _in_the_damper(scene, site)
+            out.append(Hypothesis(self.ID, group.location, group.axis, columns, grid, bounds, signs, 1.0, group.ports))
+            out += _in_the_damper(view, group)
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the total clearance [m] and where its middle lies [m]; of a damper, the share of the damping it takes away."""
-        site = site_of(scene, fitted)
+        group = group_of(view, fitted)
         out: list[Reported] = []
         if fitted.hypothesis.variant == _DAMPER:
-            for i, p in enumerate(site.ports):
-                label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
-                clearance, damping = 2.0 * fitted.shape["half"] * scene.scales[p][0], float(scene.state.damping[p])
+            for i, p in enumerate(group.ports):
+                label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+                clearance, damping = 2.0 * fitted.shape["half"] * view.scales[p][0], float(view.state.damping[p])
                 lost, std = -float(fitted.coefficients[i]) / damping, fitted.std(i) / damping
                 out.append(Reported(f"clearance of the damper{label}", float(clearance), 0.2 * float(clearance), "m"))
                 out.append(Reported(f"share of the damping behind it{label}", lost, std, "-"))
             return tuple(out)
-        for i, p in enumerate(site.ports):
-            x_rms = scene.scales[p][0]
-            share = min(1.0, -float(fitted.coefficients[2 * i]) / max(float(scene.state.stiffness[p]), 1e-9))
+        for i, p in enumerate(group.ports):
+            x_rms = view.scales[p][0]
+            share = min(1.0, -float(fitted.coefficients[2 * i]) / max(float(view.state.stiffness[p]), 1e-9))
             clearance = 2.0 * fitted.shape["half"] * x_rms * share
-            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
             out.append(Reported(f"clearance{label}", float(clearance), 0.2 * float(clearance), "m"))
             out.append(Reported(f"middle of the clearance{label}", float(fitted.shape["centre"] * x_rms), 0.3 * x_rms, "m"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Put the missing force as a curve parallel to every mount of the site."""
-        site = site_of(scene, fitted)
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put the missing force as a curve parallel to every mount of the group."""
+        group = group_of(view, fitted)
         if fitted.hypothesis.variant == _DAMPER:
-            return vehicle, (f"play in the damper of {site.location} {site.axis}: vehicle files hold no damper behind a play",)
-        for i, p in enumerate(site.ports):
-            port = scene.plant.ports[p]
-            x = scene.deflection[:, p]
-            x_rms = scene.scales[p][0]
+            return vehicle, (f"play in the damper of {group.location} {group.axis}: vehicle files hold no damper behind a play",)
+        for i, p in enumerate(group.ports):
+            port = view.plant.ports[p]
+            x = view.deflection[:, p]
+            x_rms = view.scales[p][0]
             reach = 1.5 * float(np.max(np.abs(x)))
             grid = np.linspace(-reach, reach, 241)
             half, centre = fitted.shape["half"] * x_rms, fitted.shape["centre"] * x_rms
@@ -99,17 +99,17 @@ class Backlash(Cause):
         return vehicle, ("damping inside the clearance is left as it was",)
 
 
-def _in_the_damper(scene: Scene, site: Site) -> list[Hypothesis]:
-    """Return the play in the joints of the dampers of a site, none where a mount has no damping to lose."""
-    damping = scene.state.damping[list(site.ports)]
+def _in_the_damper(view: RunView, group: PortGroup) -> list[Hypothesis]:
+    """Return the play in the joints of the dampers of a group, none where a mount has no damping to lose."""
+    damping = view.state.damping[list(group.ports)]
     if np.any(damping <= 0.0):
         return []
 
-    def columns(scene: Scene, shape: Shapes) -> list[Column]:
+    def columns(view: RunView, shape: Shapes) -> list[Column]:
         def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
             return [v * loose_share(x, float(shape["half"]) * x_rms)]
 
-        return force_columns(scene, site, law)
+        return force_columns(view, group, law)
 
     def plausible(coefficients: Array) -> bool:
         return bool(np.all(np.abs(coefficients) <= _MOST_LOST * damping))
@@ -117,6 +117,6 @@ def _in_the_damper(scene: Scene, site: Site) -> list[Hypothesis]:
     grid = tuple({"half": h} for h in (0.03, 0.1, 0.3))
     bounds = (Shape("half", 0.1, 0.005, 1.0),)
     return [Hypothesis(
-        Backlash.ID, site.location, site.axis, columns, grid, bounds, (Sign.NEGATIVE,), ports=site.ports, variant=_DAMPER,
+        Backlash.ID, group.location, group.axis, columns, grid, bounds, (Sign.NEGATIVE,), ports=group.ports, variant=_DAMPER,
         plausible=plausible,
     )]

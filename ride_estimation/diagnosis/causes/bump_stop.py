@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
+from ride_estimation.diagnosis.port_groups import PortGroup, force_columns, group_of, port_groups
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -67,53 +67,53 @@ class BumpStop(Cause):
 
     LAW = Law.ELASTIC
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site and side."""
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return one hypothesis per group and side."""
         out: list[Hypothesis] = []
-        reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(scene.deflection), axis=0))
-        for site in sites(scene):
+        reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(view.deflection), axis=0))
+        for group in port_groups(view):
             for sides in ((-1.0,), (1.0,), (-1.0, 1.0)):
 
-                def columns(scene: Scene, shape: Shapes, s: Site = site, sd: tuple[float, ...] = sides) -> list[Column]:
-                    return _columns(scene, s, sd, shape, reach)
+                def columns(view: RunView, shape: Shapes, s: PortGroup = group, sd: tuple[float, ...] = sides) -> list[Column]:
+                    return _columns(view, s, sd, shape, reach)
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
                 grid = tuple(
                     {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in (_NEAREST, 1.8, 2.4)
-                    if _reached(scene, site, sides, g)
+                    if _reached(view, group, sides, g)
                 )
                 bounds = (Shape("gap", 2.0, _NEAREST, 6.0),)
                 if grid:
                     out.append(
                         Hypothesis(
-                            self.ID, site.location, site.axis, columns, grid, bounds, signs, float(len(sides) - 1), site.ports,
+                            self.ID, group.location, group.axis, columns, grid, bounds, signs, float(len(sides) - 1), group.ports,
                             "both sides" if len(sides) > 1 else "extension" if sides[0] > 0.0 else "compression",
                         )
                     )
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return gap [m] and force at the largest penetration [N]."""
-        site = site_of(scene, fitted)
+        group = group_of(view, fitted)
         out: list[Reported] = []
-        for i, p in enumerate(site.ports):
-            x = scene.deflection[:, p]
-            x_rms = scene.scales[p][0]
+        for i, p in enumerate(group.ports):
+            x = view.deflection[:, p]
+            x_rms = view.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
-            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
             out.append(Reported(f"gap{label}", float(gap), 0.05 * float(gap), "m"))
             deepest = np.array([max(max(float(np.max(side * x)) for side in _sides(fitted)) - gap, 0.0)])
             force = float(_elastic(fitted, i, deepest, x_rms, float(deepest[0]))[0])
             out.append(Reported(f"force at the deepest contact{label}", force, 0.1 * force, "N"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Put the stop as a force-deflection curve parallel to every mount of the site."""
-        site = site_of(scene, fitted)
-        for i, p in enumerate(site.ports):
-            port = scene.plant.ports[p]
-            x = scene.deflection[:, p]
-            x_rms = scene.scales[p][0]
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put the stop as a force-deflection curve parallel to every mount of the group."""
+        group = group_of(view, fitted)
+        for i, p in enumerate(group.ports):
+            port = view.plant.ports[p]
+            x = view.deflection[:, p]
+            x_rms = view.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
             reach = 1.5 * float(np.max(np.abs(x)))
             grid = np.linspace(-reach, reach, 121)
@@ -125,9 +125,9 @@ class BumpStop(Cause):
         return vehicle, ("the loss of the stop is not in the extended vehicle file",)
 
 
-def _reached(scene: Scene, site: Site, sides: tuple[float, ...], gap: float) -> bool:
-    """Return whether some mount of the site goes beyond a gap given in units of its rms deflection."""
-    return any(float(np.max(side * scene.deflection[:, p])) > gap * scene.scales[p][0] for p in site.ports for side in sides)
+def _reached(view: RunView, group: PortGroup, sides: tuple[float, ...], gap: float) -> bool:
+    """Return whether some mount of the group goes beyond a gap given in units of its rms deflection."""
+    return any(float(np.max(side * view.deflection[:, p])) > gap * view.scales[p][0] for p in group.ports for side in sides)
 
 
 def _elastic(fitted: Fitted, place: int, depth: Array, x_rms: float, known: float) -> Array:
@@ -137,11 +137,11 @@ def _elastic(fitted: Fitted, place: int, depth: Array, x_rms: float, known: floa
 
 
 def _columns(
-    scene: Scene, site: Site, sides: tuple[float, ...], shape: Shapes, reach: tuple[float, ...]
+    view: RunView, group: PortGroup, sides: tuple[float, ...], shape: Shapes, reach: tuple[float, ...]
 ) -> list[Column]:
-    """Return linear part, hardening part and loss of every mount of a site; what loses is the part that carries most."""
+    """Return linear part, hardening part and loss of every mount of a group; what loses is the part that carries most."""
     out: list[Column] = []
-    for p in site.ports:
+    for p in group.ports:
         def law(x: Array, v: Array, x_rms: float, v_rms: float, known: float = reach[p]) -> list[Array]:
             gap = float(shape["gap"]) * x_rms
             linear, hard, loss = (np.zeros(len(x)) for _ in range(_COLUMNS))
@@ -153,7 +153,7 @@ def _columns(
                 loss += (grown if shape["hardening"] < _SQUARE else depth) * np.tanh(v / v_rms)
             return [linear, hard, loss]
 
-        out += force_columns(scene, dataclasses.replace(site, ports=(p,)), law)
+        out += force_columns(view, dataclasses.replace(group, ports=(p,)), law)
     return out
 
 

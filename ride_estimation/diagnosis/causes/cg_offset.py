@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.body_wrench import wrench_column
 from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.extension import move_cg
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -29,26 +29,26 @@ class CgOffset(Cause):
     WOULD_REFUTE = "static mount loads (wheel scales, load cells) that fit the stated CG"
     MEASURE_NEXT = "weigh the body at its mounts, level and tilted"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per body and axis."""
         out: list[Hypothesis] = []
-        bodies = dict.fromkeys(b for b, c in scene.plant.coordinates if c in ("roll", "pitch", "yaw"))
+        bodies = dict.fromkeys(b for b, c in view.plant.coordinates if c in ("roll", "pitch", "yaw"))
         for body in bodies:
             for i, axis in enumerate(AXES):
 
-                def columns(scene: Scene, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
-                    force, moment = cg_shift_wrench(scene, b, np.eye(3)[i])
-                    column = wrench_column(scene, b, scene.grid.signal(force), scene.grid.signal(moment))
+                def columns(view: RunView, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
+                    force, moment = cg_shift_wrench(view, b, np.eye(3)[i])
+                    column = wrench_column(view, b, view.grid.signal(force), view.grid.signal(moment))
                     return [column] if column else []
 
                 out.append(Hypothesis(self.ID, body, axis, columns))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return true minus stated CG position [m]."""
         return (Reported("CG offset", float(fitted.coefficients[0]), fitted.std(0), "m"),)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found CG."""
         h = fitted.hypothesis
         shift = float(fitted.coefficients[0]) * np.eye(3)[AXES.index(h.axis)]

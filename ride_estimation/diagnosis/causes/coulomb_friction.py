@@ -9,13 +9,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.bent import BENT_ABOVE
+from ride_estimation.diagnosis.characteristic import LEAST_RATE_SCALE
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.extension import add_parallel
 from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import friction_level, loose_friction
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, site_of, sites
+from ride_estimation.diagnosis.port_groups import PortGroup, force_columns, group_of, port_groups
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -50,65 +50,65 @@ class CoulombFriction(Cause):
     MEASURE_NEXT = "slow stroke of the mount on a bench at two speeds: the loop height of friction does not change with speed"
     LAW = Law.SLIDING
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return two hypotheses per site: friction of the mount, and friction in series with a play."""
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return two hypotheses per group: friction of the mount, and friction in series with a play."""
         grid = tuple({"reach": r, "rounding": w} for r, w in ((0.01, 0.06), (0.03, 0.15), (0.1, 0.06)))
-        bounds = (Shape("reach", 0.03, 0.004, 0.5), Shape("rounding", 0.1, 0.02, BENT_ABOVE))
+        bounds = (Shape("reach", 0.03, 0.004, 0.5), Shape("rounding", 0.1, 0.02, LEAST_RATE_SCALE))
 
-        def build(site: Site) -> Hypothesis:
-            def columns(scene: Scene, shape: Shapes) -> list[Column]:
-                return force_columns(scene, site, _law(float(shape["reach"]), float(shape["rounding"])))
+        def build(group: PortGroup) -> Hypothesis:
+            def columns(view: RunView, shape: Shapes) -> list[Column]:
+                return force_columns(view, group, _law(float(shape["reach"]), float(shape["rounding"])))
 
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports)
+            return Hypothesis(self.ID, group.location, group.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=group.ports)
 
-        return [h for site in sites(scene) for h in (build(site), _behind_a_play(site))]
+        return [h for group in port_groups(view) for h in (build(group), _behind_a_play(group))]
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m].
 
         The standard deviation of the level is that of its fit and, because no law of a library is the real one, 7 % of it.
         """
-        site = site_of(scene, fitted)
+        group = group_of(view, fitted)
         out: list[Reported] = []
         if fitted.hypothesis.variant == _BEHIND:
-            for i, p in enumerate(site.ports):
-                label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
-                level, x_rms = float(fitted.coefficients[i]), scene.scales[p][0]
+            for i, p in enumerate(group.ports):
+                label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+                level, x_rms = float(fitted.coefficients[i]), view.scales[p][0]
                 clearance, reach = 2.0 * fitted.shape["half"] * x_rms, fitted.shape["slope"] * x_rms
                 out.append(Reported(f"friction level{label}", level, float(np.hypot(fitted.std(i), FORM**0.5 * level)), "N"))
                 if _has_play(fitted):
                     out.append(Reported(f"clearance before it{label}", float(clearance), 0.2 * float(clearance), "m"))
                 out.append(Reported(f"stroke from contact to sliding{label}", float(reach), 0.5 * float(reach), "m"))
             return tuple(out)
-        for i, p in enumerate(site.ports):
+        for i, p in enumerate(group.ports):
             part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
             share = fitted.coefficients[part]
             level = float(share.sum())
             std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + FORM * level**2))
-            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
             out.append(Reported(f"friction level{label}", level, std, "N"))
-            reach = fitted.shape["reach"] * scene.scales[p][0]
+            reach = fitted.shape["reach"] * view.scales[p][0]
             mean = float(reach * (share[0] + 4.0 * share[1]) / max(level, 1e-12))
             if mean > 0.0:
                 out.append(Reported(f"sliding distance{label}", mean, 0.5 * mean, "m"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Put a friction element parallel to every mount of the site."""
-        site = site_of(scene, fitted)
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put a friction element parallel to every mount of the group."""
+        group = group_of(view, fitted)
         if fitted.hypothesis.variant == _BEHIND:
             if _has_play(fitted):
-                return vehicle, (f"friction behind a play at {site.location} {site.axis}: vehicle files hold no such element",)
-            for i, p in enumerate(site.ports):
-                port, level = scene.plant.ports[p], float(fitted.coefficients[i])
-                slope = level / (fitted.shape["slope"] * scene.scales[p][0])
+                return vehicle, (f"friction behind a play at {group.location} {group.axis}: vehicle files hold no such element",)
+            for i, p in enumerate(group.ports):
+                port, level = view.plant.ports[p], float(fitted.coefficients[i])
+                slope = level / (fitted.shape["slope"] * view.scales[p][0])
                 sharp = {"friction_n": level, "slope_n_per_m": slope, "exponent": _SHARP}
                 vehicle = add_parallel(vehicle, port.mount, port.axis, "bouc_wen", sharp)
             return vehicle, ()
-        for i, p in enumerate(site.ports):
-            port = scene.plant.ports[p]
-            x_rms = scene.scales[p][0]
-            v_rms = scene.scales[p][1]
+        for i, p in enumerate(group.ports):
+            port = view.plant.ports[p]
+            x_rms = view.scales[p][0]
+            v_rms = view.scales[p][1]
             short, long, rounded = (float(c) for c in fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)])
             for level, factor in ((short, 1.0), (long, 4.0)):
                 if level > 0.0:
@@ -129,17 +129,18 @@ def _has_play(fitted: Fitted) -> bool:
     return fitted.shape["half"] > 1.01 * _NO_PLAY
 
 
-def _behind_a_play(site: Site) -> Hypothesis:
+def _behind_a_play(group: PortGroup) -> Hypothesis:
     """Return a slider behind a spring and a clearance, as a clamped bolt in an oversize hole; either may be nothing."""
 
-    def columns(scene: Scene, shape: Shapes) -> list[Column]:
+    def columns(view: RunView, shape: Shapes) -> list[Column]:
         def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
             return [loose_friction(x, float(shape["half"]) * x_rms, float(shape["slope"]) * x_rms)]
 
-        return force_columns(scene, site, law)
+        return force_columns(view, group, law)
 
     grid = tuple({"half": h, "slope": 0.1} for h in (0.06, 0.2, 0.6))
     bounds = (Shape("half", 0.2, _NO_PLAY, 1.5), Shape("slope", 0.1, 0.01, 1.0))
     return Hypothesis(
-        CoulombFriction.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports, variant=_BEHIND
+        CoulombFriction.ID, group.location, group.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=group.ports,
+        variant=_BEHIND,
     )

@@ -9,11 +9,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.bent import Family, bent_forms, bent_hypotheses
+from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, characteristic_hypotheses
 from ride_estimation.diagnosis.extension import add_damper_curve
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import site_of
+from ride_estimation.diagnosis.port_groups import group_of
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -37,40 +37,40 @@ class DampingNonlinearity(Cause):
     MEASURE_NEXT = "force-speed curve of the damper at several constant speeds, both directions"
     LAW = Law.VISCOUS
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site."""
-        return bent_hypotheses(scene, self.ID, _FORMS, over_rate=True)
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return one hypothesis per group."""
+        return characteristic_hypotheses(view, self.ID, _FORMS, over_rate=True)
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the damping force at one rms rate in both directions over the one of the plain damper."""
-        site = site_of(scene, fitted)
+        group = group_of(view, fitted)
         out: list[Reported] = []
-        for i, p in enumerate(site.ports):
-            v_rms = scene.scales[p][1]
-            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+        for i, p in enumerate(group.ports):
+            v_rms = view.scales[p][1]
+            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
             part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
             cov = fitted.covariance[part, part]
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):
-                weights = np.array([form.item() for form in bent_forms(np.array([u]), fitted.shape, over_rate=True)])
-                force = float(scene.state.damping[p] * u * v_rms + weights @ fitted.coefficients[part])
+                weights = np.array([form.item() for form in characteristic_forms(np.array([u]), fitted.shape, over_rate=True)])
+                force = float(view.state.damping[p] * u * v_rms + weights @ fitted.coefficients[part])
                 std = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
                 out.append(Reported(f"damping force at {name} rate{label}", force, std, "N"))
             out.append(Reported(f"rms rate{label}", v_rms, 0.0, "m/s"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Replace the dashpot of every mount of the site by the nearest two-sided power-law damper."""
-        site = site_of(scene, fitted)
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Replace the dashpot of every mount of the group by the nearest two-sided power-law damper."""
+        group = group_of(view, fitted)
         notes: list[str] = []
-        for i, p in enumerate(site.ports):
-            port = scene.plant.ports[p]
-            v = scene.deflection_rate[:, p]
-            v_rms = scene.scales[p][1]
+        for i, p in enumerate(group.ports):
+            port = view.plant.ports[p]
+            v = view.deflection_rate[:, p]
+            v_rms = view.scales[p][1]
             weights = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
 
             def curve(rate: Array, weights: Array = weights, scale: float = v_rms) -> Array:
-                return np.asarray(weights @ np.stack(bent_forms(rate / scale, fitted.shape, over_rate=True)))
+                return np.asarray(weights @ np.stack(characteristic_forms(rate / scale, fitted.shape, over_rate=True)))
 
-            vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(scene.state.damping[p]))
+            vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(view.state.damping[p]))
             notes += note
         return vehicle, tuple(notes)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.noise import smoothed_power
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -32,39 +32,39 @@ class FlexibleMode(Cause):
     WOULD_REFUTE = "channels that agree with rigid-body motion around the suspected frequency"
     MEASURE_NEXT = "a hammer test of the body, or two more accelerometers at its corners"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per body and resonance of the residual."""
         out: list[Hypothesis] = []
-        for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
+        for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
             rows = [
-                i for i, s in enumerate(scene.plant.outputs)
-                if s.kind == "acceleration" and scene.plant.vehicle.sensors[s.sensor].body == body
+                i for i, s in enumerate(view.plant.outputs)
+                if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == body
             ]
-            if len(rows) <= len(scene.plant.coordinate_rows(body)):
+            if len(rows) <= len(view.plant.coordinate_rows(body)):
                 continue
-            for frequency in compliant_peaks(scene, rows):
-                drive = _drive_weights(scene, rows, frequency)
+            for frequency in compliant_peaks(view, rows):
+                drive = _drive_weights(view, rows, frequency)
 
-                def columns(scene: Scene, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
+                def columns(view: RunView, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
                     f, z = float(shape["frequency"]), float(shape["damping"])
-                    modal = _modal(scene, f, z) @ w
-                    signal = scene.grid.signal(modal)
-                    return [*((Effect(Where.OUTPUT, i, signal),) for i in r), _reaction(scene, modal, w)]
+                    modal = _modal(view, f, z) @ w
+                    signal = view.grid.signal(modal)
+                    return [*((Effect(Where.OUTPUT, i, signal),) for i in r), _reaction(view, modal, w)]
 
                 grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (0.015, 0.05))
                 bounds = (Shape("frequency", frequency, 0.7 * frequency, 1.4 * frequency), Shape("damping", 0.03, 0.004, 0.3))
                 out.append(Hypothesis(self.ID, body, "", columns, grid, bounds, complexity=float(len(drive))))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return natural frequency [Hz], damping ratio and the channel that moves most."""
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
         largest = int(np.argmax(np.abs(fitted.coefficients[:-1])))
-        (modal,) = fitted.hypothesis.columns(scene, fitted.shape)[largest]
+        (modal,) = fitted.hypothesis.columns(view, fitted.shape)[largest]
         rms, std = (float(np.std(modal.signal)) * c for c in (abs(fitted.coefficients[largest]), fitted.std(largest)))
         rows = [
-            s.name for s in scene.plant.outputs
-            if s.kind == "acceleration" and scene.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
+            s.name for s in view.plant.outputs
+            if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
         ]
         return (
             Reported("natural frequency", f, 0.03 * f, "Hz"),
@@ -72,13 +72,13 @@ class FlexibleMode(Cause):
             Reported(f"elastic rms at {rows[largest]}", float(rms), float(std), "m/s^2"),
         )
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Leave the vehicle alone: bodies of a vehicle file are rigid."""
         f = float(fitted.shape["frequency"])
         return vehicle, (f"elastic mode of {fitted.hypothesis.location} at {f:.3g} Hz: vehicle files hold rigid bodies only",)
 
 
-def compliant_peaks(scene: Scene, rows: list[int], count: int = 4) -> list[float]:
+def compliant_peaks(view: RunView, rows: list[int], count: int = 4) -> list[float]:
     """Return the frequencies where a body answers its mounts most beyond rigid motion, above 4 Hz.
 
     Power of the residual beyond its noise over that of the mount forces: the residual alone has the peaks of the road.
@@ -88,12 +88,12 @@ def compliant_peaks(scene: Scene, rows: list[int], count: int = 4) -> list[float
     rows
         Channels of the body.
     """
-    grid = scene.grid
+    grid = view.grid
     f, samples = grid.frequency, grid.samples
     width = max(round(0.6 / float(f[1] - f[0])), 1) | 1
-    noise = np.real(np.diagonal(scene.noise_covariance, axis1=1, axis2=2))[:, rows]
-    residual = smoothed_power(scene.inside(scene.residual_spectrum[:, rows]), samples, width)
-    force = smoothed_power(_port_forces(scene), samples, width).sum(axis=1)
+    noise = np.real(np.diagonal(view.noise.covariance, axis1=1, axis2=2))[:, rows]
+    residual = smoothed_power(view.data.inside(view.residual_spectrum[:, rows]), samples, width)
+    force = smoothed_power(_port_forces(view), samples, width).sum(axis=1)
     answer = np.sum(np.maximum(residual - noise, 0.0), axis=1) / np.maximum(force, 1e-12 * float(force.max()))
     answer = np.where((f > _LOWEST_HZ) & (grid.band_weight > 0.9), answer, 0.0)
     out: list[float] = []
@@ -106,39 +106,39 @@ def compliant_peaks(scene: Scene, rows: list[int], count: int = 4) -> list[float
     return out
 
 
-def _port_forces(scene: Scene) -> ComplexArray:
+def _port_forces(view: RunView) -> ComplexArray:
     """Return the forces of springs and dampers along the estimated deflections, shape (F, P)."""
-    stiffness, damping = scene.state.stiffness, scene.state.damping
-    return np.asarray((stiffness + 1j * scene.grid.omega[:, None] * damping) * scene.deflection_spectrum)
+    stiffness, damping = view.state.stiffness, view.state.damping
+    return np.asarray((stiffness + 1j * view.grid.omega[:, None] * damping) * view.deflection_spectrum)
 
 
-def _modal(scene: Scene, frequency_hz: float, ratio: float) -> ComplexArray:
+def _modal(view: RunView, frequency_hz: float, ratio: float) -> ComplexArray:
     """Return the acceleration of a unit mode driven by every port force, shape (F, P)."""
-    omega = scene.grid.omega[:, None]
+    omega = view.grid.omega[:, None]
     w0 = 2.0 * np.pi * frequency_hz
-    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega) * _port_forces(scene))
+    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega) * _port_forces(view))
 
 
-def _reaction(scene: Scene, modal: ComplexArray, weights: Array) -> Column:
+def _reaction(view: RunView, modal: ComplexArray, weights: Array) -> Column:
     """Return the mount forces that the elastic motion of the mounting points causes.
 
     By reciprocity a mode moves a mounting point by as much as a force there drives the mode.
     """
-    omega = scene.grid.omega
+    omega = view.grid.omega
     stretch = (-modal / omega**2)[:, None] * weights
-    force = (scene.state.stiffness + 1j * omega[:, None] * scene.state.damping) * stretch
-    return tuple(Effect(Where.PORT, p, scene.grid.signal(force[:, p])) for p in range(len(weights)))
+    force = (view.state.stiffness + 1j * omega[:, None] * view.state.damping) * stretch
+    return tuple(Effect(Where.PORT, p, view.grid.signal(force[:, p])) for p in range(len(weights)))
 
 
-def _drive_weights(scene: Scene, rows: list[int], frequency_hz: float) -> Array:
+def _drive_weights(view: RunView, rows: list[int], frequency_hz: float) -> Array:
     """Return how much every port drives the mode: alternating least squares of pattern and drive around the resonance.
 
     In units of this run's modal acceleration: on another road the same mode is driven harder or less.
     """
-    f = scene.grid.frequency
+    f = view.grid.frequency
     near = np.abs(f - frequency_hz) < 0.25 * frequency_hz
-    residual = scene.residual_spectrum[near][:, rows]
-    modal = _modal(scene, frequency_hz, 0.03)[near]
+    residual = view.residual_spectrum[near][:, rows]
+    modal = _modal(view, frequency_hz, 0.03)[near]
     scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=0)) + 1e-300
     stacked = np.vstack([(modal / scale).real, (modal / scale).imag])
     _, vectors = np.linalg.eigh(np.real(np.conj(residual.T) @ residual))
@@ -153,4 +153,4 @@ def _drive_weights(scene: Scene, rows: list[int], frequency_hz: float) -> Array:
         pattern = target.T @ drive / max(float(drive @ drive), 1e-300)
         pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
     weights = weights / scale
-    return np.asarray(weights / max(float(np.std(scene.grid.signal(_modal(scene, frequency_hz, 0.03) @ weights))), 1e-300))
+    return np.asarray(weights / max(float(np.std(view.grid.signal(_modal(view, frequency_hz, 0.03) @ weights))), 1e-300))

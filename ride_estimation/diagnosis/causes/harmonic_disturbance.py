@@ -11,7 +11,7 @@ import numpy as np
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.lines import residual_lines, tracked_phase
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -27,48 +27,48 @@ class HarmonicDisturbance(Cause):
     WOULD_REFUTE = "a line that vanishes with the road excitation: measure standing with the machine running"
     MEASURE_NEXT = "a run standing still with engine and auxiliaries running; engine speed in the recording"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per body and line of the residual."""
         out: list[Hypothesis] = []
-        for line in residual_lines(scene):
-            for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
-                rows = [row for row, _ in scene.plant.coordinate_rows(body)]
+        for line in residual_lines(view):
+            for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
+                rows = [row for row, _ in view.plant.coordinate_rows(body)]
 
-                phase = tracked_phase(scene, line)
+                phase = tracked_phase(view, line)
 
                 def columns(
-                    scene: Scene, shape: Shapes, rows: list[int] = rows, phase: np.ndarray = phase
+                    view: RunView, shape: Shapes, rows: list[int] = rows, phase: np.ndarray = phase
                 ) -> list[Column]:
                     return [(Effect(Where.WRENCH, r, f(phase)),) for r in rows for f in (np.cos, np.sin)]
 
                 # the phase was drawn from the data: two numbers per second of track bandwidth
-                bandwidth = 2.0 * line.half_width_hz * float(scene.time_s[-1])
+                bandwidth = 2.0 * line.half_width_hz * float(view.data.time_s[-1])
                 grid = ({"frequency": line.frequency_hz},)
                 out.append(Hypothesis(self.ID, body, "", columns, grid, complexity=bandwidth, run_bound=True))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return frequency [Hz] and force or moment amplitude along the strongest coordinate."""
-        strongest, amplitudes = strongest_coordinate(scene, fitted)
+        strongest, amplitudes = strongest_coordinate(view, fitted)
         unit = "N" if strongest < 3 else "N m"
-        resolution = 1.0 / float(scene.time_s[-1])
+        resolution = 1.0 / float(view.data.time_s[-1])
         name = COORDINATES[strongest]
         return (
             Reported("frequency", float(fitted.shape["frequency"]), resolution, "Hz"),
             Reported(f"amplitude {name}", float(amplitudes[strongest]), fitted.std(0), unit),
         )
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Leave the vehicle alone: the force belongs to the scenario."""
-        f, amplitude = self.parameters(scene, fitted)[:2]
+        f, amplitude = self.parameters(view, fitted)[:2]
         text = f"periodic force on {fitted.hypothesis.location}: {amplitude.value:.4g} {amplitude.unit} at {f.value:.3f} Hz"
         return vehicle, (text + "; vehicle files do not hold it",)
 
 
-def strongest_coordinate(scene: Scene, fitted: Fitted) -> tuple[int, dict[int, float]]:
+def strongest_coordinate(view: RunView, fitted: Fitted) -> tuple[int, dict[int, float]]:
     """Return the body coordinate with the largest share in the response, and all amplitudes by coordinate."""
     body = fitted.hypothesis.location
-    columns = [column for _, column in scene.plant.coordinate_rows(body)]
+    columns = [column for _, column in view.plant.coordinate_rows(body)]
     amplitudes = {
         c: float(np.hypot(fitted.coefficients[2 * i], fitted.coefficients[2 * i + 1])) for i, c in enumerate(columns)
     }

@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import step_window
 from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -42,26 +42,26 @@ class MassChange(Cause):
     WOULD_REFUTE = "the weight of the body on a scale as the vehicle file has it; a damping over stiffness ratio that changes too"
     MEASURE_NEXT = "weigh the body, or log payload or air-spring pressure; mark loading in the recording"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return two hypotheses per body: a load from the start, and one from an instant of a grid on."""
-        first, last = (float(t) for t in scene.blocks.time_s[[0, -1]])
+        first, last = (float(t) for t in view.blocks.time_s[[0, -1]])
         grid = tuple({"at": float(t)} for t in np.linspace(first, last, _INSTANTS))
         # how the body bounces after a sudden load tells the instant to a twentieth of a second, and only there
         apart = (last - first) / (_INSTANTS - 1)
         bounds = (Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart),)
-        sinks = any(s.kind == "displacement" for s in scene.plant.outputs)
+        sinks = any(s.kind == "displacement" for s in view.plant.outputs)
         out: list[Hypothesis] = []
-        for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
+        for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
 
-            def changing(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
-                window, gravity = step_window(scene.time_s, float(shape["at"])), scene.plant.vehicle.gravity
-                columns = (*_load(scene, b, window, six_of(scene, b)[1], gravity), *_inertia(scene, b, window))
+            def changing(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
+                window, gravity = step_window(view.data.time_s, float(shape["at"])), view.plant.vehicle.gravity
+                columns = (*_load(view, b, window, six_of(view, b)[1], gravity), *_inertia(view, b, window))
                 return [column for column in columns if column]
 
-            def constant(scene: Scene, shape: Shapes, b: str = body) -> list[Column]:
-                return [column for column in _with_sag(scene, b, _constant_load(scene, b)) if column]
+            def constant(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
+                return [column for column in _with_sag(view, b, _constant_load(view, b)) if column]
 
-            mass = scene.plant.vehicle.bodies[body].mass
+            mass = view.plant.vehicle.bodies[body].mass
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
             out.append(Hypothesis(self.ID, body, "", changing, grid, bounds, run_bound=True))
 
@@ -75,27 +75,27 @@ class MassChange(Cause):
             ))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the added mass [kg], its place from the CG [m] and, of a change, the instant [s]."""
         added = float(fitted.coefficients[0])
         out = [Reported("added mass", added, fitted.std(0), "kg")]
-        for number, axis in enumerate(_moments(scene, fitted), start=1):
+        for number, axis in enumerate(_moments(view, fitted), start=1):
             place = float(fitted.coefficients[number]) / (added or 1.0)
             spread = np.array([-place, 1.0]) / (added or 1.0)
             pick = np.ix_([0, number], [0, number])
             std = float(np.sqrt(max(float(spread @ fitted.covariance[pick] @ spread), 0.0)))
             out.append(Reported(f"place from the CG {AXES[axis]}", place, std, "m"))
         if fitted.hypothesis.variant != _CONSTANT:
-            out.insert(1, Reported("instant", float(fitted.shape["at"]), 0.02 * float(scene.time_s[-1]), "s"))
+            out.insert(1, Reported("instant", float(fitted.shape["at"]), 0.02 * float(view.data.time_s[-1]), "s"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write mass and CG with the load."""
         name = fitted.hypothesis.location
         body = vehicle.bodies[name]
         mass = body.mass.value + float(fitted.coefficients[0])
         moments = np.zeros(3)
-        for number, axis in enumerate(_moments(scene, fitted), start=1):
+        for number, axis in enumerate(_moments(view, fitted), start=1):
             moments[axis] = fitted.coefficients[number]
         changed = dataclasses.replace(
             body, mass=dataclasses.replace(body.mass, value=mass), cg=np.asarray(body.cg) + moments / mass
@@ -106,28 +106,28 @@ class MassChange(Cause):
         )
 
 
-def _moments(scene: Scene, fitted: Fitted) -> list[int]:
+def _moments(view: RunView, fitted: Fitted) -> list[int]:
     """Return the axes of the first moments among the coefficients, in order."""
-    columns = _constant_load(scene, fitted.hypothesis.location)
+    columns = _constant_load(view, fitted.hypothesis.location)
     return [axis for axis, column in enumerate(columns[1:]) if column]
 
 
-def _constant_load(scene: Scene, body: str) -> list[Column]:
+def _constant_load(view: RunView, body: str) -> list[Column]:
     # the weight of a load that is always there has no part in the band, and its edges must not leak into it
-    columns = _load(scene, body, np.ones(len(scene.time_s)), balanced_acceleration(scene, body), 0.0)
-    turned = _turned_weights(scene, body)
+    columns = _load(view, body, np.ones(len(view.data.time_s)), balanced_acceleration(view, body), 0.0)
+    turned = _turned_weights(view, body)
     return [
         (*column, *(Effect(Where.WRENCH, i, signal[:, i]) for i in range(signal.shape[1]) if np.any(signal[:, i])))
         if column else () for column, signal in zip(columns, turned)
     ]
 
 
-def _turned_weights(scene: Scene, body: str) -> list[Array]:
+def _turned_weights(view: RunView, body: str) -> list[Array]:
     """Return the wrenches of the mount forces that carry a load, per unit of mass and first moments, as they turn, (N, n) each.
 
     They turn with the bases of the mounts and attack at points that turn with the body.
     """
-    plant, grid = scene.plant, scene.grid
+    plant, grid = view.plant, view.grid
     known, vehicle = plant.vehicle.bodies[body], plant.vehicle
     heavier = dataclasses.replace(known.mass, value=known.mass.value + 1.0)
     changed = [dataclasses.replace(known, mass=heavier)]
@@ -138,13 +138,13 @@ def _turned_weights(scene: Scene, body: str) -> list[Array]:
         names = tuple(dict.fromkeys(b for b, _ in plant.coordinates))
         force = static_forces(loaded, plant.mounts, names) - static_forces(vehicle, plant.mounts, names)
         tilt = dataclasses.replace(plant, static_force=force).static_tilt()
-        wrench = (scene.input_spectrum / (-grid.omega**2)[:, None]) @ tilt.T
+        wrench = (view.data.input_spectrum / (-grid.omega**2)[:, None]) @ tilt.T
         stiffness = gravity_stiffness_of(vehicle, plant.mounts, force, plant.coordinates)
-        out.append(grid.signal(wrench - scene.coordinate_spectrum @ stiffness.T))
+        out.append(grid.signal(wrench - view.coordinate_spectrum @ stiffness.T))
     return out
 
 
-def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> list[Column]:
+def _load(view: RunView, body: str, window: Array, a: Array, weight: float) -> list[Column]:
     """Return added mass and its three first moments, four columns, empty where nothing tells them.
 
     A body that does not turn by itself does not tell where on it a load lies.
@@ -159,39 +159,39 @@ def _load(scene: Scene, body: str, window: Array, a: Array, weight: float) -> li
         Gravity whose onset shows [m/s^2].
     """
     window = window[:, None]
-    gravity = scene.plant.vehicle.gravity
-    q = six_of(scene, body)[0]
+    gravity = view.plant.vehicle.gravity
+    q = six_of(view, body)[0]
     load = a[:, :3] + weight * _UP
-    out = [wrench_column(scene, body, -window * load, np.zeros_like(load))]
+    out = [wrench_column(view, body, -window * load, np.zeros_like(load))]
     for i in range(3):
-        if not any(c in scene.plant.vehicle.bodies[body].coordinates for c in COORDINATES[3:] if c != COORDINATES[3 + i]):
+        if not any(c in view.plant.vehicle.bodies[body].coordinates for c in COORDINATES[3:] if c != COORDINATES[3 + i]):
             out.append(())
             continue
         arm = np.eye(3)[i]
         force = -np.cross(a[:, 3:], arm)
         moment = -np.cross(arm, load) - gravity * np.cross(np.cross(q[:, 3:], arm), _UP)
-        out.append(wrench_column(scene, body, window * force, window * moment))
+        out.append(wrench_column(view, body, window * force, window * moment))
     return out
 
 
-def _inertia(scene: Scene, body: str, window: Array) -> list[Column]:
+def _inertia(view: RunView, body: str, window: Array) -> list[Column]:
     """Return three added moments of inertia, empty where the body does not turn."""
-    _, a = six_of(scene, body)
+    _, a = six_of(view, body)
     out = []
     for i in range(3):
         moment = np.zeros_like(a[:, :3])
         moment[:, i] = -a[:, 3 + i]
-        out.append(wrench_column(scene, body, np.zeros_like(moment), window[:, None] * moment))
+        out.append(wrench_column(view, body, np.zeros_like(moment), window[:, None] * moment))
     return out
 
 
-def _with_sag(scene: Scene, body: str, columns: list[Column]) -> list[Column]:
+def _with_sag(view: RunView, body: str, columns: list[Column]) -> list[Column]:
     """Return the columns of a load with what its weight does to the mean readings of transducers."""
-    table, gravity = mean_table(scene), scene.plant.vehicle.gravity
+    table, gravity = mean_table(view), view.plant.vehicle.gravity
     weight = [np.concatenate([-gravity * _UP, np.zeros(3)])]
     weight += [np.concatenate([np.zeros(3), -gravity * np.cross(np.eye(3)[i], _UP)]) for i in range(3)]
     out = []
     for column, six in zip(columns, weight):
-        sag = static_means(scene, table, six @ scene.plant.body_map(body))
+        sag = static_means(view, table, six @ view.plant.body_map(body))
         out.append((*column, *(Effect(Where.MEAN, row, np.array([value])) for row, value in sag.items())) if column else ())
     return out

@@ -14,7 +14,7 @@ from ride_estimation.diagnosis.body_wrench import wrench_column
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import resonant
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
@@ -33,7 +33,7 @@ class MissingDegreeOfFreedom(Cause):
     WOULD_REFUTE = "no resonance left when the suspect (seat, tank) is blocked or removed"
     MEASURE_NEXT = "an accelerometer on the suspected mass"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per body and direction; the mass may be part of the stated one or come on top of it."""
         grid = tuple(
             {"frequency": float(f), "damping": z, "included": i}
@@ -41,19 +41,19 @@ class MissingDegreeOfFreedom(Cause):
         )
         bounds = (Shape("frequency", 4.0, 0.5, 25.0), Shape("damping", 0.15, 0.02, 0.8))
         out: list[Hypothesis] = []
-        for body in dict.fromkeys(b for b, _ in scene.plant.coordinates):
-            free = [c for b, c in scene.plant.coordinates if b == body]
+        for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
+            free = [c for b, c in view.plant.coordinates if b == body]
             for axis in (a for a in AXES if a in free):
 
-                def columns(scene: Scene, shape: Shapes, b: str = body, a: str = axis) -> list[Column]:
-                    return _columns(scene, b, AXES.index(a), shape)
+                def columns(view: RunView, shape: Shapes, b: str = body, a: str = axis) -> list[Column]:
+                    return _columns(view, b, AXES.index(a), shape)
 
                 signs = (Sign.POSITIVE, Sign.ANY, Sign.ANY, Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
-                largest = _LARGEST_SHARE * scene.plant.vehicle.bodies[body].mass.value
+                largest = _LARGEST_SHARE * view.plant.vehicle.bodies[body].mass.value
                 out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs, essential=(0,), largest=largest))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return mass [kg], natural frequency [Hz] and damping ratio."""
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
         return (
@@ -62,30 +62,30 @@ class MissingDegreeOfFreedom(Cause):
             Reported("damping ratio", z, 0.3 * z, "-"),
         )
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Add the mass as a body on a mount of its own."""
         return add_sprung_mass(vehicle, fitted)
 
 
-def _columns(scene: Scene, body: str, axis: int, shape: Shapes) -> list[Column]:
+def _columns(view: RunView, body: str, axis: int, shape: Shapes) -> list[Column]:
     """Return the reaction of a unit sprung mass at the CG, its two lever arms across the axis and their products."""
-    _, a = body_spectra(scene, body)
-    own = resonant(scene.grid.omega, a, float(shape["frequency"]), float(shape["damping"]))
-    response = scene.grid.signal(own - float(shape["included"]) * a)
+    _, a = body_spectra(view, body)
+    own = resonant(view.grid.omega, a, float(shape["frequency"]), float(shape["damping"]))
+    response = view.grid.signal(own - float(shape["included"]) * a)
     along = np.eye(3)[axis]
-    zero = np.zeros((scene.grid.samples, 3))
+    zero = np.zeros((view.grid.samples, 3))
     linear = response[:, axis]
-    out = [wrench_column(scene, body, -linear[:, None] * along, zero)]
+    out = [wrench_column(view, body, -linear[:, None] * along, zero)]
     others = [i for i in range(3) if i != axis]
     lifts = {i: np.cross(response[:, 3:], np.eye(3)[i]) @ along for i in others}
     turns = {i: np.cross(np.eye(3)[i], along) for i in others}
     for i in others:
-        out.append(wrench_column(scene, body, -lifts[i][:, None] * along, -linear[:, None] * turns[i]))
+        out.append(wrench_column(view, body, -lifts[i][:, None] * along, -linear[:, None] * turns[i]))
     for i, j in ((others[0], others[0]), (others[1], others[1]), (others[0], others[1])):
         moment = lifts[i][:, None] * turns[j]
         if i != j:
             moment = moment + lifts[j][:, None] * turns[i]
-        out.append(wrench_column(scene, body, zero, -moment))
+        out.append(wrench_column(view, body, zero, -moment))
     return [column for column in out if column]
 
 

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
@@ -24,20 +24,20 @@ class OneSoftMount(Cause):
     WOULD_REFUTE = "a static ride height at that mount that is as designed"
     MEASURE_NEXT = "ride height and visual inspection of that mount; swap two mounts and repeat"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return none: a soft mount leaves nothing in the residual of the calibrated model."""
         return ()
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return stiffness over the one the file and the other mounts imply, minus one, and the stiffness [N/m]."""
-        p = scene.port_index(fitted.hypothesis.location, fitted.hypothesis.axis)
+        p = view.port_index(fitted.hypothesis.location, fitted.hypothesis.axis)
         ratio, std = float(np.exp(fitted.coefficients[0])), fitted.std(0)
-        stiffness = float(scene.state.stiffness[p])
+        stiffness = float(view.state.stiffness[p])
         return (
             Reported("stiffness change against file and other mounts", ratio - 1.0, ratio * std, "-"),
             Reported("stiffness", stiffness, stiffness * std, "N/m"),
         )
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Leave the vehicle as calibrated: the soft mount is in it."""
         return vehicle, ()

@@ -13,8 +13,8 @@ from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.extension import linear_part, with_linear_part
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import legendre
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.diagnosis.port_groups import PortGroup, group_of, port_groups
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -36,45 +36,45 @@ class ParameterDrift(Cause):
     WOULD_REFUTE = "equal parameters from the first and the last third of the run"
     MEASURE_NEXT = "repeat the run with the mounts warm; log the air-spring pressure"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site; at ``all`` every mount changes by the same share."""
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return one hypothesis per group; at ``all`` every mount changes by the same share."""
         out: list[Hypothesis] = []
-        for site in sites(scene):
+        for group in port_groups(view):
 
-            def columns(scene: Scene, shape: Shapes, s: Site = site) -> list[Column]:
-                first, second = legendre(scene.time_s, 1), legendre(scene.time_s, 2)
+            def columns(view: RunView, shape: Shapes, s: PortGroup = group) -> list[Column]:
+                first, second = legendre(view.data.time_s, 1), legendre(view.data.time_s, 2)
                 result: list[Column] = []
                 for profile, with_damping in ((first, False), (first, True), (second, False), (second, True)):
                     effects = []
                     for p in s.ports:
-                        k, c = scene.state.stiffness[p], scene.state.damping[p]
-                        force = c * scene.deflection_rate[:, p] if with_damping else k * scene.deflection[:, p]
+                        k, c = view.state.stiffness[p], view.state.damping[p]
+                        force = c * view.deflection_rate[:, p] if with_damping else k * view.deflection[:, p]
                         effects.append(Effect(Where.PORT, p, profile * force))
                     result.append(tuple(effects))
                 return result
 
-            out.append(Hypothesis(self.ID, site.location, site.axis, columns, run_bound=True))
+            out.append(Hypothesis(self.ID, group.location, group.axis, columns, run_bound=True))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return stiffness and damping at the end of the analysed stretch over those at its start, minus one.
 
         How they came there is not known: half of what the change of the first to the last third differs is part of the deviation.
         """
         out = []
         for name, i in (("stiffness", 0), ("damping", 1)):
-            first, last = _course(scene, fitted, i, _STRETCH)
+            first, last = _course(view, fitted, i, _STRETCH)
             change = last / max(first, _LEAST) - 1.0
-            early, late = (float(np.mean(_course(scene, fitted, i, third))) for third in (_FIRST_THIRD, _LAST_THIRD))
+            early, late = (float(np.mean(_course(view, fitted, i, third))) for third in (_FIRST_THIRD, _LAST_THIRD))
             unsure = 0.5 * abs(change - (late / max(early, _LEAST) - 1.0))
             out.append(Reported(f"{name} change over the run", float(change), float(np.hypot(2.0 * fitted.std(i), unsure)), "-"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the parameters of the end of the run."""
-        (stiffer,), (damped,) = (_course(scene, fitted, i, _STRETCH[-1:]) for i in (0, 1))
-        for p in site_of(scene, fitted).ports:
-            port = scene.plant.ports[p]
+        (stiffer,), (damped,) = (_course(view, fitted, i, _STRETCH[-1:]) for i in (0, 1))
+        for p in group_of(view, fitted).ports:
+            port = view.plant.ports[p]
             element = vehicle.mounts[port.mount].elements[port.axis]
             k, c = linear_part(element)
             changed = with_linear_part(element, k * max(float(stiffer), _LEAST), c * max(float(damped), 0.0))
@@ -82,13 +82,13 @@ class ParameterDrift(Cause):
         return vehicle, ("stiffness and damping of the drifting mounts are those of the end of the run",)
 
 
-def _course(scene: Scene, fitted: Fitted, quantity: int, places: Array) -> Array:
+def _course(view: RunView, fitted: Fitted, quantity: int, places: Array) -> Array:
     """Return stiffness (``quantity`` 0) or damping (1) over its middle of the run, shape as ``places``.
 
     The polynomials hold where the run was analysed and say nothing of its ends, which were left out.
     """
-    first, last = scene.blocks.time_s[[0, -1]]
-    start, end = scene.time_s[[0, -1]]
+    first, last = view.blocks.time_s[[0, -1]]
+    start, end = view.data.time_s[[0, -1]]
     u = 2.0 * (first + (last - first) * places - start) / (end - start) - 1.0
     linear, square = fitted.coefficients[[quantity, quantity + 2]]
     return np.asarray(1.0 + np.polynomial.legendre.legval(u, [0.0, linear, square]))

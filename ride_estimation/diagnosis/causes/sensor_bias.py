@@ -11,7 +11,7 @@ import numpy as np
 from ride_estimation.diagnosis.baseline import mean_table
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer
 from ride_estimation.diagnosis.sensor_extension import offset_sensor
 from ride_estimation.frames import AXES
@@ -29,26 +29,26 @@ class SensorBias(Cause):
     WOULD_REFUTE = "moving parts that are turned by the angle the offset would mean"
     MEASURE_NEXT = "turn the sensor over: half the sum of the two readings is the offset"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per channel whose mean reading is known: gravity, or a mount at rest."""
         out: list[Hypothesis] = []
-        for row, signal in enumerate(mean_table(scene).signals):
+        for row, signal in enumerate(mean_table(view).signals):
 
-            def columns(scene: Scene, shape: Shapes, r: int = row) -> list[Column]:
+            def columns(view: RunView, shape: Shapes, r: int = row) -> list[Column]:
                 return [(Effect(Where.MEAN, r, np.array([1.0])),)]
 
             # one transducer alone cannot tell its zero from a load, and loads change more often
-            doubt = 1.0 if signal.kind == "displacement" else 0.0
+            complexity = 1.0 if signal.kind == "displacement" else 0.0
             axis = axis_name(signal.component)
-            out.append(Hypothesis(self.ID, signal.sensor, axis, columns, complexity=doubt, shows_in_means=True))
+            out.append(Hypothesis(self.ID, signal.sensor, axis, columns, complexity=complexity, shows_in_means=True))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the offset [m/s^2], of a transducer [m]."""
-        unit = "m/s^2" if is_accelerometer(scene, fitted.hypothesis.location) else "m"
+        unit = "m/s^2" if is_accelerometer(view, fitted.hypothesis.location) else "m"
         return (Reported("offset", float(fitted.coefficients[0]), fitted.std(0), unit),)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the offset into the correction of the sensor."""
         h = fitted.hypothesis
-        return offset_sensor(vehicle, scene, h.location, (AXES.index(h.axis),), float(fitted.coefficients[0]))
+        return offset_sensor(vehicle, view, h.location, (AXES.index(h.axis),), float(fitted.coefficients[0]))

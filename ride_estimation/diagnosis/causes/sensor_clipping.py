@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.declipping import domes, missing_readings
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name
 from ride_estimation.diagnosis.sensor_extension import limit_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -48,9 +48,9 @@ def flat_tops(values: np.ndarray, limits: np.ndarray) -> list[tuple[float, float
     return out
 
 
-def _channels(scene: Scene, sensor: str) -> list[tuple[bool, int, Array, Array]]:
+def _channels(view: RunView, sensor: str) -> list[tuple[bool, int, Array, Array]]:
     """Return (whether input, row, samples, limits) of the acceleration channels of a sensor."""
-    plant, data = scene.plant, scene.data
+    plant, data = view.plant, view.data.measured
     groups = ((False, plant.outputs, data.outputs, data.output_limits), (True, plant.inputs, data.inputs, data.input_limits))
     return [
         (from_input, i, values[:, i], limits[:, i])
@@ -70,25 +70,25 @@ class SensorClipping(Cause):
     WOULD_REFUTE = "single samples beyond the level"
     MEASURE_NEXT = "repeat with a larger measuring range"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor with a channel that has a heap of samples at an extreme."""
         out: list[Hypothesis] = []
-        plant = scene.plant
+        plant = view.plant
         for sensor in plant.sensors:
             hits = [
                 (from_input, i, side, level)
-                for from_input, i, values, limits in _channels(scene, sensor) for side, level in flat_tops(values, limits)
+                for from_input, i, values, limits in _channels(view, sensor) for side, level in flat_tops(values, limits)
             ]
             if not hits:
                 continue
 
-            def columns(scene: Scene, shape: Shapes, h: list[tuple[bool, int, float, float]] = hits) -> list[Column]:
-                return [tuple(_cut(scene, *hit, height=float(shape["dome"])) for hit in h)]
+            def columns(view: RunView, shape: Shapes, h: list[tuple[bool, int, float, float]] = hits) -> list[Column]:
+                return [tuple(_cut(view, *hit, height=float(shape["dome"])) for hit in h)]
 
             largest = max(hits, key=lambda hit: abs(hit[3]))
             component = (plant.inputs if largest[0] else plant.outputs)[largest[1]].component
             axis = axis_name(component) if len({hit[1] for hit in hits}) == 1 else ""
-            height, free = _drawn(scene, hits)
+            height, free = _drawn(view, hits)
             out.append(
                 Hypothesis(
                     self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free, run_bound=True
@@ -96,48 +96,48 @@ class SensorClipping(Cause):
             )
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the level at which readings are cut [m/s^2] and the share of the predicted excess that is missing."""
         location = fitted.hypothesis.location
-        levels = [abs(level) for _, _, values, limits in _channels(scene, location) for _, level in flat_tops(values, limits)]
+        levels = [abs(level) for _, _, values, limits in _channels(view, location) for _, level in flat_tops(values, limits)]
         level = float(max(levels, default=float("nan")))
         out = [Reported("missing share of the peaks", float(fitted.coefficients[0]), fitted.std(0), "-")]
         return (Reported("clipping level", level, 0.01 * level, "m/s^2"), *out) if levels else tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the level as the range of the sensor: the estimator ignores samples there."""
-        level = self.parameters(scene, fitted)[0]
+        level = self.parameters(view, fitted)[0]
         return limit_sensor(vehicle, fitted.hypothesis.location, level.value)
 
 
-def _cut(scene: Scene, from_input: bool, index: int, side: float, level: float, height: float) -> Effect:
+def _cut(view: RunView, from_input: bool, index: int, side: float, level: float, height: float) -> Effect:
     """Return what clipping takes from a channel.
 
     Of an output: the predicted excess. Of an input: what the residual says about the samples at the level; where the outputs
     may not be looked at, a dome of the height found before.
     """
     if not from_input:
-        total = scene.ideal_output[:, index] + scene.output_mean[index]
+        total = view.grid.signal(view.model.ideal_spectrum[:, [index]])[:, 0] + view.data.output_mean[index]
         return Effect(Where.OUTPUT, index, -side * np.maximum(side * total - level, 0.0))
-    cut, spread = _at_level(scene, index, side, level)
-    if scene.sees_outputs:
-        return Effect(Where.INPUT, index, missing_readings(scene, index, cut, side, spread)[0])
+    cut, spread = _at_level(view, index, side, level)
+    if view.sees_outputs:
+        return Effect(Where.INPUT, index, missing_readings(view, index, cut, side, spread)[0])
     return Effect(Where.INPUT, index, side * height * domes(cut))
 
 
-def _at_level(scene: Scene, index: int, side: float, level: float) -> tuple[NDArray[np.bool_], float]:
+def _at_level(view: RunView, index: int, side: float, level: float) -> tuple[NDArray[np.bool_], float]:
     """Return the samples of an input at the level, and its spread."""
-    values = side * scene.data.inputs[:, index]
+    values = side * view.data.measured.inputs[:, index]
     spread = float(np.std(values))
     return values > level - 0.02 * spread, spread
 
 
-def _drawn(scene: Scene, hits: list[tuple[bool, int, float, float]]) -> tuple[float, float]:
+def _drawn(view: RunView, hits: list[tuple[bool, int, float, float]]) -> tuple[float, float]:
     """Return the height of the missing peaks of inputs [m/s^2], and how many values the data gave."""
     product, square, free = 0.0, 1e-300, 0.0
     for _, index, side, level in (hit for hit in hits if hit[0]):
-        cut, spread = _at_level(scene, index, side, level)
-        missing, values_drawn = missing_readings(scene, index, cut, side, spread)
+        cut, spread = _at_level(view, index, side, level)
+        missing, values_drawn = missing_readings(view, index, cut, side, spread)
         dome = side * domes(cut)
         product, square, free = product + float(missing @ dome), square + float(dome @ dome), free + values_drawn
     return product / square, free

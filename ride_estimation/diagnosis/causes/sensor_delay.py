@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import sensor_column
 from ride_estimation.diagnosis.sensor_extension import delay_sensors
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -31,15 +31,15 @@ class SensorDelay(Cause):
     WOULD_REFUTE = "a phase error that does not grow in proportion to frequency"
     MEASURE_NEXT = "tap the frame beside both sensors and compare the stamps of the first sample"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor, and one for all accelerometers of the measured bodies together."""
-        outputs = tuple(dict.fromkeys(s.sensor for s in scene.plant.outputs))
-        groups = [(s,) for s in scene.plant.sensors] + ([outputs] if len(outputs) > 1 else [])
+        outputs = tuple(dict.fromkeys(s.sensor for s in view.plant.outputs))
+        groups = [(s,) for s in view.plant.sensors] + ([outputs] if len(outputs) > 1 else [])
         out: list[Hypothesis] = []
         for group in groups:
 
-            def columns(scene: Scene, shape: Shapes, g: tuple[str, ...] = group) -> list[Column]:
-                return [tuple(e for s in g for e in _delayed(scene, s, float(shape["delay"])))]
+            def columns(view: RunView, shape: Shapes, g: tuple[str, ...] = group) -> list[Column]:
+                return [tuple(e for s in g for e in _delayed(view, s, float(shape["delay"])))]
 
             location = group[0] if len(group) == 1 else "all"
             grid = tuple({"delay": d} for d in _STARTS)
@@ -48,24 +48,24 @@ class SensorDelay(Cause):
             out.append(Hypothesis(self.ID, location, "", columns, grid, shapes, complexity=-1.0))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return how late the sensor is [s]."""
         return (Reported("delay", float(fitted.coefficients[0]), fitted.std(0), "s"),)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the delay into the correction of the sensors."""
         location = fitted.hypothesis.location
-        outputs = tuple(dict.fromkeys(s.sensor for s in scene.plant.outputs))
+        outputs = tuple(dict.fromkeys(s.sensor for s in view.plant.outputs))
         return delay_sensors(vehicle, outputs if location == "all" else (location,), float(fitted.coefficients[0]))
 
 
-def _delayed(scene: Scene, sensor: str, reference: float) -> Column:
+def _delayed(view: RunView, sensor: str, reference: float) -> Column:
     """Return the change of a reading per second of delay, exact at a reference delay [s]."""
-    iw = 1j * scene.grid.omega
+    iw = 1j * view.grid.omega
     factor = -np.expm1(-iw * reference) / (iw * reference) if abs(reference) > 1e-7 else np.ones_like(iw)
     out = []
-    for effect in sensor_column(scene, sensor, "delay", 0):
+    for effect in sensor_column(view, sensor, "delay", 0):
         if effect.where is not Where.MEAN:
-            signal = scene.grid.signal(factor * scene.grid.spectrum(effect.signal))
+            signal = view.grid.signal(factor * view.grid.spectrum(effect.signal))
             out.append(Effect(effect.where, effect.index, signal))
     return tuple(out)

@@ -8,7 +8,7 @@ from typing import final
 
 from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, sensor_axes, sensor_column
 from ride_estimation.diagnosis.sensor_extension import scale_sensor
 from ride_estimation.frames import AXES
@@ -26,29 +26,29 @@ class SensorGain(Cause):
     WOULD_REFUTE = "a factor that changes with amplitude (clipping) or with frequency (filter, delay)"
     MEASURE_NEXT = "turn the sensor over: a factor of one shows 2 g between the two positions"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor axis and one per sensor."""
         out: list[Hypothesis] = []
-        for sensor in scene.plant.sensors:
-            axes = sensor_axes(scene, sensor)
+        for sensor in view.plant.sensors:
+            axes = sensor_axes(view, sensor)
             groups = [(a,) for a in axes] + ([axes] if len(axes) > 1 else [])
             for group in groups:
 
-                def columns(scene: Scene, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
+                def columns(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
                     # about the rest value: an offset at rest is trimmed away when a sensor is installed
-                    parts = [sensor_column(scene, s, "gain", a) for a in g]
+                    parts = [sensor_column(view, s, "gain", a) for a in g]
                     return [tuple(e for part in parts for e in part if e.where is not Where.MEAN)]
 
                 axis = axis_name(group[0]) if len(group) == 1 else ""
                 out.append(Hypothesis(self.ID, sensor, axis, columns))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the factor minus one."""
         return (Reported("gain error", float(fitted.coefficients[0]), fitted.std(0), "-"),)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the factor into the correction of the sensor; the value at rest stays."""
         h = fitted.hypothesis
-        axes = (AXES.index(h.axis),) if h.axis else sensor_axes(scene, h.location)
-        return scale_sensor(vehicle, scene, h.location, axes, float(fitted.coefficients[0]))
+        axes = (AXES.index(h.axis),) if h.axis else sensor_axes(view, h.location)
+        return scale_sensor(vehicle, view, h.location, axes, float(fitted.coefficients[0]))

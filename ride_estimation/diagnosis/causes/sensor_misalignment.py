@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, turned_column
 from ride_estimation.diagnosis.sensor_extension import turn_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -31,16 +31,16 @@ class SensorMisalignment(Cause):
     WOULD_REFUTE = "a mean reading that does not lean while the moving part does"
     MEASURE_NEXT = "measure the angle of the sensor housing against the body with a level"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor and axis of rotation."""
         out: list[Hypothesis] = []
-        for sensor in scene.plant.sensors:
-            if not is_accelerometer(scene, sensor):
+        for sensor in view.plant.sensors:
+            if not is_accelerometer(view, sensor):
                 continue
             for component in range(3):
 
-                def columns(scene: Scene, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
-                    column = turned_column(scene, s, c, float(shape["angle"]))
+                def columns(view: RunView, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
+                    column = turned_column(view, s, c, float(shape["angle"]))
                     return [column] if column else []
 
                 # the coefficient is the angle; the reference only says at which angle its column is exact and costs nothing
@@ -50,11 +50,11 @@ class SensorMisalignment(Cause):
                 out.append(Hypothesis(self.ID, sensor, axis, columns, grid, shapes, complexity=-1.0))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the angle [deg]."""
         value, std = np.degrees(float(fitted.coefficients[0])), np.degrees(fitted.std(0))
         return (Reported("angle", float(value), float(std), "deg"),)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found rotation of the sensor."""
         return turn_sensor(vehicle, fitted)

@@ -9,11 +9,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.bent import Family, bent_forms, bent_hypotheses
+from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, characteristic_hypotheses
 from ride_estimation.diagnosis.extension import add_force_table
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import site_of
+from ride_estimation.diagnosis.port_groups import group_of
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -36,24 +36,24 @@ class StiffnessNonlinearity(Cause):
 
     LAW = Law.ELASTIC
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site."""
-        return bent_hypotheses(scene, self.ID, _FORMS, over_rate=False)
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return one hypothesis per group."""
+        return characteristic_hypotheses(view, self.ID, _FORMS, over_rate=False)
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return how the spring rate at +-2 rms deflection differs from the one at the middle."""
-        site = site_of(scene, fitted)
+        group = group_of(view, fitted)
         out: list[Reported] = []
-        for i, p in enumerate(site.ports):
-            x_rms = scene.scales[p][0]
-            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
-            slope = float(scene.state.stiffness[p])
+        for i, p in enumerate(group.ports):
+            x_rms = view.scales[p][0]
+            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            slope = float(view.state.stiffness[p])
             std = 0.0
             changes = []
             for u in (2.0, -2.0, 0.0):
                 step = 1e-3
                 near = np.array([u - step, u + step])
-                units = bent_forms(near, fitted.shape, over_rate=False)
+                units = characteristic_forms(near, fitted.shape, over_rate=False)
                 weights = np.array([float(np.diff(unit)[0]) / (2.0 * step) for unit in units]) / x_rms
                 pair = fitted.coefficients[2 * i : 2 * i + 2]
                 changes.append(float(weights @ pair))
@@ -67,16 +67,16 @@ class StiffnessNonlinearity(Cause):
             out.append(Reported(f"rms deflection{label}", x_rms, 0.0, "m"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Put the bent part of the force-deflection line parallel to every mount of the site."""
-        site = site_of(scene, fitted)
-        for i, p in enumerate(site.ports):
-            port = scene.plant.ports[p]
-            x = scene.deflection[:, p]
-            x_rms = scene.scales[p][0]
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put the bent part of the force-deflection line parallel to every mount of the group."""
+        group = group_of(view, fitted)
+        for i, p in enumerate(group.ports):
+            port = view.plant.ports[p]
+            x = view.deflection[:, p]
+            x_rms = view.scales[p][0]
             grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
             u = grid / x_rms
             pair = fitted.coefficients[2 * i : 2 * i + 2]
-            force = pair @ np.stack(bent_forms(u, fitted.shape, over_rate=False))
+            force = pair @ np.stack(characteristic_forms(u, fitted.shape, over_rate=False))
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ()

@@ -12,19 +12,19 @@ from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.extension import add_parallel
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import relaxed
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, site_of, sites
+from ride_estimation.diagnosis.port_groups import PortGroup, group_of, port_groups
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 _RATIO = 5.0  # corner of the second cell over the first
 
 
-def _columns(scene: Scene, site: Site, corner_hz: float) -> list[Column]:
+def _columns(view: RunView, group: PortGroup, corner_hz: float) -> list[Column]:
     out: list[Column] = []
-    for p in site.ports:
-        spectrum = scene.deflection_spectrum[:, p]
+    for p in group.ports:
+        spectrum = view.deflection_spectrum[:, p]
         for corner in (corner_hz, _RATIO * corner_hz):
-            out.append((Effect(Where.PORT, p, scene.grid.signal(relaxed(scene.grid.omega, spectrum, corner))),))
+            out.append((Effect(Where.PORT, p, view.grid.signal(relaxed(view.grid.omega, spectrum, corner))),))
     return out
 
 
@@ -40,27 +40,27 @@ class Viscoelasticity(Cause):
     MEASURE_NEXT = "dynamic stiffness of the mount on a bench at one amplitude from 0.5 to 30 Hz"
     LAW = Law.RELAXING
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
-        """Return one hypothesis per site."""
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
+        """Return one hypothesis per group."""
         grid = tuple({"corner": c} for c in (0.15, 0.4, 1.0, 2.5, 6.0))
         bounds = (Shape("corner", 1.0, 0.05, 12.0),)
 
-        def build(site: Site) -> Hypothesis:
-            def columns(scene: Scene, shape: Shapes) -> list[Column]:
-                return _columns(scene, site, float(shape["corner"]))
+        def build(group: PortGroup) -> Hypothesis:
+            def columns(view: RunView, shape: Shapes) -> list[Column]:
+                return _columns(view, group, float(shape["corner"]))
 
-            return Hypothesis(self.ID, site.location, site.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=site.ports)
+            return Hypothesis(self.ID, group.location, group.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=group.ports)
 
-        return [build(site) for site in sites(scene)]
+        return [build(group) for group in port_groups(view)]
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the relaxing stiffness as a share of the static one and the corner frequencies [Hz]."""
-        site = site_of(scene, fitted)
+        group = group_of(view, fitted)
         out: list[Reported] = []
-        for i, p in enumerate(site.ports):
+        for i, p in enumerate(group.ports):
             part = slice(2 * i, 2 * i + 2)
-            stiffness = float(scene.state.stiffness[p])
-            label = "" if len(site.ports) == 1 else f" {scene.plant.ports[p].mount}"
+            stiffness = float(view.state.stiffness[p])
+            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
             std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0)))
             ratio = float(fitted.coefficients[part].sum()) / stiffness
             out.append(Reported(f"relaxing stiffness over static stiffness{label}", ratio, std / stiffness, "-"))
@@ -69,11 +69,11 @@ class Viscoelasticity(Cause):
         out.append(Reported("fast corner frequency", fast, 0.3 * fast, "Hz"))
         return tuple(out)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Put Maxwell cells parallel to every mount of the site."""
-        site = site_of(scene, fitted)
-        for i, p in enumerate(site.ports):
-            port = scene.plant.ports[p]
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+        """Put Maxwell cells parallel to every mount of the group."""
+        group = group_of(view, fitted)
+        for i, p in enumerate(group.ports):
+            port = view.plant.ports[p]
             for stiffness, factor in zip(fitted.coefficients[2 * i : 2 * i + 2], (1.0, _RATIO)):
                 if stiffness > 0.0:
                     damping = float(stiffness) / (2.0 * np.pi * factor * fitted.shape["corner"])

@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, is_input, sensor_column
 from ride_estimation.diagnosis.sensor_extension import move_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -27,25 +27,25 @@ class WrongSensorPosition(Cause):
     WOULD_REFUTE = "an error that does not follow the angular acceleration"
     MEASURE_NEXT = "measure the sensor position with a tape"
 
-    def hypotheses(self, scene: Scene) -> Sequence[Hypothesis]:
+    def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per sensor of a sprung body and axis."""
         out: list[Hypothesis] = []
-        for sensor in scene.plant.sensors:
-            if not is_accelerometer(scene, sensor) or is_input(scene, sensor):
+        for sensor in view.plant.sensors:
+            if not is_accelerometer(view, sensor) or is_input(view, sensor):
                 continue
             for component in range(3):
 
-                def columns(scene: Scene, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
-                    column = sensor_column(scene, s, "position", c)
+                def columns(view: RunView, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
+                    column = sensor_column(view, s, "position", c)
                     return [column] if column and any(np.any(e.signal) for e in column) else []
 
                 out.append(Hypothesis(self.ID, sensor, axis_name(component), columns))
         return out
 
-    def parameters(self, scene: Scene, fitted: Fitted) -> tuple[Reported, ...]:
+    def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return true minus stated position [m]."""
         return (Reported("position error", float(fitted.coefficients[0]), fitted.std(0), "m"),)
 
-    def extend(self, vehicle: Vehicle, scene: Scene, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
+    def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found position of the sensor."""
         return move_sensor(vehicle, fitted)

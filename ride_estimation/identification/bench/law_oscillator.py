@@ -1,11 +1,11 @@
 # Copyright 2026 ride_estimation contributors
-"""An oscillator from excitation and response whose mount is more than a bent spring: hysteresis, relaxation, stops, play.
+"""An oscillator from excitation and response whose mount is more than a nonlinear spring: hysteresis, relaxation, stops, play.
 
 Per unit mass, ``y'' = b u - c y' - k y - f``; the laws f of the library that have a continuous form ::
 
     hysteresis   f = z,  z' = A y' (1 - (g sign(z y') + h) |z / Z|^n)         (Bouc 1967, Wen 1976; Dahl 1968: g = n = 1, h = 0)
     relaxation   f = z,  z' = A y' - z / tau                                  (Maxwell)
-    dry friction F tanh(y' / w), bent spring k3 y^3 + k5 y^5, square damping, stop on both sides, play
+    dry friction F tanh(y' / w), nonlinear spring k3 y^3 + k5 y^5, square damping, stop on both sides, play
 
 are integrated (Runge-Kutta, fourth order, the excitation interpolated band-limited between samples) and fitted by SIMULATION
 error, only u is fed, from several starts: first on a short stretch, the best then on all of what is fitted. The state at the
@@ -69,7 +69,7 @@ LAWS = (
     Law("Dahl friction", "coulomb_friction", (_A, _Z), ((0.5, 0.5), (3.0, 0.1))),
     Law("Maxwell relaxation", "viscoelasticity", (_A, _TAU), ((0.5, 0.1), (0.5, 1.0))),
     Law("dry friction", "coulomb_friction", (_F, _W), ((0.1, 0.1),)),
-    Law("bent spring", "stiffness_nonlinearity", (_K3, _K5), ((0.02, 0.0), (-0.02, 0.0))),
+    Law("nonlinear spring", "stiffness_nonlinearity", (_K3, _K5), ((0.02, 0.0), (-0.02, 0.0))),
     Law("square damping", "damping_nonlinearity", (_C2,), ((0.5,),)),
     Law("stop", "bump_stop", (_STOP, _GAP), ((1.0, 1.5),)),
     Law("play", "backlash", (_PLAY,), ((0.2,),)),

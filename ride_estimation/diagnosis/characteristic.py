@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Bent characteristics: an odd form of a few families and its lopsided parts, over deflection or over rate."""
+"""Nonlinear characteristics: an odd form of a few families and its asymmetric parts, over deflection or over rate."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Hypothesis, Shapes
-from ride_estimation.diagnosis.scene import Scene
-from ride_estimation.diagnosis.sites import Site, force_columns, sites
+from ride_estimation.diagnosis.port_groups import PortGroup, force_columns, port_groups
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,10 @@ class Family(enum.IntEnum):
     POWER = 6  #: ``sign(u) |u|^s``
 
 
-#: a damper is bent at rates beyond that share of their rms; a force that levels off below it is friction by name, and the
+#: a damper is nonlinear at rates beyond that share of their rms; a force that levels off below it is friction by name, and the
 #: two causes would otherwise hold the same law. Friction is rounded over a tenth of the usual rate at most, the knee of a
 #: damper lies at two fifths of it at least; this is the geometric mean
-BENT_ABOVE = 0.2
+LEAST_RATE_SCALE = 0.2
 _LIMIT = 6.0  # argument of the growing form, where doubles would overflow long after any data
 
 
@@ -53,7 +53,7 @@ def odd_form(u: Array, shape: Shapes) -> Array:
             return np.asarray(np.sign(u) * np.abs(u) ** scale)
 
 
-def bent_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array]:
+def characteristic_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array]:
     """Return the forms that make up a characteristic at normalised deflections or rates, shape as ``u`` each.
 
     Over rate the odd form ``f``, ``|u|`` and ``|f|``: a damper has a slope and a bend of its own in either direction. Over
@@ -69,10 +69,10 @@ def bent_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array]:
     return [odd, u**2]
 
 
-def bent_hypotheses(
-    scene: Scene, cause: str, forms: Sequence[tuple[Family, float]], over_rate: bool
+def characteristic_hypotheses(
+    view: RunView, cause: str, forms: Sequence[tuple[Family, float]], over_rate: bool
 ) -> list[Hypothesis]:
-    """Return one hypothesis per site, the family from the grid, its scale refined.
+    """Return one hypothesis per group, the family from the grid, its scale refined.
 
     Parameters
     ----------
@@ -83,16 +83,16 @@ def bent_hypotheses(
     """
     grid = tuple({"family": float(family), "scale": scale} for family, scale in forms)
 
-    def build(site: Site) -> Hypothesis:
-        def columns(scene: Scene, shape: Shapes) -> list[Column]:
+    def build(group: PortGroup) -> Hypothesis:
+        def columns(view: RunView, shape: Shapes) -> list[Column]:
             def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
                 u = v / v_rms if over_rate else x / x_rms
-                odd, *even = bent_forms(u, shape, over_rate)
+                odd, *even = characteristic_forms(u, shape, over_rate)
                 return [odd, *(form - np.mean(form) for form in even)]
 
-            return force_columns(scene, site, law)
+            return force_columns(view, group, law)
 
-        bounds = (Shape("scale", 1.0, BENT_ABOVE if over_rate else 0.1, 6.0),)
-        return Hypothesis(cause, site.location, site.axis, columns, grid, bounds, complexity=1.0, ports=site.ports)
+        bounds = (Shape("scale", 1.0, LEAST_RATE_SCALE if over_rate else 0.1, 6.0),)
+        return Hypothesis(cause, group.location, group.axis, columns, grid, bounds, complexity=1.0, ports=group.ports)
 
-    return [build(site) for site in sites(scene)]
+    return [build(group) for group in port_groups(view)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted
-from ride_estimation.diagnosis.scene import Scene
+from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _APART = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
-class Site:
+class PortGroup:
     """Ports that share one hypothesis.
 
     Attributes
@@ -37,35 +37,35 @@ class Site:
     ports: tuple[int, ...]
 
 
-def sites(scene: Scene) -> list[Site]:
+def port_groups(view: RunView) -> list[PortGroup]:
     """Return every port that moves, the pairs of an axle or a side, and all mounts of an axis where there are several."""
     noise = 1e-9
-    moving = [p for p in range(len(scene.plant.ports)) if np.std(scene.deflection[:, p]) > noise]
-    out = [Site(scene.plant.ports[p].mount, scene.plant.ports[p].axis, (p,)) for p in moving]
-    for axis in dict.fromkeys(scene.plant.ports[p].axis for p in moving):
-        group = tuple(p for p in moving if scene.plant.ports[p].axis == axis)
+    moving = [p for p in range(len(view.plant.ports)) if np.std(view.deflection[:, p]) > noise]
+    out = [PortGroup(view.plant.ports[p].mount, view.plant.ports[p].axis, (p,)) for p in moving]
+    for axis in dict.fromkeys(view.plant.ports[p].axis for p in moving):
+        group = tuple(p for p in moving if view.plant.ports[p].axis == axis)
         if len(group) > 1:
-            out += _pairs(scene, axis, group)
-            out.append(Site(ALL, axis, group))
+            out += _pairs(view, axis, group)
+            out.append(PortGroup(ALL, axis, group))
     return out
 
 
-def _pairs(scene: Scene, axis: str, group: tuple[int, ...]) -> list[Site]:
+def _pairs(view: RunView, axis: str, group: tuple[int, ...]) -> list[PortGroup]:
     """Return the mounts of one axis in front of and behind, left and right of their middle, where each are several."""
-    vehicle = scene.plant.vehicle
-    place = np.array([vehicle.mounts[scene.plant.ports[p].mount].position for p in group])
+    vehicle = view.plant.vehicle
+    place = np.array([vehicle.mounts[view.plant.ports[p].mount].position for p in group])
     out = []
     for direction, names in ((0, ("front", "rear")), (1, ("left", "right"))):
         off = place[:, direction] - place[:, direction].mean()
         for sign, name in zip((1.0, -1.0), names):
             ports = tuple(p for p, d in zip(group, off) if sign * d > _APART)
             if 1 < len(ports) < len(group) and name not in vehicle.mounts:
-                out.append(Site(name, axis, ports))
+                out.append(PortGroup(name, axis, ports))
     return out
 
 
-def force_columns(scene: Scene, site: Site, law: Callable[[Array, Array, float, float], list[Array]]) -> list[Column]:
-    """Return the columns of a law at a site: one set per port.
+def force_columns(view: RunView, group: PortGroup, law: Callable[[Array, Array, float, float], list[Array]]) -> list[Column]:
+    """Return the columns of a law at a group: one set per port.
 
     Parameters
     ----------
@@ -74,24 +74,24 @@ def force_columns(scene: Scene, site: Site, law: Callable[[Array, Array, float, 
         :attr:`FrequencyGrid.refinement` asks for.
     """
     out: list[Column] = []
-    grid, fine = scene.grid, scene.grid.refinement > 1
-    for p in site.ports:
-        x, v = scene.deflection[:, p], scene.deflection_rate[:, p]
+    grid, fine = view.grid, view.grid.refinement > 1
+    for p in group.ports:
+        x, v = view.deflection[:, p], view.deflection_rate[:, p]
         if fine:
-            spectrum = scene.deflection_spectrum[:, p]
+            spectrum = view.deflection_spectrum[:, p]
             x, v = grid.refined(spectrum), grid.refined(1j * grid.omega * spectrum)
-        forces = law(x, v, *scene.scales[p])
+        forces = law(x, v, *view.scales[p])
         out += [(Effect(Where.PORT, p, grid.unrefined(force) if fine else force),) for force in forces]
     return out
 
 
-def site_of(scene: Scene, fitted: Fitted) -> Site:
-    """Return the site a fitted hypothesis sits at."""
+def group_of(view: RunView, fitted: Fitted) -> PortGroup:
+    """Return the group a fitted hypothesis sits at."""
     h = fitted.hypothesis
     if h.ports:
-        return Site(h.location, h.axis, h.ports)
-    for site in sites(scene):
-        if (site.location, site.axis) == (h.location, h.axis):
-            return site
-    ports = tuple(i for i, p in enumerate(scene.plant.ports) if p.axis == h.axis and h.location in (p.mount, ALL))
-    return Site(h.location, h.axis, ports)
+        return PortGroup(h.location, h.axis, h.ports)
+    for group in port_groups(view):
+        if (group.location, group.axis) == (h.location, h.axis):
+            return group
+    ports = tuple(i for i, p in enumerate(view.plant.ports) if p.axis == h.axis and h.location in (p.mount, ALL))
+    return PortGroup(h.location, h.axis, ports)

@@ -1,0 +1,175 @@
+# Copyright 2026 ride_estimation contributors
+"""What a state of the model does on a run: its linear response with accepted effects and second-order kinematics."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Effect, Where
+from ride_estimation.diagnosis.kinematics import (
+    BodyMotion,
+    base_correction,
+    output_correction,
+    transducer_correction,
+    wrench_correction,
+)
+from ride_estimation.diagnosis.response import LinearResponse, respond
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.frames import AXES
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: largest number of passes over the terms of second order; a lightly damped mode that the vertical load modulates needs many
+_KINEMATIC_PASSES = 8
+_SETTLED = 0.25  # change of the outputs in one pass, as a share of the tolerated model error, at which the passes end
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelState:
+    """What the model currently is: port parameters and accepted effects with their coefficients applied.
+
+    Attributes
+    ----------
+    stiffness, damping
+        Of every port, shape (P,).
+    effects
+        Accepted effects, less what ``held`` holds of them.
+    held
+        Equivalent stiffness and damping of the law forces of every port, part of the linear response, shape (2, P). A law
+        may carry more of a port than its spring and dashpot; its force along an estimated deflection, fed back through the
+        spring and dashpot alone, would then run away.
+    """
+
+    stiffness: Array
+    damping: Array
+    effects: tuple[Effect, ...] = ()
+    held: Array | None = None
+
+    @property
+    def linear(self) -> tuple[Array, Array]:
+        """Return stiffness and damping of the linear response, shape (P,) each."""
+        if self.held is None:
+            return self.stiffness, self.damping
+        return self.stiffness + self.held[0], self.damping + self.held[1]
+
+
+class ModelRun:
+    """The response of a model to the measured base motion of a run.
+
+    Parameters
+    ----------
+    data, state
+        The run and the model.
+
+    Attributes
+    ----------
+    base_spectrum
+        Base accelerations, shape (F, nb).
+    slope, slope_rate
+        Inclination of the base [rad] and its rate, shape (N, ...).
+    coordinate_spectrum, deflection_spectrum
+        Of the coordinates of the bodies, shape (F, n), and of the ports, shape (F, P).
+    motion
+        Motion of the bodies over time.
+    ideal_spectrum
+        What ideal sensors would show, before accepted measurement effects, shape (F, ny).
+    predicted_spectrum
+        With accepted measurement effects, shape (F, ny).
+    output_rectified
+        Mean readings that full rotation brings, shape (ny,).
+    """
+
+    def __init__(self, data: RunData, state: ModelState) -> None:
+        self._data, self.state = data, state
+        self.response: LinearResponse = respond(data.plant, *state.linear, data.grid.omega)
+        self._move_base()
+        self._simulate()
+
+    def _move_base(self) -> None:
+        """Form base accelerations with the full bracket rotation."""
+        data, plant, grid = self._data, self._data.plant, self._data.grid
+        spectrum = data.input_spectrum.copy()
+        for effect in self.state.effects:
+            if effect.where is Where.INPUT:
+                spectrum[:, effect.index] += grid.spectrum(effect.signal)
+        base = np.einsum("fij,fj->fi", self.response.base_from_input, spectrum)
+        slope = np.einsum("ij,fj->fi", plant.slope, spectrum) / (-grid.omega**2)[:, None]
+        self.slope = grid.signal(slope)
+        self.slope_rate = grid.signal(1j * grid.omega[:, None] * slope)
+        direct = plant.base_direct + plant.lever_motion(plant.slope)
+        specific = grid.signal(np.einsum("ij,fj->fi", direct, spectrum))
+        specific[:, 2::3] += plant.vehicle.gravity
+        self.base_spectrum = base + grid.spectrum(base_correction(plant, specific, self.slope))
+
+    def _simulate(self) -> None:
+        data, plant, r, grid = self._data, self._data.plant, self.response, self._data.grid
+        iw = 1j * grid.omega[:, None]
+        wrench = np.zeros((len(grid.omega), len(plant.coordinates)), dtype=complex)
+        extra_output = np.zeros((len(grid.omega), len(plant.outputs)), dtype=complex)
+        for effect in self.state.effects:
+            if effect.where is Where.PORT:
+                wrench -= np.outer(grid.spectrum(effect.signal), plant.port_map[effect.index])
+            elif effect.where is Where.WRENCH:
+                wrench[:, effect.index] += grid.spectrum(effect.signal)
+            elif effect.where is Where.OUTPUT:
+                extra_output[:, effect.index] += grid.spectrum(effect.signal)
+        second_order = np.zeros_like(wrench)
+        enough = (_SETTLED * data.settings.adequacy) ** 2 * float(np.sum(np.abs(data.output_spectrum) ** 2))
+        size = np.inf
+        for _ in range(_KINEMATIC_PASSES):
+            q = np.einsum("fij,fj->fi", r.coordinate_from_base, self.base_spectrum)
+            q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
+            x = q @ plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ plant.port_base.T
+            self.motion = BodyMotion(grid.signal(q), grid.signal(iw * q), grid.signal(iw**2 * q))
+            # integration drift below the band stretches the base and must not reach the products of full rotation
+            real = x * grid.low_flank[:, None]
+            travel = grid.signal(real), grid.signal(iw * real)
+            before, second_order = second_order, grid.spectrum(data.tapered(self.rotation_wrench("base", *travel)))
+            change = np.einsum("fij,fj->fi", r.output_from_wrench, second_order - before)
+            size, last = float(np.sum(np.abs(change) ** 2)), size
+            if size < enough or not size < last:
+                break
+        self.coordinate_spectrum, self.deflection_spectrum = q, x
+        outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
+        outputs += (self.base_spectrum / (-grid.omega**2)[:, None]) @ plant.out_base.T
+        beyond = output_correction(plant, self.motion)
+        beyond += transducer_correction(plant, self.motion, self._of_mounts(travel[0]), self.slope)
+        self.output_rectified = beyond.mean(axis=0)
+        self.ideal_spectrum = outputs + grid.spectrum(data.tapered(beyond - self.output_rectified))
+        self.predicted_spectrum = self.ideal_spectrum + extra_output
+
+    def rotation_wrench(self, axes: str, deflection: Array, rate: Array) -> Array:
+        """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n).
+
+        Parameters
+        ----------
+        deflection, rate
+            Of the ports, shape (N, P).
+        """
+        plant = self._data.plant
+        size = 3 * len(plant.mounts)
+        modulus = (np.zeros(size), np.zeros(size))
+        stiffness, damping = self.state.linear
+        for p, i in self._translations():
+            modulus[0][i], modulus[1][i] = stiffness[p], damping[p]
+        relative = self._of_mounts(deflection), self._of_mounts(rate)
+        return wrench_correction(plant, self.motion, relative, (self.slope, self.slope_rate), modulus, axes)
+
+    def _translations(self) -> list[tuple[int, int]]:
+        """Return (port, column among three axes per mount) of the ports along x, y and z."""
+        plant = self._data.plant
+        return [
+            (p, 3 * plant.mounts.index(port.mount) + AXES.index(port.axis))
+            for p, port in enumerate(plant.ports) if port.axis in AXES
+        ]
+
+    def _of_mounts(self, of_ports: Array) -> Array:
+        """Return a signal of the ports for all axes of all mounts, zero where there is no port, shape (N, 3 M)."""
+        out = np.zeros((len(of_ports), 3 * len(self._data.plant.mounts)))
+        for p, i in self._translations():
+            out[:, i] = of_ports[:, p]
+        return out

@@ -1,0 +1,170 @@
+# Copyright 2026 ride_estimation contributors
+"""One run seen through one state of the model: whitened residual, corrected motion, and the way any effect enters it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.injection import Injector
+from ride_estimation.diagnosis.model_run import ModelRun, ModelState
+from ride_estimation.diagnosis.noise import excess_inefficiency, missing_forces, smoothed_power
+from ride_estimation.diagnosis.noise_model import NoiseModel
+from ride_estimation.diagnosis.run_data import RunData
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class RunView:
+    """A run seen through a state of the model.
+
+    Parameters
+    ----------
+    data, state
+        What is tested, with what.
+    noise
+        Noise model of another view of the same run, so that two states are compared by the same measure; that of this state
+        where None.
+    scales
+        Deflection and rate rms of the ports that shape parameters of laws refer to, where they come from another run.
+    sees_outputs
+        Correct the motion by the residual; False for predictions that may not see the measured outputs.
+
+    Attributes
+    ----------
+    model, noise
+        The simulated run and what its residual may be.
+    residual_spectrum, residual
+        Measured less predicted outputs, shape (F, ny), and its whitened rows, see :meth:`rows`.
+    coordinate_spectrum, deflection_spectrum, deflection, deflection_rate
+        Motion, corrected by the residual where that may be seen, shapes (F, n), (F, P), (N, P), (N, P).
+    block_dof
+        Degrees of freedom of every block, shape (B,).
+    inefficiency
+        Nominal degrees of freedom per independent sample of what the model misses.
+    """
+
+    def __init__(
+        self,
+        data: RunData,
+        state: ModelState,
+        noise: NoiseModel | None = None,
+        scales: Mapping[int, tuple[float, float]] | None = None,
+        sees_outputs: bool = True,
+    ) -> None:
+        self.data, self.state, self.sees_outputs = data, state, sees_outputs
+        self.plant, self.settings, self.grid, self.blocks = data.plant, data.settings, data.grid, data.blocks
+        self.model = ModelRun(data, state)
+        self.response = self.model.response
+        self.noise = NoiseModel(data, self.model) if noise is None else noise
+        self._injector = Injector(self.grid, self.response, self.noise.whitener)
+        self.residual_spectrum = data.output_spectrum - self.model.predicted_spectrum
+        self.residual = self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
+        share = float(np.sum(self.grid.band_weight**2) / (self.grid.decimated / 2))
+        self.block_dof = self.blocks.weight.sum(axis=1) * len(self.plant.outputs) * share
+        self._correct_motion()
+        self.scales = dict(scales) if scales is not None else self._port_scales()
+
+    def _correct_motion(self) -> None:
+        """Correct deflections and body motion by what the residual says about forces the model does not have.
+
+        Unknown port forces have the spectrum of the known ones, at the level that explains the excess of the residual; laws
+        are evaluated on the corrected deflection, which is the real one to first order whatever the cause is.
+        """
+        grid, r, n, noise = self.grid, self.response, self.grid.samples, self.noise
+        stiffness, damping = self.state.linear
+        modulus = stiffness + 1j * grid.omega[:, None] * damping
+        self.coordinate_spectrum = self.model.coordinate_spectrum
+        self.deflection_spectrum = grid.low_flank[:, None] * noise.filter.apply(self.model.deflection_spectrum)
+        self._force_power = smoothed_power(modulus * self.deflection_spectrum, n, self.data.smoothing)
+        signal = (r.output_from_port * self._force_power[:, None, :]) @ np.conj(np.swapaxes(r.output_from_port, 1, 2))
+        white_signal = noise.whitener @ signal @ np.conj(np.swapaxes(noise.whitener, 1, 2))
+        expected = float(np.real(np.trace(white_signal, axis1=1, axis2=2)).sum())
+        white = np.einsum("fij,fj->fi", noise.whitener, self.data.inside(self.residual_spectrum))
+        degrees = float(np.sum(grid.band_weight**2)) * len(self.plant.outputs)
+        self.inefficiency = excess_inefficiency(white, n)
+        excess = float(np.sum(np.abs(white) ** 2)) / n - degrees
+        # share of the port force power that the model does not have
+        share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
+        if self.sees_outputs and share > 0.0:
+            force = self.missing_forces(self.residual_spectrum, share)[:, :, None]
+            self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
+            wrench = -(self.plant.port_map.T @ force)
+            self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
+        self.deflection = grid.signal(self.deflection_spectrum)
+        self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
+
+    def missing_forces(self, residual: ComplexArray, share: float) -> ComplexArray:
+        """Return the port forces (F, P) that a residual (F, ny) asks for if they have a share of the power of the known ones."""
+        seen = self.data.analysed(residual) * self.grid.low_flank[:, None]
+        return missing_forces(seen, self.response.output_from_port, share * self._force_power, self.noise.covariance)
+
+    def _port_scales(self) -> dict[int, tuple[float, float]]:
+        """Return deflection and rate rms of every port without the faded ends."""
+        trim = round(self.settings.trim_s * self.grid.rate_hz)
+        inner = slice(trim, -trim) if self.grid.samples > 4 * trim else slice(None)
+        x = np.sqrt(np.mean(self.deflection[inner] ** 2, axis=0))
+        v = np.sqrt(np.mean(self.deflection_rate[inner] ** 2, axis=0))
+        return {p: (float(max(x[p], 1e-15)), float(max(v[p], 1e-15))) for p in range(len(self.plant.ports))}
+
+    def rows(self, output_spectrum: NDArray[Any], single: bool = False) -> Array:
+        """Return whitened rows of output spectra (F, ny, q) as blocks, shape (B, L * ny, q).
+
+        Parameters
+        ----------
+        single
+            Compute in single precision, for scores of many columns.
+        """
+        white: NDArray[Any] = self.noise.whitener
+        if single:
+            white, output_spectrum = white.astype(np.complex64), output_spectrum.astype(np.complex64)
+        return self._dealt(white @ output_spectrum)
+
+    def _dealt(self, white: NDArray[Any]) -> Array:
+        """Return whitened spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""
+        signal = self.grid.decimated_signal(white)
+        blocks, length = self.blocks.index.shape
+        first = int(self.blocks.index[0, 0]) if blocks else 0
+        if blocks and np.all(self.blocks.weight == 1.0) and self.blocks.index[-1, -1] == first + blocks * length - 1:
+            return np.ascontiguousarray(signal[first : first + blocks * length]).reshape(blocks, -1, signal.shape[2])
+        picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None].astype(signal.dtype)
+        return np.asarray(picked.reshape(blocks, -1, signal.shape[2]))
+
+    def push(self, columns: Sequence[Column], single: bool = False) -> Array:
+        """Return the whitened rows of columns of effects, shape (B, L * ny, q); see :meth:`rows`."""
+        return self._dealt(self._injector.whitened(columns, single))
+
+    def with_deflection_noise(self, seed: int) -> RunView:
+        """Return the view with one realisation of the error that the measured base motion leaves in the deflections."""
+        rng = np.random.default_rng(seed)
+        white = rng.standard_normal((self.grid.samples, self.noise.disturbance.shape[1]))
+        disturbance = self.grid.spectrum(white) * self.noise.disturbance
+        error = np.einsum("fij,fj->fi", self.noise.deflection_transfer, disturbance)
+        return self._deflected(self.grid.low_flank[:, None] * self.noise.filter.apply(error, 0.5))
+
+    def with_port_forces(self, ports: Sequence[int], forces: Array) -> RunView:
+        """Return the view with deflections moved by further port forces, shape (N, ports); full rotation left out."""
+        spectrum = np.einsum("fij,fj->fi", self.response.deflection_from_port[:, :, list(ports)], self.grid.spectrum(forces))
+        return self._deflected(self.grid.low_flank[:, None] * self.noise.filter.apply(spectrum))
+
+    def _deflected(self, further: ComplexArray) -> RunView:
+        """Return the view with its deflections moved by a spectrum, shape (F, P)."""
+        other = copy.copy(self)
+        other.deflection_spectrum = self.deflection_spectrum + further
+        other.deflection = self.grid.signal(other.deflection_spectrum)
+        other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
+        return other
+
+    def rotation_wrench(self, axes: str) -> Array:
+        """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n)."""
+        return self.model.rotation_wrench(axes, self.deflection, self.deflection_rate)
+
+    def port_index(self, mount: str, axis: str) -> int:
+        """Return the row of a port."""
+        return [(p.mount, p.axis) for p in self.plant.ports].index((mount, axis))
