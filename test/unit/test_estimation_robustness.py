@@ -128,6 +128,23 @@ def test_a_broken_sensor_is_left_out_and_named(sensor, kind, word):
             assert abs(e.value - true) < 4.0 * e.std + 0.02 * true, e.name
 
 
+def test_the_deflection_over_a_lost_base_sensor_is_as_uncertain_as_it_is_wrong():
+    """The other bases stand for the missing one for five seconds; what the frame twists meanwhile is not seen."""
+    _, data, vehicle = world(2)
+    pipeline, blocks = Pipeline(vehicle), []
+    for stamp, name, values in arrivals(data):
+        if name != "chassis_front_left" or not 9.0 <= (stamp - START_NS) * 1e-9 < 14.0:
+            blocks += pipeline.observe(name, stamp, values.tolist())
+    time = (np.concatenate([b.stamp_ns for b in blocks]) - START_NS) * 1e-9
+    error = np.concatenate([b.mount_deflection[:, 0, 2] for b in blocks])
+    error -= data.truth["deflection"][np.round(time * RATE).astype(int), 0, 2]
+    std = np.concatenate([np.broadcast_to(b.mount_deflection_std[..., 0, 2], len(b.stamp_ns)) for b in blocks])
+    lost = (time > 9.3) & (time < 13.9)
+    score = (error[lost] - error[time < 9.0].mean()) / std[lost]
+    assert np.mean(np.abs(score) <= 2.0) >= 0.9
+    assert np.sqrt(np.mean(score**2)) > 0.5
+
+
 def test_a_sensor_that_recovers_is_used_again():
     """Stuck from 10 s to 13 s: used again at the end; refused for 3 s and at most 1 s more."""
     _, data, vehicle = world(1)
