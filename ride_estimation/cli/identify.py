@@ -78,6 +78,13 @@ def _seen(records: Sequence[BenchRecord]) -> DataRange | None:
     return union(seen_in(r.displacement, r.step_s, float(np.mean(r.force))) for r in records)
 
 
+def _seen_in_contact(records: Sequence[BenchRecord]) -> DataRange | None:
+    """Return what records show of a bumper: its travel, which force and displacement count in the same direction."""
+    loads = [float(np.mean(r.force)) for r in records]
+    travels = [np.maximum(np.sign(load) * r.displacement, 0.0) for r, load in zip(records, loads, strict=True)]
+    return union(seen_in(x, r.step_s, load) for r, x, load in zip(records, travels, loads, strict=True))
+
+
 def _seen_points(points: OperatingPoints) -> DataRange:
     """Return what a table of operating points shows of the element."""
     frequency = points.omega / (2.0 * np.pi)
@@ -138,7 +145,7 @@ def _run_jounce(options: argparse.Namespace) -> int:
     static = [read_bench_record(p, reading) for p in options.static]
     from ride_estimation.reporting.identification_special_reports import jounce_document, jounce_status, write_jounce_report
 
-    with Progress("identify", 4 if options.model == JOUNCE_MODELS[0] else len(records)) as progress:
+    with Progress("identify", 4 if options.model == JOUNCE_MODELS[0] else len(records) + bool(validation)) as progress:
         found = identify_jounce(
             records, validation, options.model, static=static, models=options.local_models, progress=progress.update
         )
@@ -152,7 +159,7 @@ def _run_jounce(options: argparse.Namespace) -> int:
     for name, value, unit, std in found.quantities:
         print(f"  {name:<32}{value:>12.5g} {'' if std is None else f'+- {std:<10.2g}'}{unit:<7}{jounce_status(name, value, std)}")
     usable = found.choice is None or not found.choice.refusal
-    _write(options, jounce_document(found, _software()), found.element if usable else None, _seen([*records, *static]))
+    _write(options, jounce_document(found, _software()), found.element if usable else None, _seen_in_contact([*records, *static]))
     write_jounce_report(found, options.out / "report.html")
     return 0
 

@@ -22,8 +22,9 @@ from ride_estimation.io.atomic import replacing
 from ride_estimation.io.document import read_yaml
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.tables import Table, read_table
-from ride_estimation.io.vehicle_mechanics import read_element
+from ride_estimation.io.vehicle_mechanics import read_element, read_seen
 from ride_estimation.simulation.co_simulation import ElementStepper
+from ride_estimation.vehicles.data_range import BEYOND, seen_in
 
 #: frequencies of the damping that are printed; all go into --out
 _PRINTED = 12
@@ -159,7 +160,9 @@ def _force(options: argparse.Namespace) -> None:
     rate = uniform_rate(table)
     deflection = table.column("displacement", "m")
     problems: list[str] = []
-    element = read_element(read_yaml(options.element), "element", problems, {})
+    mapping = read_yaml(options.element)
+    element = read_element(mapping, "element", problems, {})
+    known = read_seen(mapping, "element", problems)
     if element is None or problems:
         raise ConfigurationError(problems, where=str(options.element))
     stepper = ElementStepper(element, 1.0 / rate)
@@ -167,6 +170,13 @@ def _force(options: argparse.Namespace) -> None:
     force = np.array([stepper.step(float(x), float(v)) for x, v in zip(deflection, speed, strict=True)])
     write_columns(options.out, ["time_s", "force_n"], table.column("time", "s"), force)
     print(f"{element.KIND} stepped at {rate:g} Hz: force {force.min():.5g} to {force.max():.5g} N, {np.std(force):.4g} N rms")
+    # what does not push or pull is out of contact: how far a bumper is from that tells nothing of its law
+    here = seen_in(np.where(force != 0.0, deflection, 0.0), 1.0 / rate)
+    if known is not None and here is not None and here.deflection > BEYOND * known.deflection:
+        print(
+            f"warning: the record goes {1e3 * here.deflection:.3g} mm from its mean, the data the element was identified from "
+            f"{1e3 * known.deflection:.3g} mm: force beyond that is extrapolated (is extension positive?)"
+        )
     _explicit_steps(element, float(np.abs(speed).max()), options.explicit_step_s)
     if "force" in table.columns:
         measured = table.column("force", "N")

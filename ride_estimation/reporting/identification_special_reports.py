@@ -180,6 +180,8 @@ def _choice(choice: NetworkChoice) -> dict[str, Any]:
         "left_out_by_local_models": {str(n): v for n, v in choice.sizes.items()},
         "left_out": choice.left_out,
         "left_out_white_box": choice.white,
+        "unseen": choice.unseen,
+        "unseen_white_box": choice.white_unseen,
         "refusal": choice.refusal,
     }
 

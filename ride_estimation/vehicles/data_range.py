@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 #: share of the power of the deflection rate that lies between the two frequencies
 POWER_SHARE = 0.95
+#: share of the deflection seen, or of a travel or speed that was fitted, beyond which a law is extrapolated
+BEYOND = 1.05
 #: fewest samples that show a motion
 _LEAST = 8
 #: length of the stretches of a run whose spectra are added up [s]

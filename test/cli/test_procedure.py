@@ -321,3 +321,16 @@ def test_force_says_which_step_an_explicit_solver_may_take(tmp_path, capsys):
     assert main([*command, "--explicit-step-s", "0.0003"]) == 0
     assert main([*command, "--explicit-step-s", "0.0005"]) == 2
     assert "below 0.0004 s" in capsys.readouterr().err
+
+
+def test_force_beyond_what_the_element_was_identified_from_is_called_extrapolated(tmp_path, capsys):
+    element = tmp_path / "element.yaml"
+    seen = "seen_in_data: {largest_deflection_m: 0.02, lowest_frequency_hz: 0.1, highest_frequency_hz: 20.0}"
+    element.write_text(f"kind: bump_stop\ncompression_gap_m: 0.01\nstiffness_n_per_m: 1.0e5\n{seen}\n")
+    t = np.arange(2000) / 1000.0
+    wave = np.sin(20 * t)
+    # compression is negative: a rebound of 60 mm is out of contact and no extrapolation
+    for low, high, said in ((-19.0, 60.0, False), (-40.0, 5.0, True)):
+        file = write(tmp_path / "x.csv", "time_s,displacement_mm", t, np.where(wave < 0.0, -low, high) * wave)
+        assert main(["procedure", "force", file, "--element", str(element), "--out", str(tmp_path / "f.csv")]) == 0
+        assert ("extrapolated" in capsys.readouterr().out) == said

@@ -11,6 +11,7 @@ from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.jounce import fit_static, pre_estimate
 from ride_estimation.identification.bench.jounce_analysis import identify_jounce, network_mapping
+from ride_estimation.identification.bench.jounce_choice import NetworkChoice
 from ride_estimation.identification.bench.jounce_columns import contact_cell
 from ride_estimation.identification.bench.jounce_model import as_load, compression_side, loaded_nrmse, split_static
 from ride_estimation.identification.bench.lolimot import NetworkInputs, pole_std, train_network
@@ -149,9 +150,25 @@ def test_the_size_of_a_network_is_chosen_on_records_it_did_not_see(measured):
     left_out, white = mean(choice.left_out), mean(choice.white)
     # what is said of records left out holds on a road that nobody used: not better than by half, not worse than said
     assert 0.5 * left_out < found.held_out["road_b"] + 0.03 and found.held_out["road_b"] < 1.5 * left_out
-    # beyond half as much again as the white box the network is refused with a sentence
-    assert bool(choice.refusal) == (left_out > 1.5 * white)
+    # beyond half as much again as the white box the network is refused with a sentence, on the unseen road too
+    assert choice.unseen == {"road_b": found.held_out["road_b"]}
+    assert bool(choice.refusal) == (left_out > 1.5 * white or choice.unseen["road_b"] > 1.5 * choice.white_unseen["road_b"])
     assert (choice.refusal in found.warnings) == bool(choice.refusal)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "unseen", "named"),
+    [
+        (0.06, {}, ""),
+        (0.06, {"a": 0.07, "b": 0.08}, ""),
+        (0.08, {}, "on records left out in turn the network is 8 %"),
+        (0.06, {"a": 0.07, "b": 0.13}, "on b the network is 13 %"),
+    ],
+)
+def test_a_network_far_behind_the_white_box_is_refused_in_words(left_out, unseen, named):
+    white = {name: {"a": 0.05, "b": 0.08}[name] for name in unseen}
+    found = NetworkChoice(4, 1e-4, {4: left_out}, {"road": left_out}, {"road": 0.05}, unseen, white)
+    assert bool(found.refusal) == bool(named) and named in found.refusal
 
 
 def test_a_network_needs_something_to_leave_out(measured):

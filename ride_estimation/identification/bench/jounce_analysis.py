@@ -15,7 +15,7 @@ from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.choices import JOUNCE_MODELS
 from ride_estimation.identification.bench.jounce import identify_white_box
-from ride_estimation.identification.bench.jounce_choice import NetworkChoice, choose_network
+from ride_estimation.identification.bench.jounce_choice import NetworkChoice, choose_network, white_box_of
 from ride_estimation.identification.bench.jounce_model import (
     Load,
     WhiteBox,
@@ -31,6 +31,7 @@ from ride_estimation.identification.bench.lolimot import Network, NetworkInputs,
 from ride_estimation.identification.bench.record import BenchRecord
 from ride_estimation.identification.bench.reversals import noise_level
 from ride_estimation.identification.bench.time_domain import prepare
+from ride_estimation.vehicles.data_range import BEYOND
 
 Array = NDArray[np.float64]
 
@@ -103,7 +104,7 @@ def identify_jounce(
     models
         Local models of a network; None: chosen on records left out.
     progress
-        Called with 1 per stage or record left out.
+        Called with 1 per stage, or per record left out and once more for ``validation``.
     """
     if model not in JOUNCE_MODELS:
         raise InputDataError(f"model {model!r} is no jounce-bumper model; allowed: {', '.join(JOUNCE_MODELS)}")
@@ -130,11 +131,18 @@ def identify_jounce(
         predict, stages, element, quantities, choice = _grey(loads, curves_from, dynamic, dahl, models, progress)
     fitted = {load.name: loaded_nrmse(load, predict(load)) for load in loads}
     held_out = {load.name: loaded_nrmse(load, predict(load), load.held_out) for load in loads if load.held_out.any()}
-    held_out |= {load.name: loaded_nrmse(load, predict(load)) for load in held}
+    unseen = {load.name: loaded_nrmse(load, predict(load)) for load in held}
+    held_out |= unseen
     warnings = [w for r in (*records, *static, *validation) for w in r.warnings]
     warnings += _beyond(loads, held)
-    if choice is not None and choice.refusal:
-        warnings.append(choice.refusal)
+    if choice is not None:
+        if held:
+            box = white_box_of(curves_from, loads)
+            white = {load.name: loaded_nrmse(load, box.force(load)) for load in held}
+            choice = dataclasses.replace(choice, unseen=unseen, white_unseen=white)
+            if progress is not None:
+                progress(1.0)
+        warnings += [choice.refusal] if choice.refusal else []
     exported, doubts = _exported(element, loads, fitted)
     warnings += doubts
     shown = held or [load for load in loads if load.held_out.any()] or loads
@@ -166,7 +174,7 @@ def _beyond(loads: Sequence[Load], held: Sequence[Load]) -> list[str]:
             f"{load.name}: goes to {scale * extent(load):.3g} {unit}, the fitted records to {scale * widest:.3g} {unit}: "
             "the score there is extrapolation"
             for load in held
-            if extent(load) > 1.05 * widest
+            if extent(load) > BEYOND * widest
         ]
     return said
 

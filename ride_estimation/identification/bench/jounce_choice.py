@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.jounce import identify_white_box
-from ride_estimation.identification.bench.jounce_model import Load, loaded_nrmse
+from ride_estimation.identification.bench.jounce_model import Load, WhiteBox, loaded_nrmse
 from ride_estimation.identification.bench.lolimot import RIDGES, Network, NetworkInputs, train_network
 
 Array = NDArray[np.float64]
@@ -40,6 +40,8 @@ class NetworkChoice:
         Record left out -> error of the choice on it, NRMSE while loaded.
     white
         Record left out -> error of the white box on it.
+    unseen, white_unseen
+        Record of no part in the choice -> error of the network on it, and of the white box fitted to the same records.
     """
 
     models: int
@@ -47,15 +49,21 @@ class NetworkChoice:
     sizes: dict[int, float]
     left_out: dict[str, float]
     white: dict[str, float]
+    unseen: dict[str, float] = dataclasses.field(default_factory=dict)
+    white_unseen: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def refusal(self) -> str:
         """Return why the network should not be used, empty where it may."""
         own, white = (float(np.mean(list(scores.values()))) for scores in (self.left_out, self.white))
+        where = "records left out in turn"
         if own <= ACCEPTED_RATIO * white:
-            return ""
+            where = max(self.unseen, key=lambda name: self.unseen[name] / self.white_unseen[name], default="")
+            if not where or self.unseen[where] <= ACCEPTED_RATIO * self.white_unseen[where]:
+                return ""
+            own, white = self.unseen[where], self.white_unseen[where]
         return (
-            f"on records left out in turn the network is {100 * own:.3g} % off, the white box {100 * white:.3g} %: it does not "
+            f"on {where} the network is {100 * own:.3g} % off, the white box {100 * white:.3g} %: it does not "
             "carry over to what it was not trained on; use --model jounce_bumper, or train it on more roads"
         )
 
@@ -115,8 +123,7 @@ def choose_network(
 
             train_network(train, models or LARGEST, ridge, each=note)
             scores[i, j] = sizes
-        known = {load.name: load for load in (*static, *(t.load for t in train))}
-        box, _ = identify_white_box(list(known.values()))
+        box = white_box_of(static, [t.load for t in train])
         white[item.load.name] = loaded_nrmse(item.load, box.force(item.load), fold.part)
         if progress is not None:
             progress(1.0)
@@ -131,6 +138,12 @@ def choose_network(
         {inputs[fold.test].load.name: float(scores[i, ridge_at, size_at]) for i, fold in enumerate(folds)},
         white,
     )
+
+
+def white_box_of(static: Sequence[Load], loads: Sequence[Load]) -> WhiteBox:
+    """Return the white box of slow records and those a network is trained on, which may be among them."""
+    known = {load.name: load for load in (*static, *loads)}
+    return identify_white_box(list(known.values()))[0]
 
 
 def _folds(inputs: Sequence[NetworkInputs], dynamic: Sequence[int]) -> list[_Fold]:
