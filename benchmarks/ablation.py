@@ -196,9 +196,6 @@ def _mechanisms() -> dict[str, Mechanism]:
         "reviews": Mechanism(
             "parameters.parameter_estimator", "_REVIEWS", (), "the first seconds are estimated again as a whole"
         ),
-        "reviews after large innovations": Mechanism(
-            "parameters.parameter_estimator", "_LARGE_INNOVATIONS", np.inf, "the last seconds are estimated again after such"
-        ),
         "share of rotation": Mechanism(
             "parameters.parameter_estimator", "FOLLOW_STD", 1e-6, "share of the brackets' rotation that the mounts follow"
         ),

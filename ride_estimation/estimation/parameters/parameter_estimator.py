@@ -66,8 +66,6 @@ _LONGEST = 7.0
 #: excited time after a start or a change at which it is [s]
 _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
-#: mean over ten intervals of the normalised innovation squared that has the last seconds looked at again: one is expected
-_LARGE_INNOVATIONS = 2.5
 #: standard deviation of a CG that a load has moved, and farthest that it is looked for [m]
 _LOADED_CG, _REACH = 0.1, 0.5
 #: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
@@ -521,9 +519,6 @@ class ParameterEstimator:
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
             self._drop_look()
-        elif own.innovation_ratio > _LARGE_INNOVATIONS and not self._reviews:
-            # too small a change for the gate would widen the scatter and never be learned
-            self._reviews = tuple(self.excited_time + after for after in _REVIEWS_AFTER_CHANGE)
 
     def _now(self) -> tuple[Array, Array]:
         """Return logarithms and standard deviations of the multipliers."""
