@@ -174,7 +174,7 @@ class Replay:
         clear_pages(folder)
         written = ["result.json", "signals.npz"]
         with written_last(folder / "result.json", self.document):
-            self.document["signals_sha256"] = write_signals(folder / "signals.npz", self.result)
+            self.document["signals_sha256"] = write_signals(folder / "signals.npz", self.result, self.side.carried)
             for name in ("run.mcap", "run_layout.json"):
                 (folder / name).unlink(missing_ok=True)  # of an earlier call, beside new results
             if mcap:

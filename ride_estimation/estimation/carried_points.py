@@ -50,6 +50,11 @@ class CarriedPoint:
     measured: Array | None = None
     noise: float = 0.0
 
+    @property
+    def place(self) -> str:
+        """Return the body, or body and sensor."""
+        return f"{self.body}.{self.sensor}" if self.sensor else self.body
+
     def scores(self, valid: NDArray[np.bool_]) -> dict[str, dict[str, float]]:
         """Return axis -> how the simulation agrees with the measurement, about the means; axes that were at rest are left out.
 

@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 if TYPE_CHECKING:  # whoever only looks for a folder or reads results need not wait for the estimator to be imported
     from ride_estimation.assessment.run_assessment import RunAssessment
+    from ride_estimation.estimation.carried_points import CarriedPoint
     from ride_estimation.estimation.common.estimate import Estimate
     from ride_estimation.estimation.common.settings import PipelineSettings
     from ride_estimation.estimation.offline import OfflineRun
@@ -151,8 +152,8 @@ def result_document(
     }
 
 
-def write_signals(path: Path, run: OfflineRun) -> str:
-    """Write ``signals.npz``, smoothed forces where computed; return the SHA-256 of the file for ``result.json``."""
+def write_signals(path: Path, run: OfflineRun, carried: Sequence[CarriedPoint] = ()) -> str:
+    """Write ``signals.npz``, smoothed forces and carried bodies where there are any; return its SHA-256 for ``result.json``."""
     s = run.signals
     later: dict[str, Any] = {}
     if not isinstance(run.smoothed, str):
@@ -179,6 +180,12 @@ def write_signals(path: Path, run: OfflineRun) -> str:
         mount_deflection=s["mount_deflection"],
         **later,
     )
+    if carried:
+        arrays |= {
+            "carried_names": np.array([p.place for p in carried], dtype=np.str_),
+            "carried_specific_force": np.stack([p.simulated for p in carried], axis=1),
+            "carried_specific_force_std": np.stack([p.std for p in carried], axis=1),
+        }
     with replacing(path) as new:
         np.savez(new, **arrays)
         return sha256_of(new)

@@ -17,6 +17,8 @@ from ride_estimation.assessment.truth import at_times, score
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.offline import run_offline
 from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.io.bounded import read_arrays
+from ride_estimation.io.files.conversion import replay_groups
 from ride_estimation.io.scenario_file import load_scenario
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.simulation.field_run import run_scenario
@@ -112,6 +114,11 @@ def test_the_seat_is_simulated_from_the_cab_measured_and_assessed(tmp_path):
     assert "seat at seat_pad, z: measured" in found.summary()
     found.report(tmp_path / "report.html")
     assert "Carried bodies: measured against simulated" in (tmp_path / "report.html").read_text()
+    # its acceleration over time is among the results, and goes into other formats with them
+    found.save(tmp_path, formats=())
+    groups, _ = replay_groups(read_arrays(tmp_path / "signals.npz"))
+    at_pad = {channel.name: channel.values for channel in groups[0]}["carried_specific_force.seat.seat_pad.z"]
+    np.testing.assert_array_equal(at_pad, found.side.carried[0].simulated[:, 2])
     # without its sensor the seat is stated as simulated
     alone = dataclasses.replace(vehicle, sensors={n: s for n, s in vehicle.sensors.items() if n != "seat_pad"})
     channels = {name: channel for name, channel in run.recording.channels.items() if name != "seat_pad"}

@@ -144,8 +144,9 @@ def pitch_evidence(
     line, offer = _line_share(e), ""
     if best[0] > max(_PITCH_SHARE, line):
         offer = (
-            f"{100 * best[0]:.0f} % of what the front axle does not explain of the body repeats it {delay:.2f} s later, a "
-            f"wheelbase of {delay * speed:.1f} m: pitch and rear axle are missing; use a half car before calling it a disturbance"
+            f"{100 * best[0]:.0f} % of what the front axle does not explain of the body repeats it {delay:.2f} s later, "
+            f"{delay * speed:.1f} m of road (the wheelbase, where the road is one obstacle): pitch and rear axle "
+            "are missing; use a half car before calling it a disturbance"
         )
     return PitchEvidence(delay, delay * speed, best[0], line, offer)
 

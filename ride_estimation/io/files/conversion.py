@@ -33,9 +33,13 @@ _TIMED = {
     "cg_accel": _SIX, "cg_accel_std": _SIX, "cg_specific_force": _SIX, "inertial_load": _LOAD, "inertial_load_std": _LOAD,
     "angular_rate": ("rad/s",) * 3, "tilt": ("rad",) * 3,
 }  # fmt: skip
-_PER_MOUNT = {
-    "mount_force": "N", "mount_force_std": "N", "mount_deflection": "m", "mount_force_smoothed": "N",
-    "mount_force_smoothed_std": "N", "mount_deflection_smoothed": "m",
+#: array of names -> arrays of three axes for each of them, with their unit
+_PER_NAME = {
+    "mount_names": {
+        "mount_force": "N", "mount_force_std": "N", "mount_deflection": "m", "mount_force_smoothed": "N",
+        "mount_force_smoothed_std": "N", "mount_deflection_smoothed": "m",
+    },
+    "carried_names": {"carried_specific_force": "m/s^2", "carried_specific_force_std": "m/s^2"},
 }  # fmt: skip
 
 
@@ -189,11 +193,13 @@ def replay_groups(signals: Mapping[str, NDArray[np.generic]]) -> tuple[list[list
     missing = [name for name in ("time_s", "stamp_ns", "mount_names", "valid", "cg_accel") if name not in signals]
     if missing:
         raise InputDataError(f"signals.npz: no {', '.join(missing)}: not the results of a replay")
-    ticks, mounts = signals["time_s"].size, signals["mount_names"].size
-    shapes: dict[str, tuple[int, ...]] = {"time_s": (ticks,), "stamp_ns": (ticks,), "valid": (ticks,), "mount_names": (mounts,)}
+    ticks = signals["time_s"].size
+    shapes: dict[str, tuple[int, ...]] = {"time_s": (ticks,), "stamp_ns": (ticks,), "valid": (ticks,)}
     shapes |= {name: (ticks, len(units)) for name, units in _TIMED.items()}
-    shapes |= {name: (ticks, mounts, 3) for name in _PER_MOUNT}
-    kinds = {"mount_names": "U", "stamp_ns": "iu"}
+    for names, tables in _PER_NAME.items():
+        places = signals[names].size if names in signals else 0
+        shapes |= {names: (places,)} | {name: (ticks, places, 3) for name in tables}
+    kinds = {**dict.fromkeys(_PER_NAME, "U"), "stamp_ns": "iu"}
     wrong = [
         f"{name} has shape {signals[name].shape} and type {signals[name].dtype}"
         for name, shape in shapes.items()
@@ -207,9 +213,10 @@ def replay_groups(signals: Mapping[str, NDArray[np.generic]]) -> tuple[list[list
         if name in signals:
             table = np.asarray(signals[name], dtype=float)
             found += [FileChannel(f"{name}.{COORDINATES[i]}", unit, time, table[:, i]) for i, unit in enumerate(units)]
-    for name, unit in _PER_MOUNT.items():
-        if name in signals:
-            table = np.asarray(signals[name], dtype=float)
-            for m, mount in enumerate(signals["mount_names"]):
-                found += [FileChannel(f"{name}.{mount}.{axis}", unit, time, table[:, m, i]) for i, axis in enumerate(AXES)]
+    for names, tables in _PER_NAME.items():
+        for name, unit in tables.items():
+            if name in signals:
+                table = np.asarray(signals[name], dtype=float)
+                for m, place in enumerate(signals[names]):
+                    found += [FileChannel(f"{name}.{place}.{axis}", unit, time, table[:, m, i]) for i, axis in enumerate(AXES)]
     return [found], int(np.asarray(signals["stamp_ns"])[0])
