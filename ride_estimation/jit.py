@@ -56,6 +56,11 @@ def compile_sum_kernel(function: F) -> F:
     return _compile(function, _nrt=False, fastmath={"reassoc", "contract", "nsz"})
 
 
+def compile_fused_kernel(function: F) -> F:
+    """Compile a recursion that allocates nothing: multiplication and addition become one operation, rounded once."""
+    return _compile(function, _nrt=False, fastmath={"contract"})
+
+
 def inline_kernel(function: F) -> F:
     """Mark a function that allocates nothing for inlining into its compiled callers."""
     return _compile(function, _nrt=False, inline="always")

@@ -25,7 +25,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ride_estimation.identification.bench.reversals import Motion
-from ride_estimation.jit import COMPILED, compile_kernel, compile_sum_kernel
+from ride_estimation.jit import COMPILED, compile_fused_kernel, compile_kernel, compile_sum_kernel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -165,7 +165,7 @@ def _static_rows(x: Array, h: float, lo: int, n: int, spring: bool, cubic: bool,
             block[row, i] = (x[after] - x[before]) / (h * (after - before))
 
 
-@compile_kernel
+@compile_fused_kernel
 def _one_cell(steps: Array, n: int, rule: Array, state: Array, block: Array, row: int, sensitivity_row: int) -> None:
     """Advance one Maxwell cell and its sensitivity over a block."""
     e, g, de, dg = rule[0], rule[1], rule[2], rule[3]
@@ -179,7 +179,7 @@ def _one_cell(steps: Array, n: int, rule: Array, state: Array, block: Array, row
     state[0], state[1] = m, dm
 
 
-@compile_kernel
+@compile_fused_kernel
 def _two_cells(
     steps: Array, n: int, rules: Array, states: Array, first: int, block: Array, row: int, sensitivity_row: int
 ) -> None:
