@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import glob
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
-#: age from which an unfinished file is nobody's any more [s]
-_LEFTOVER_S = 3600.0
 #: longest part of the name of a file that is in the name of its unfinished version [characters]
 _LONGEST_PART = 40
 
@@ -24,6 +22,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
     A reader finds the old or the new one, never a part, also after a power failure: the new one is made under the same name in a
     hidden folder beside it and goes to the disk; then the name changes. When the block raises, the old one stays as it was.
+    Hidden folders of writers that were killed are removed: the lock on the folder ends with its process (``flock``).
 
     Parameters
     ----------
@@ -37,7 +36,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     _remove_leftovers(path)
     with _named(path):
-        hidden = Path(tempfile.mkdtemp(prefix=_prefix(path), suffix=".tmp", dir=path.parent))
+        hidden, lock = _locked_folder(path)
         try:
             new = hidden / path.name
             yield new
@@ -46,6 +45,7 @@ def replacing(path: Path) -> Iterator[Path]:
             os.replace(new, path)
         finally:
             shutil.rmtree(hidden, ignore_errors=True)
+            os.close(lock)
     with contextlib.suppress(OSError):  # some file systems cannot open folders
         _to_disk(path.parent)
 
@@ -87,9 +87,29 @@ def _prefix(path: Path) -> str:
     return f".{path.name[:_LONGEST_PART]}."
 
 
+def _locked_folder(path: Path) -> tuple[Path, int]:
+    """Return a new hidden folder beside a file and the descriptor that holds its lock."""
+    while True:
+        hidden = Path(tempfile.mkdtemp(prefix=_prefix(path), suffix=".tmp", dir=path.parent))
+        lock = None
+        # another writer may lock the folder first, take it for a leftover and remove it: then the next one
+        with contextlib.suppress(FileNotFoundError):
+            lock = os.open(hidden, os.O_RDONLY)
+            with contextlib.suppress(OSError):  # a file system without locks: nobody removes leftovers there
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if os.path.samestat(os.fstat(lock), hidden.stat()):
+                return hidden, lock
+        if lock is not None:
+            os.close(lock)
+
+
 def _remove_leftovers(path: Path) -> None:
-    """Remove what writers that were killed left beside the file more than an hour ago."""
+    """Remove what writers that were killed left beside the file."""
     for left in path.parent.glob(f"{glob.escape(_prefix(path))}*.tmp"):
         with contextlib.suppress(OSError):
-            if time.time() - left.stat().st_mtime > _LEFTOVER_S:
+            lock = os.open(left, os.O_RDONLY)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 shutil.rmtree(left)
+            finally:
+                os.close(lock)

@@ -19,7 +19,7 @@ import pytest
 import ride_estimation
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.io.atomic import write_atomically
+from ride_estimation.io.atomic import replacing, write_atomically
 from ride_estimation.io.packed_arrays import pack, unpack
 from ride_estimation.io.state_file import Snapshot, fingerprint, load_state, restore_state, save_results, save_state
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -128,14 +128,30 @@ def test_a_save_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path, 
     assert [p.name for p in tmp_path.iterdir()] == ["s.json"]
 
 
-def test_what_killed_writers_left_is_removed_after_an_hour(tmp_path: Path) -> None:
-    old, young = tmp_path / ".s.json.abc.tmp", tmp_path / ".s.json.def.tmp"
-    for folder in (old, young):
-        folder.mkdir()
-        (folder / "s.json").write_text("part")
-    os.utime(old, (time.time() - 7200,) * 2)
-    write_atomically(tmp_path / "s.json", "whole")
-    assert sorted(p.name for p in tmp_path.iterdir()) == [".s.json.def.tmp", "s.json"]
+def test_what_killed_writers_left_is_removed_and_what_living_ones_write_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "s.json"
+    writers = []
+    for _ in range(2):
+        ready, tell = os.pipe()
+        if (writer := os.fork()) == 0:
+            with replacing(path) as new:
+                new.write_text(str(os.getpid()))
+                os.write(tell, b"x")
+                time.sleep(60.0)
+        os.read(ready, 1)
+        writers.append(writer)
+    assert len(list(tmp_path.iterdir())) == 2, "neither takes the other's for a leftover"
+    os.kill(writers[0], signal.SIGKILL)
+    os.waitpid(writers[0], 0)
+    write_atomically(path, "whole")
+    try:
+        left = [p for p in tmp_path.iterdir() if p != path]
+        assert len(left) == 1 and (left[0] / "s.json").read_text() == str(writers[1])
+    finally:
+        os.kill(writers[1], signal.SIGKILL)
+        os.waitpid(writers[1], 0)
+    write_atomically(path, "whole")
+    assert [p.name for p in tmp_path.iterdir()] == ["s.json"]
 
 
 CHANGES: dict[str, tuple[Callable[[dict[str, Any]], dict[str, Any]], str]] = {
