@@ -50,7 +50,17 @@ def readings(shares: tuple[float, ...], seed: int, seconds: float = 60.0) -> tup
     base[:, :, 0] = fore + 0.4 * theta2 - GRAVITY * ((1 - l_p) * theta - w * (s_p * y + c_p))
     body[:, :, 1] = side - 0.4 * phi2 + GRAVITY * (phi - rel)
     body[:, :, 0] = fore + 0.4 * theta2 - GRAVITY * (theta - rel_p)
-    return tuple(a + NOISE * rng.standard_normal(a.shape) for a in (base, body))
+    return base + NOISE * rng.standard_normal(base.shape), body + rigid_noise(rng, size)
+
+
+def rigid_noise(rng: np.random.Generator, size: int) -> np.ndarray:
+    """What the noise of four accelerometers makes of the motion of a rigid body, at the mounts (K, 4, 3)."""
+    place = np.array([m.position[:2] for m in load_vehicle(VEHICLE).mounts.values()])
+    plane = np.column_stack([np.ones(4), place - place.mean(axis=0)])
+    noise = NOISE * rng.standard_normal((size, 4, 3))
+    whole = np.repeat(noise.mean(axis=1, keepdims=True), 4, axis=1)
+    whole[:, :, 2] = noise[:, :, 2] @ (plane @ np.linalg.pinv(plane))
+    return whole
 
 
 def learned(base: np.ndarray, body: np.ndarray, block: int = 100) -> BracketTilt:
@@ -101,7 +111,7 @@ def test_swing_is_the_rotation_the_brackets_of_a_translating_rig_do_not_make():
 def test_without_excitation_the_prior_stays_and_a_tilting_frame_is_left_alone():
     rng = np.random.default_rng(7)
     still = GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3))
-    tilt = learned(still, GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3)))
+    tilt = learned(still, GRAVITY * np.array([0.0, 0.0, 1.0]) + rigid_noise(rng, 12000))
     assert np.all(np.abs(tilt.shares[:4] - USUAL_SHARES) < 3.0 * np.sqrt(np.diag(tilt.covariance)[:4]))
     assert not tilt.levelled.any() and not np.any(tilt.swing(still[:100], ALL, 1.0 / RATE))
 

@@ -12,8 +12,10 @@ bracket that rolls by phi and pitches by theta reads ``g phi`` in y and ``-g the
 (c shifts the axis the frame twists about) the horizontal readings of the brackets less those of the body at the same places,
 which share nearly all real motion at low frequency, are regressed on W, on the roll and pitch of the frame, on its rotation
 against the body and on the accelerations of all these, which move the brackets sideways for real; everything passes the same
-band, where gravity dominates. Least squares weighted by the covariance of what is left, with a prior: brackets tilt with a rigid
-frame and follow its twist about half way.
+band, where gravity dominates. Angles fall with the square of the frequency and readings do not: the upper end of the band is
+steep, or what the body does above it is taken for tilt. Noise of the vertical readings adds N to the moments M of the regressors
+and makes coefficients small (errors in variables): ``E b = (I - M^-1 N) b_true``, N from the stated noise. Least squares weighted
+by the covariance of what is left, with a prior: brackets tilt with a rigid frame and follow its twist about half way.
 """
 
 from __future__ import annotations
@@ -36,8 +38,12 @@ _PRIOR_STD = np.array([0.6, 0.15, 0.6, 0.15, 0.3, 0.3])
 _BAND = (0.25, 1.5)
 #: the band makes so many independent values per second of a run
 _PER_SECOND = 2.0 * (_BAND[1] - _BAND[0])
+#: relative standard deviation of the variance of a stated noise
+_NOISE_KNOWN = 0.2
 #: time the filters need, least time before anything is concluded, and between two conclusions [s]
 _SETTLED, _LEAST, _EVERY = 1.5 / _BAND[0], 5.0, 1.0
+#: one-pole stages of the filters: two of the high-pass that stand for the double integration of angles, high-pass, low-pass
+_STAGES, _HIGH_PASS = 8, 4
 #: slopes that are looked at: twist, roll and pitch of the frame, roll and pitch of the frame against the body
 _SLOPES = 5
 #: levelled share that is acted on, and by how many standard deviations it must be known
@@ -67,7 +73,7 @@ def accumulate(
     dt
         Tick [s].
     state
-        One-pole low-pass states, shape (2 S + N, 6); in place.
+        One-pole low-pass states, shape (2 S + N, 8); in place.
     moments
         Products of angles, angular accelerations and readings, lower half of (2 S + N, 2 S + N); in place.
 
@@ -92,11 +98,11 @@ def accumulate(
                 value = slopes[n, i - angles]
             else:
                 value = horizontal[n, i - 2 * angles]
-            for stage in range(6):
-                gain = low if stage < 4 else high
+            for stage in range(_STAGES):
+                gain = low if stage < _HIGH_PASS else high
                 state[i, stage] += gain * (value - state[i, stage])
                 # angles: two low-passes over corner^2 stand for the double integration of two high-passes
-                if stage >= 4 or (i < angles and stage >= 2):
+                if stage >= _HIGH_PASS or (i < angles and stage >= 2):
                     value = state[i, stage]
                 else:
                     value -= state[i, stage]
@@ -106,6 +112,24 @@ def accumulate(
                 moments[i, j] += row[i] * row[j]
         added += 1
     return added
+
+
+def noise_gains(corner: float, top: float) -> Array:
+    """Return what a tick of white noise of unit variance leaves after :func:`accumulate`: covariance of angle and acceleration.
+
+    ``2 int_0^inf re(H_i conj(H_j)) df``; ``s^2 / (s + c)^4 / (1 + s / t)^4`` makes an angle of an angular acceleration,
+    ``s^4 / (s + c)^4 / (1 + s / t)^4`` passes accelerations and readings. Shape (2, 2), [s^3, 1/s; 1/s, 1/s].
+
+    Parameters
+    ----------
+    corner, top
+        c and t, as for :func:`accumulate`.
+    """
+    w = np.geomspace(1e-3 * corner, 1e3 * top, 10_000)
+    band = 1.0 / (w**2 + corner**2) ** 4 / (1.0 + (w / top) ** 2) ** (_STAGES - _HIGH_PASS)
+    parts = np.stack([w**4, -(w**6), w**6 * w**2]) * band
+    own, both, passed = np.sum(0.5 * (parts[:, 1:] + parts[:, :-1]) * np.diff(w), axis=1) / np.pi
+    return np.array([[own, both], [both, passed]])
 
 
 @compile_kernel
@@ -179,6 +203,12 @@ class BracketTilt:
         self._to_slopes = self._fit[[2, 1]].T * np.array([1.0, -1.0])
         self.learns = bool(geometry.has_base_motion and dc and len(self._fit) == 4)
         self._noise = np.array([s.noise_std**2 if s is not None else 0.0 for s in geometry.base_sensors])
+        gains = noise_gains(*(2.0 * np.pi * f for f in _BAND))
+        #: moments that noise adds to readings (2 M,) and regressors (2 S, 2 S), per second and second of a tick
+        self._reading_noise, self._slope_noise = gains[1, 1] * np.repeat(self._noise, 2), np.zeros((2 * _SLOPES, 2 * _SLOPES))
+        if self.learns:
+            rows = self._fit[[3, 2, 1, 2, 1]] * np.array([[1.0], [1.0], [-1.0], [1.0], [-1.0]])
+            self._slope_noise = np.kron(gains, (rows * self._noise) @ rows.T)
         #: what one unit of every share adds to the readings, order x and y of each bracket, per unit of W, shape (2 M, 4)
         self._pattern = np.zeros((2 * len(self._mounts), 4))
         self._pattern[0::2, 2], self._pattern[0::2, 3] = self._gravity * place[:, 1], self._gravity
@@ -195,13 +225,14 @@ class BracketTilt:
         self.covariance = np.diag(_PRIOR_STD**2)
         size = 2 * _SLOPES + len(self._pattern)
         self._moments = np.zeros((size, size))
-        self._time, self._next = 0.0, _LEAST
+        #: time that was added, and that times its ticks [s^2]
+        self._time, self._noisy, self._next = 0.0, 0.0, _LEAST
         self.restart()
         self._conclude()
 
     def restart(self) -> None:
         """Begin a new time base: the filters start again, what was learned stays."""
-        self._state = np.zeros((2 * _SLOPES + len(self._pattern), 6))
+        self._state = np.zeros((2 * _SLOPES + len(self._pattern), _STAGES))
         self._angle = np.zeros((2, 4))
         self._started = 0.0
         self._offset: Array | None = None
@@ -249,6 +280,7 @@ class BracketTilt:
         # per second, so that the answer does not depend on the tick
         self._moments += moments * dt
         self._time += added * dt
+        self._noisy += added * dt * dt
         if self._time < self._next:
             return False
         self._next = self._time + _EVERY
@@ -294,7 +326,7 @@ class BracketTilt:
         inverse = np.linalg.inv(normal) / np.outer(scale, scale)
         slope = inverse @ full[:n, n:]
         left = (full[n:, n:] - full[n:, :n] @ slope) / self._time
-        left = 0.5 * (left + left.T) + np.diag(np.repeat(self._noise, 2))
+        left = 0.5 * (left + left.T) + np.diag(self._reading_noise) * self._noisy / self._time
         independent = max(self._time * _PER_SECOND - n, 1.0)
         # coefficients of twist, roll and pitch of the frame: Kronecker product of both covariances
         covariance = np.kron(inverse[:3, :3] * (self._time / independent), left)
@@ -303,7 +335,19 @@ class BracketTilt:
         pattern[:size, :4] = self._pattern
         pattern[size + 1 : 2 * size : 2, 4] = -self._gravity
         pattern[2 * size :: 2, 5] = self._gravity
-        weighted = np.linalg.solve(covariance, np.column_stack([pattern, slope[:3].ravel()]))
+        # a body rolls and pitches whole: what its sensors read of gravity is known
+        others = slope[3:].copy()
+        others[:2] = 0.0
+        others[0, 1::2], others[1, 0::2] = self._gravity, -self._gravity
+        small = inverse[:3] @ (self._noisy * self._slope_noise)
+        # what is not known of the moments of the noise is an error of that correction: the sample, and the stated value
+        square = 2.0 / independent + _NOISE_KNOWN**2
+        moment = _PRIOR_STD**2 + _PRIOR**2
+        whole = [(own * moment) @ own.T for own in pattern.reshape(3, size, 6)] + [np.outer(own, own) for own in others]
+        covariance += square * sum(np.kron(np.outer(k, k), own) for k, own in zip(small.T, whole, strict=True))
+        kept = np.eye(3, n) - small
+        pattern, seen = np.kron(kept[:, :3], np.eye(size)) @ pattern, slope[:3] - kept[:, 3:] @ others
+        weighted = np.linalg.solve(covariance, np.column_stack([pattern, seen.ravel()]))
         self.covariance = np.linalg.inv(pattern.T @ weighted[:, :6] + np.diag(_PRIOR_STD**-2))
         self.shares = self.covariance @ (pattern.T @ weighted[:, 6] + _PRIOR / _PRIOR_STD**2)
         self._conclude()
@@ -322,7 +366,8 @@ class BracketTilt:
     def save(self) -> dict[str, Any]:
         """Return what was learned and the state of the filters as plain lists."""
         return {
-            "moments": self._moments.tolist(), "time": self._time, "next": self._next, "state": self._state.tolist(),
+            "moments": self._moments.tolist(), "time": self._time, "noisy": self._noisy, "next": self._next,
+            "state": self._state.tolist(),
             "angle": self._angle.tolist(), "started": self._started, "applied": self._applied.tolist(),
             "offset": None if self._offset is None else self._offset.tolist(),
         }  # fmt: skip
@@ -331,7 +376,8 @@ class BracketTilt:
         """Continue from :meth:`save`."""
         self.reset()
         self._moments = np.array(saved["moments"], dtype=float).reshape(self._moments.shape)
-        self._time, self._next, self._started = float(saved["time"]), float(saved["next"]), float(saved["started"])
+        self._time, self._noisy = float(saved["time"]), float(saved["noisy"])
+        self._next, self._started = float(saved["next"]), float(saved["started"])
         self._state = np.array(saved["state"], dtype=float).reshape(self._state.shape)
         self._angle = np.array(saved["angle"], dtype=float).reshape(2, 4)
         self._applied = np.array(saved["applied"], dtype=float)
