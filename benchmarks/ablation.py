@@ -157,6 +157,9 @@ def _mechanisms() -> dict[str, Mechanism]:
         "equilibrium of deflections": Mechanism(
             "forces.mount_forces", "MountForceEstimator.equilibrium", returns(None), "slow deflections from the loads of the body"
         ),
+        "strain covariance": Mechanism(
+            "forces.mount_forces", "MountForceEstimator._strain_covariance", returns(0.0), "finite rotations strain the mounts"
+        ),
         "static covariance": Mechanism(
             "forces.mount_forces", "MountForceEstimator._static_variance", returns(0.0), "twist of the static loads is not known"
         ),

@@ -328,7 +328,7 @@ class Pipeline:
             moving = motion.covariance - self._constant
             own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
         still, moving = self._loads.covariance_of_cg(motion.motion[-1], self.vehicle.gravity)
-        self._forces.constant_load = whole - own + still
+        self._forces.constant_load, self._forces.turning = whole - own + still, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + moving + self._factor**2 * self._carried.covariance)
 
     def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:

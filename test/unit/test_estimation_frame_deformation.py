@@ -159,6 +159,23 @@ def test_a_new_time_base_knows_spectrum_and_biases_of_before() -> None:
     assert errors[0] < 0.5 * errors[1]
 
 
+@pytest.mark.parametrize("seconds", [2, 12])
+def test_slow_error_of_the_acceleration_becomes_what_the_gain_says(seconds: int) -> None:
+    """Before (2 s) and after the spectrum of the frame is known: a step held for five times the filter takes."""
+    _, acceleration = twist(6.0, seconds + 2.0)
+    before, after = np.split(acceleration, [round(seconds / DT)])
+    step = np.zeros((4, 3))
+    step[:, 2] = np.sign(ARMS[:, 0] * ARMS[:, 1])
+    values = []
+    for added in (0.0 * step, step):
+        frame = make()
+        integrate(frame, before)
+        frame.learns = False
+        values.append(integrate(frame, after + added)[round(1.0 / DT) :, :, 2])
+    # the mean that stands for the bias follows meanwhile
+    assert np.sqrt(np.mean((values[1] - values[0]) ** 2) / frame.static_gain[2]) == pytest.approx(1.0, abs=0.5)
+
+
 @pytest.mark.parametrize("index", [0, 10, 333, 747])
 def test_bank_knows_what_its_filters_do(index: int) -> None:
     """The transfer functions against the filter that runs, solved at every frequency; white noise against Lyapunov's equation."""

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from ride_estimation.estimation.forces.mount_forces import double_cross_gradient
 from ride_estimation.estimation.motion.centripetal import centripetal_terms
 from ride_estimation.estimation.motion.residual_rate import ResidualRate
 
@@ -53,3 +54,17 @@ def test_a_constant_error_of_a_sensor_is_no_rate():
     wrong[1] = 0.05
     state, _, yaw = windows(np.array([0.0, 0.0, 0.3]), np.array([0.0, 0.0, 0.3]), wrong)
     assert abs(state[1, 2] - 0.3) < 2.0 * np.sqrt(yaw[1, 1])
+
+
+def test_the_gradient_of_a_double_cross_product_is_its_difference_quotient():
+    rng = np.random.default_rng(4)
+    w, arms, step = rng.normal(size=3), rng.normal(size=(4, 3)), 1e-6
+
+    def product(vector):
+        return np.cross(vector, np.cross(vector, arms)).ravel()
+
+    found = double_cross_gradient(w, arms)
+    for axis in range(3):
+        d = step * np.eye(3)[axis]
+        # a quadratic form: the central difference is exact but for rounding of 1e-16 / step
+        np.testing.assert_allclose(found[:, axis], (product(w + d) - product(w - d)) / (2.0 * step), atol=1e-8)

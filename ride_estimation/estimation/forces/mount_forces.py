@@ -126,6 +126,21 @@ def static_split(mounts: Sequence[Mount], wrench: Array, shared: Array, weight: 
     return force.reshape(len(mounts), 3), (left * std**2) @ left.T
 
 
+def double_cross_gradient(vector: Array, arms: Array) -> Array:
+    """Return the derivative of ``w x (w x r)`` by w at every arm r, shape (3 M, 3).
+
+    Parameters
+    ----------
+    vector
+        w, shape (3,).
+    arms
+        Shape (M, 3).
+    """
+    along = np.einsum("mi,j->mij", arms, vector)
+    inner = (arms @ vector)[:, None, None] * np.eye(3)
+    return np.asarray((inner + along.transpose(0, 2, 1) - 2.0 * along).reshape(-1, 3))
+
+
 class MountForceEstimator:
     """Attachment forces block by block.
 
@@ -145,6 +160,7 @@ class MountForceEstimator:
         self.geometry = geometry
         self.law = law
         self.known = known
+        self._tilting = tilting
         self.mass = geometry.body.mass.value
         self.mass_relative_std = 0.0
         #: offset of the CG from its place in the file, shape (3,) [m]
@@ -153,6 +169,8 @@ class MountForceEstimator:
         self.constant_load = np.zeros((6, 6))
         #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
         self.load_share = 0.0
+        #: angular rate of the body and the variance of its components, shape (3,) each
+        self.turning: tuple[Array, Array] = (np.zeros(3), np.zeros(3))
         #: share of the rotation of the brackets that the mount axes follow
         self.follow = 1.0
         count = len(geometry.mounts)
@@ -412,7 +430,22 @@ class MountForceEstimator:
             total[self._transducer] = 0.0
             total[:, self._transducer] = 0.0
             total[self._transducer, self._transducer] = measured[self._transducer]
+        value = value + self._strain_covariance(deflection, frame)
         return np.asarray(k[:, None] * value * k + c[:, None] * rate * c + np.diag(parameters.ravel()))
+
+    def _strain_covariance(self, deflection: DeflectionBlock, frame: FrameDeformation) -> Array:
+        """Return the covariance of deflections that an uncertain rotation is wrongly taken to strain the mounts by, (3 M, 3 M).
+
+        A finite rotation theta strains them by ``theta x (theta x r) / 2``, and the filter of the deformation takes what an error
+        of the rate omega leaves of ``omega x (omega x r)``, as slow as a bend, for one.
+        """
+        arms, maps = self.geometry.arms, self._tilting.maps
+        turned = maps.mean(axis=0) ** 2 @ deflection.std.ravel() ** 2
+        rate, rate_variance = self.turning
+        theta = deflection.turn[-1].mean(axis=0)
+        bent = 0.5 * frame.projector @ double_cross_gradient(theta, arms)
+        thrown = np.sqrt(np.tile(frame.static_gain, self._count))[:, None] * (frame.projector @ double_cross_gradient(rate, arms))
+        return np.asarray((bent * turned) @ bent.T + (thrown * rate_variance) @ thrown.T)
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

@@ -152,6 +152,12 @@ class FrameDeformation:
         q = self.projector
         return (q * np.tile(self.variance, self._count)) @ q, (q * np.tile(self.rate_variance, self._count)) @ q
 
+    @property
+    def static_gain(self) -> Array:
+        """Return value over acceleration that does not move of the filter of every axis, squared, shape (3,) [s^4]."""
+        # until one is chosen the last of the bank is in force
+        return np.asarray(self._bank.static[self._chosen]) if self._step else np.zeros(3)
+
     def _design(self, dt: float) -> None:
         """Make ready for a tick: the highest corner until the spectrum is known."""
         self._step = dt
