@@ -14,7 +14,7 @@ from ride_estimation.io.json_file import written_last
 
 
 def write_identification(directory: Path, document: Mapping[str, Any], element: Mapping[str, Any] | None) -> None:
-    """Write ``identification.json`` and, where there is an element, ``element.yaml``.
+    """Write ``identification.json`` and, where there is an element, ``element.yaml``; one of an earlier call is removed.
 
     Parameters
     ----------
@@ -27,6 +27,7 @@ def write_identification(directory: Path, document: Mapping[str, Any], element: 
     """
     directory.mkdir(parents=True, exist_ok=True)
     with written_last(directory / "identification.json", document):
+        (directory / "element.yaml").unlink(missing_ok=True)  # of an earlier call, beside new results
         if element is not None:
             head = "# Identified force element: put this mapping under an axis of a mount in the vehicle file.\n"
             write_atomically(directory / "element.yaml", head + yaml.safe_dump(dict(element), sort_keys=False))
