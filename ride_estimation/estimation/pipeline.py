@@ -388,7 +388,7 @@ class Pipeline:
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         self._deflection.forget_bias(self._fill.returned)
-        if self._checks.bases_in_doubt:
+        if self._checks.bases_in_doubt or self._parameters.bases_doubted:
             self._fill.doubt()
         if self.tilting.learns:
             body = force_at(motion.motion, motion.rate, self.geometry.arms)
@@ -412,7 +412,7 @@ class Pipeline:
     ) -> None:  # fmt: skip
         data = BalanceInput(
             support / self._factor, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
-            turn_rate, self._forces.shared(support) / self._factor, deflection.swing,
+            turn_rate, self._forces.shared(support) / self._factor, deflection.swing, deflection.base,
         )  # fmt: skip
         self._run_time += len(support) * dt
         p = self._parameters

@@ -32,6 +32,7 @@ def _signal(change: str, victim: str, begin: float = BEGIN, end: float = LENGTH)
             "stuck x": ("stuck", 0.0, (along,)),
             "gain 1.3 of the motion": ("gain", 1.3, (0, 1, 2)),
             "gain 1.3 of the vertical motion": ("gain", 1.3, (up,)),
+            "gain 1.3 of the motion along one axis": ("gain", 1.3, (along,)),
             "exchanged": ("exchanged", 0.0, (0, 1, 2)),
             "hum": ("hum", 1.0, (0, 1, 2)),
             "inverted x": ("inverted", 0.0, (along,)),
@@ -78,6 +79,9 @@ def _rows(layout: str, victim: str) -> list[Fault]:
         row("stuck x", stuck, end=END, within=0.5),
         row("gain 1.3 of the motion", told),
         row("gain 1.3 of the vertical motion", told),
+        # mounts side by side have the same lever: either may be named first
+        row("gain 1.3 of the motion along one axis", f"{told}|or {victim}"),
+        row("gain 1.3 of the motion along one axis", f"{told}|or {victim}", begin=0.0),
         row("gain 1.3 of the vertical motion", told, begin=0.0),
         row("exchanged", rf"{victim}|{partner}{other}"),
         row("exchanged", rf"topics of .*({victim}|{partner})", begin=0.0),

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,7 @@ OFFSET_UNIT = 0.1
 class BalanceInput:
     """What one block contributes, shapes (K, 6) and (K, M, 3): the wrench the mounts carry, relative acceleration, deflection and
     rate, rotation against the brackets and its rate, dynamic part of the mount forces; rotation of the frame that the brackets
-    do not make, shape (K, 3).
+    do not make, shape (K, 3); specific force of the brackets, bracket axes.
     """
 
     support: Array
@@ -46,6 +45,7 @@ class BalanceInput:
     turn_rate: Array
     dynamic: Array
     swing: Array
+    base: Array
 
     @staticmethod
     def join(parts: list[BalanceInput]) -> BalanceInput:
@@ -66,8 +66,8 @@ class BalanceChunk:
         The same from the mount law with the present multipliers, shape (K, 6).
     columns
         Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
-        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], shape
-        (K, 6, N + 1 + R + O).
+        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], then by the gain of every
+        horizontal axis of a base sensor, shape (K, 6, N + 1 + R + O + S).
     step
         Distance of the ticks [s].
     """
@@ -135,12 +135,14 @@ class ForceBalance:
         Axes (0 to 2) about which the inertia is estimated.
     offsets
         Axes (0 to 2) along which the CG may lie off its place in the file.
+    gains
+        Axes of base sensors (3 times the mount plus 0 or 1) that may read too much or too little.
     """
 
     def __init__(
         self, geometry: Geometry, tilting: BracketTilt, free_parameters: tuple[FreeParameter, ...], law: MountLaw,
-        corner_hz: float, turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (),
-    ) -> None:
+        corner_hz: float, turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (), gains: tuple[int, ...] = (),
+    ) -> None:  # fmt: skip
         self.geometry = geometry
         self.free_parameters = free_parameters
         self.law = law
@@ -152,7 +154,7 @@ class ForceBalance:
                 element = mount.elements.get(axis)
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(geometry) for _ in range(3)]
-        self.turns, self.offsets = turns, offsets
+        self.turns, self.offsets, self._gains = turns, offsets, np.array(gains, dtype=np.int64)
         self._file_inverse = inverse_mass(geometry)
         self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
@@ -168,8 +170,8 @@ class ForceBalance:
         #: acceleration per unit tension of every mount axis, (6, 3 M)
         self.push = -self.inverse_mass @ self.geometry.wrench
         turn = np.eye(6)[:, [3 + a for a in self.turns]]
-        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O)
-        still = np.zeros((6, len(self.offsets)))
+        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O + S)
+        still = np.zeros((6, len(self.offsets) + len(self._gains)))
         self.direction = np.hstack([self.push[:, self._parameter_axis], np.zeros((6, 1)), turn, still])
 
     def _root(self, logs: Array) -> Array:
@@ -194,7 +196,8 @@ class ForceBalance:
         self._turned = np.zeros((7, 2 * n))
         self._wrench = np.zeros((7, 12 + 6 * len(self.offsets)))
         self._nonlinear = np.zeros((7, 3 * n))
-        self._offset: tuple[Array, Array] | None = None
+        self._read, self._read_integrators = np.zeros((3, len(self._gains))), np.zeros((9, len(self._gains)))
+        self._offset: tuple[Array, Array, Array] | None = None
         #: high-passed deflections and rates of the last chunk, (K, 3 M) each
         self.moved = np.zeros((0, n)), np.zeros((0, n))
         self._left: list[Array] = []
@@ -236,9 +239,9 @@ class ForceBalance:
         both = np.hstack([(data.support + follow * turned_wrench) @ self.inverse_mass.T, turned_wrench @ self.inverse_mass.T])
         if self.offsets:
             both = np.hstack([both, self._offset_columns(data.support)])
-        relative = data.relative.reshape(ticks, n)
+        relative, base = data.relative.reshape(ticks, n), np.take(data.base.reshape(ticks, n), self._gains, axis=1)
         if self._offset is None:
-            self._offset = (relative.mean(axis=0), both.mean(axis=0))
+            self._offset = (relative.mean(axis=0), both.mean(axis=0), base.mean(axis=0))
         x, v, turn = self._integrate(relative - self._offset[0], data.swing, dt)
         accelerations = np.empty_like(both)
         high_pass_block(both - self._offset[1], self.corner, dt, self._wrench, accelerations)
@@ -259,7 +262,8 @@ class ForceBalance:
         accelerations[:, 6:12] = moved @ self.push.T - accelerations[:, 6:12]
         # where the CG lies moves the measured side too
         accelerations[:, 12:] *= -1.0
-        stacked = self._averaged(np.hstack([accelerations, held, elastic, viscous, rest]), average)
+        read = self._read_too_much(base - self._offset[2], dt)
+        stacked = self._averaged(np.hstack([accelerations, held, read, elastic, viscous, rest]), average)
         return self._assemble(stacked, n, dt * average)
 
     def _offset_columns(self, support: Array) -> Array:
@@ -273,6 +277,17 @@ class ForceBalance:
             turn = OFFSET_UNIT * skew(np.eye(3)[axis])
             added.append(np.hstack([mass * (angular @ turn), -support[:, :3] @ turn]) @ self.inverse_mass.T)
         return np.hstack(added)
+
+    def _read_too_much(self, base: Array, dt: float) -> Array:
+        """Return the tension per unit gain of every axis of a base sensor that is judged, shape (K, S).
+
+        A base that reads ``1 + g`` times its motion is taken to have moved farther: the true deflection is larger by ``g`` times
+        its motion.
+        """
+        passed, x, v = np.empty_like(base), np.empty_like(base), np.empty_like(base)
+        high_pass_block(base, self.corner, dt, self._read, passed)
+        integrate_block(passed, self.corner, dt, self._read_integrators, x, v)
+        return x * self.law.stiffness.ravel()[self._gains] + v * self.law.damping.ravel()[self._gains]
 
     def _integrate(self, relative: Array, swing: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return high-passed deflection, rate and rotation against the brackets, each (K, 3 M)."""
@@ -296,14 +311,17 @@ class ForceBalance:
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
-        placed, held, forces = np.split(stacked[:, 12:], np.cumsum([6 * len(self.offsets), len(self.turns)]), axis=1)
+        widths = [6 * len(self.offsets), len(self.turns), len(self._gains)]
+        placed, held, read, forces = np.split(stacked[:, 12:], np.cumsum(widths), axis=1)
         elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
         chosen = np.where(self._parameter_role == 0, elastic[:, self._parameter_axis], viscous[:, self._parameter_axis])
         count = len(self.free_parameters)
         offset = count + 1 + len(self.turns)
-        columns = np.zeros((len(stacked), 6, offset + len(self.offsets)))
-        columns[:, :, offset:] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)
+        last = offset + len(self.offsets)
+        columns = np.zeros((len(stacked), 6, last + len(self._gains)))
+        columns[:, :, last:] = read[:, None, :] * self.push[:, self._gains]
+        columns[:, :, offset:last] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)
         columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._parameter_axis]
         columns[:, :, count] = follow_column
         for r, a in enumerate(self.turns):
@@ -342,29 +360,3 @@ class ForceBalance:
         high_pass_block(raw, self.corner, dt, self._nonlinear, passed)
         own_elastic, own_viscous, total = passed[:, :n], passed[:, n : 2 * n], passed[:, 2 * n :]
         return elastic + own_elastic, viscous + own_viscous, total - own_elastic - own_viscous
-
-    def save(self) -> dict[str, Any]:
-        """Return the filters as plain lists (chunks not yet averaged are dropped)."""
-        return {
-            "input": self._input.tolist(), "tilt": self._tilt.tolist(), "swing": self._swing.tolist(),
-            "integrators": self._integrators.tolist(), "turned": self._turned.tolist(), "wrench": self._wrench.tolist(),
-            "nonlinear": self._nonlinear.tolist(), "left": [p.tolist() for p in self._left],
-            "offset": None if self._offset is None else [o.tolist() for o in self._offset],
-            "variants": [] if self._variants is None else [v.states.tolist() for v in self._variants],
-        }  # fmt: skip
-
-    def load(self, saved: dict[str, Any]) -> None:
-        """Continue from :meth:`save`."""
-        n = 3 * self._count
-        self._integrators = np.array(saved["integrators"], dtype=float).reshape(9, n)
-        self._input = np.array(saved["input"], dtype=float).reshape(3, n)
-        self._tilt = np.array(saved["tilt"], dtype=float).reshape(3, n)
-        self._swing = np.array(saved["swing"], dtype=float).reshape(8, 3)
-        self._turned = np.array(saved["turned"], dtype=float).reshape(7, 2 * n)
-        self._wrench = np.array(saved["wrench"], dtype=float).reshape(self._wrench.shape)
-        self._nonlinear = np.array(saved["nonlinear"], dtype=float).reshape(7, 3 * n)
-        self._left = [np.array(p, dtype=float) for p in saved["left"]]
-        offset = saved["offset"]
-        self._offset = None if offset is None else (np.array(offset[0], dtype=float), np.array(offset[1], dtype=float))
-        for variant, states in zip(self._variants or [], saved["variants"]):
-            variant.states = np.array(states, dtype=float).reshape(variant.states.shape)

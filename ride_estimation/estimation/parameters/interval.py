@@ -23,6 +23,8 @@ _TOLERANCE = 0.01
 _SHRINK = 4.0
 #: scatter over white-noise theory before it is known, and its bounds
 _START, _INFLATION = 4.0, (0.5, 1e6)
+#: share of its information that rounding leaves of a column which parameters explain
+_ROUNDING = 1e-9
 #: intervals that a scatter needs
 _FEWEST = 4
 #: intervals that tell a scatter from parameters that move
@@ -289,8 +291,8 @@ class IntervalMemory:
         information = self.total + self.inflation * np.diag(prior_std**-2.0)
         return np.asarray(np.linalg.solve(information, np.sum(self._cross, axis=0)))
 
-    def estimate_considered(self, theta: Array, prior_std: Array, spread: Array) -> tuple[Array, Array]:
-        """Return what is considered as the intervals in memory alone tell it, (O,), and its covariance, (O, O).
+    def estimate_considered(self, theta: Array, prior_std: Array, spread: Array, count: int) -> tuple[Array, Array]:
+        """Return the first of what is considered as the intervals in memory alone tell it, (Q,), and its covariance, (Q, Q).
 
         The step of Gauss-Newton from zero, together with the parameters, which keep their prior.
 
@@ -302,20 +304,64 @@ class IntervalMemory:
             Standard deviations of them before anything was learned, shape (N,).
         spread
             Standard deviation by which they differ from themselves within the run, shape (N,).
+        count
+            Q; the others are zero.
         """
-        precision, cross = self.inflation * prior_std**-2.0, np.sum(self._cross, axis=0)
-        own = np.sum([a for a, _ in self._considered_parts], axis=0)
+        precision, crosses = self.inflation * prior_std**-2.0, np.array(self._cross)[:, :, :count]
+        cross = crosses.sum(axis=0)
+        own = np.sum([a[:count, :count] for a, _ in self._considered_parts], axis=0)
         # the gradients belong to the parameters of their time
         steps = theta - np.array(self._centre)
-        right = np.sum([g for _, g in self._considered_parts], axis=0) - np.einsum("jno,jn->o", np.array(self._cross), steps)
+        right = np.sum([g[:count] for _, g in self._considered_parts], axis=0) - np.einsum("jno,jn->o", crosses, steps)
         slope = self.scores(theta)[1].sum(axis=0)
         reduced = np.linalg.solve(self.total + np.diag(precision), np.column_stack([cross, slope - precision * theta]))
         inverse = np.linalg.pinv(own - cross.T @ reduced[:, :-1], rcond=1e-9, hermitian=True)
         found = inverse @ (right - cross.T @ reduced[:, -1])
         step = reduced[:, -1] - reduced[:, :-1] @ found
         moved = np.linalg.pinv(own, rcond=1e-9, hermitian=True) @ cross.T * spread
-        noise = _MARGIN**2 * max(self.inflation, 1.0) * self._coherence(theta + step, found) * inverse
+        whole = np.append(found, np.zeros(self._considered - count))
+        noise = _MARGIN**2 * max(self.inflation, 1.0) * self._coherence(theta + step, whole) * inverse
         return np.asarray(found), np.asarray(noise + moved @ moved.T)
+
+    def judge_considered(self, theta: Array, prior_std: Array, first: int, recent: int) -> tuple[Array, Array, Array]:
+        """Return what each of what is considered is where the others are zero, its std, and what it explains, shape (Q,) each.
+
+        With the parameters eliminated, ``S = sum c^T c - C^T (A + P0^-1)^-1 C``, the estimate is ``g = r / S``, r the reduced
+        gradient, and ``r^2 / S`` what it explains of the squared innovations (Cox and Hinkley, Theoretical Statistics, 9.3). Its
+        variance rests on how far the intervals disagree after it is taken off: with something wrong in the model that of another
+        hypothesis would be no measure.
+
+        Parameters
+        ----------
+        theta, prior_std
+            As for :meth:`estimate_considered`.
+        first
+            Those from this one on are judged.
+        recent
+            Number of last intervals that count.
+        """
+        last = slice(-recent, None)
+        information, cross = self._stacked()[last], np.array(self._cross[last])[:, :, first:]
+        own, right = (np.array(part) for part in zip(*self._considered_parts[last]))
+        own, right = np.diagonal(own, axis1=1, axis2=2)[:, first:], right[:, first:]
+        # the gradients belong to the parameters of their time
+        steps = theta - np.array(self._centre[last])
+        right = right - np.einsum("jno,jn->jo", cross, steps)
+        slope = np.array(self._gradient[last]) - np.einsum("jab,jb->ja", information, steps)
+        precision, total = prior_std**-2.0, cross.sum(axis=0)
+        sides = np.column_stack([total, slope.sum(axis=0) - precision * theta])
+        turn, move = np.split(np.linalg.solve(information.sum(axis=0) + np.diag(precision), sides), [-1], axis=1)
+        # a base that stands still, and what the parameters explain but for rounding, tells nothing
+        whole = own.sum(axis=0)
+        size = np.maximum(whole - np.sum(total * turn, axis=0), _ROUNDING * whole + 1e-30)
+        found = (right.sum(axis=0) - (total.T @ move)[:, 0]) / size
+        at = move - turn * found
+        left = right - np.einsum("jno,no->jo", cross, at) - own * found
+        others = slope[:, :, None] - np.einsum("jab,bo->jao", information, at) - cross * found
+        left -= np.sum(others * turn, axis=1)
+        # neighbours together, see scatter_of; white noise of the stated size at least
+        scatter = np.sum((left[1:] + left[:-1]) ** 2, axis=0) / 2.0 * len(left) / (len(left) - 1)
+        return found, np.sqrt(np.maximum(scatter, size)) / size, found**2 * size
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state; its arrays are shared and never change."""

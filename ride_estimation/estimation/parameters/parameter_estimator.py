@@ -26,6 +26,7 @@ from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
+from ride_estimation.estimation.parameters.base_gains import BaseGains
 from ride_estimation.estimation.parameters.doubted_axes import doubted_axes
 from ride_estimation.estimation.parameters.force_balance import (
     OFFSET_UNIT,
@@ -110,13 +111,18 @@ class ParameterEstimator:
         body = geometry.body
         self._cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         offsets = () if by_transducers else self._offset_axes()
-        #: standard deviation of what is considered, not estimated: the position of the CG [m], empty where it is estimated
-        self._considered_std = self._cg_std[list(offsets)] / OFFSET_UNIT
+        self._gains = BaseGains(geometry, not by_transducers)
+        #: gains of base sensors among what is considered
+        self._gains_considered = np.zeros(len(self._gains.places))
+        #: standard deviation of what is considered, not estimated: the position of the CG [m], where that is not estimated, and
+        #: gains, whose tolerance is part of what the installation leaves uncertain
+        self._considered_std = np.append(self._cg_std[list(offsets)] / OFFSET_UNIT, self._gains_considered)
         #: whether the body carries something that its file does not know: where the CG lies is estimated
         self.loaded = False
         #: whether that was thought and proved wrong since the last change
         self._refuted = False
-        model = (geometry, tilting, self.free_parameters, self._turns, offsets, settings.parameter_corner_hz, by_transducers)
+        corner = settings.parameter_corner_hz
+        model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._gains.places, corner, by_transducers)
         self._model = ParameterModel(*model)
         variances = [b.noise_std**2 for b in geometry.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
@@ -250,7 +256,7 @@ class ParameterEstimator:
         else:
             spread = np.zeros(len(self.theta))
             spread[: self.count] = self._amplitude.std
-            found, covariance = own.memory.estimate_considered(self.theta, self._prior_std, spread)
+            found, covariance = own.memory.estimate_considered(self.theta, self._prior_std, spread, size)
         expected = np.diag((np.maximum(self._cg_std[axes], _CALIBRATED_CG) / OFFSET_UNIT) ** 2)
         beyond = float(found @ np.linalg.solve(covariance + expected, found))
         if beyond <= stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
@@ -277,7 +283,8 @@ class ParameterEstimator:
         """Make the offsets of the CG parameters, which begin at zero, or something that is considered."""
         self.loaded, n = loaded, self.count + 1 + len(self._turns)
         free = np.ones(len(self._model.offsets) if loaded else 0)
-        self._considered_std = np.zeros(0) if loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
+        considered = np.zeros(0) if loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
+        self._considered_std = np.append(considered, self._gains_considered)
         self.theta = np.append(self.theta[:n], 0.0 * free)
         self._prior_std = np.append(self._prior_std[:n], _LOADED_CG / OFFSET_UNIT * free)
         self._lower = np.append(self._lower[:n], -_REACH / OFFSET_UNIT * free)
@@ -312,7 +319,12 @@ class ParameterEstimator:
         return tuple(found)
 
     def _doubted_axes(self) -> dict[int, str]:
-        return doubted_axes(self.geometry, self.free_parameters, self._now(), self._before_change)
+        return doubted_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.doubted
+
+    @property
+    def bases_doubted(self) -> bool:
+        """Return whether the motion of the body contradicts the horizontal gain of a base sensor."""
+        return bool(self._gains.doubted)
 
     def null_directions(self) -> list[str]:
         """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
@@ -516,6 +528,7 @@ class ParameterEstimator:
             own.hold(np.clip(own.theta, before - largest, before + largest))
             self._take_over(own)
             self._model.prepare(self.theta, step)
+        self._gains.judge(own.memory, self.theta, self._prior_std, len(self._considered_std) - len(self._gains_considered))
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
             self._drop_look()
@@ -575,7 +588,7 @@ class ParameterEstimator:
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
             "innovation_ratio": self.innovation_ratio, "changes": self.changes, "loaded": self.loaded,
-            "before_change": self._before_change,
+            "before_change": self._before_change, "doubted_gains": {str(a): words for a, words in self._gains.doubted.items()},
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -594,6 +607,7 @@ class ParameterEstimator:
         self.changes = int(saved["changes"])
         before = saved["before_change"]
         self._before_change = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
+        self._gains.doubted = {int(axis): words for axis, words in saved["doubted_gains"].items()}
         self.status.load(saved["status"])
         self._amplitude.load(saved["amplitude"])
         self._filter = None

@@ -36,6 +36,8 @@ class ParameterModel:
         Axes (0 to 2) about which the inertia is estimated, R of them.
     offsets
         Axes (0 to 2) along which the CG may lie off its place in the file, O of them.
+    gains
+        Axes of base sensors that may read too much or too little, S of them, see :class:`ForceBalance`.
     corner_hz
         Corner of the high-pass of the balance [Hz].
     by_transducers
@@ -44,7 +46,7 @@ class ParameterModel:
 
     def __init__(
         self, geometry: Geometry, tilting: BracketTilt, free_parameters: tuple[FreeParameter, ...], turns: tuple[int, ...],
-        offsets: tuple[int, ...], corner_hz: float, by_transducers: bool,
+        offsets: tuple[int, ...], gains: tuple[int, ...], corner_hz: float, by_transducers: bool,
     ) -> None:  # fmt: skip
         self.geometry, self.free_parameters, self.turns, self.offsets = geometry, free_parameters, turns, offsets
         self.law = MountLaw(geometry)
@@ -56,7 +58,9 @@ class ParameterModel:
             self.balance = TransducerBalance(geometry, free_parameters, self.law, corner_hz)
             self.response = MeasuredResponse()
         else:
-            self.balance = self.inertial = ForceBalance(geometry, tilting, free_parameters, self.law, corner_hz, turns, offsets)
+            self.balance = self.inertial = ForceBalance(
+                geometry, tilting, free_parameters, self.law, corner_hz, turns, offsets, gains
+            )
             self.response = ModelResponse(self.inertial, geometry.vehicle.gravity)
         #: of the CG from its place in the file [m]
         self.offset = np.zeros(3)
