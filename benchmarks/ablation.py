@@ -7,11 +7,11 @@
 
 Groups: ``nominal`` (cabs on random roads, sensors installed as usual), ``scenes`` (obstacles, braking, bends, slopes, start in
 motion, idling, a load, a warming mount), ``losses`` (chains of gaps, late bursts and clock jumps), ``faults`` (drawn faults of
-sensors on drawn layouts), ``foreign`` (recordings of another program with truth). A mechanism is switched off by replacing the
-one function or constant in which it acts, in a process of its own; ``--list`` says what each is for. A line gives the mean of a
-figure without the mechanism, with it in brackets; only figures that move by more than ``--least`` of themselves (shares: so many
-percentage points) are printed. ``identical``: not one digit of any figure of the group differs. What is identical in all groups
-is worth nothing there.
+sensors on drawn layouts), ``slight`` (errors of sensors below what is refused), ``foreign`` (recordings of another program with
+truth). A mechanism is switched off by replacing the one function or constant in which it acts, in a process of its own;
+``--list`` says what each is for. A line gives the mean of a figure without the mechanism, with it in brackets; only figures
+that move by more than ``--least`` of themselves (shares: so many percentage points) are printed. ``identical``: not one digit
+of any figure of the group differs. What is identical in all groups is worth nothing there.
 """
 
 from __future__ import annotations
@@ -321,6 +321,29 @@ def faults(seeds: Sequence[int]) -> Figures:
     return figures
 
 
+def slight(seeds: Sequence[int]) -> Figures:
+    """Return forces while a body sensor drifts, reads too much or is turned, and while a base sensor is missing."""
+    figures: Figures = {}
+    for seed in seeds:
+        data = make_measurement(seed, duration=30.0, rate_hz=100.0, vehicle_kind="any", road_kind="random")
+        body, base = ([s.name for s in data.sensors if (s.place == "cab") == on] for on in (True, False))
+        values, late = data.data[body[1]], np.clip(np.arange(len(data.time)) / 100.0 - 15.0, 0.0, 10.0)
+        lean = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.1), -np.sin(0.1)], [0.0, np.sin(0.1), np.cos(0.1)]])
+        for name, sensor, wrong in (
+            ("drift 0.1 m/s^3", body[1], values + np.outer(late, [0.0, 0.0, 0.1])),
+            ("gain 1.15", body[1], 1.15 * values),
+            ("turned 0.1 rad", body[1], values @ lean),
+            ("base missing", base[0], np.where((late > 0.0)[:, None], np.nan, data.data[base[0]])),
+        ):
+            changed = dataclasses.replace(data, data={**data.data, sensor: wrong})
+            out = scenes.run_pipeline(changed, believed_vehicle(data, None, seed))[0]
+            own: Figures = {}
+            scenes.add_forces(own, scenes.scored_forces(out, changed, 16.0))
+            for key, found in own.items():
+                figures.setdefault(f"{name}: {key}", []).extend(np.ravel(found).tolist())
+    return figures
+
+
 def foreign_runs(cases: Sequence[pathlib.Path]) -> Figures:
     """Return errors and coverage on the runs of another program."""
     figures: Figures = {}
@@ -337,7 +360,7 @@ def foreign_runs(cases: Sequence[pathlib.Path]) -> Figures:
 
 
 GROUPS: dict[str, Callable[[Sequence[int]], Figures]] = {
-    "nominal": nominal, "scenes": scene_runs, "losses": losses, "faults": faults,
+    "nominal": nominal, "scenes": scene_runs, "losses": losses, "faults": faults, "slight": slight,
 }  # fmt: skip
 
 
