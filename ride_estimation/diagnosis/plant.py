@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.extension import linear_part
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.assembly import gravity_terms
 from ride_estimation.vehicles.guided import Coordinates, body_rows, mass_matrix, point_rows
 from ride_estimation.vehicles.vehicle import Mount, Vehicle
 
@@ -320,14 +321,9 @@ def gravity_stiffness_of(
     vehicle: Vehicle, mounts: tuple[str, ...], static: Array, coordinates: Coordinates
 ) -> Array:
     """Return the stiffness of static mount loads (M,) whose points of attack turn with the bodies, shape (n, n)."""
-    gravity_k = np.zeros((len(coordinates), len(coordinates)))
-    for i, (b, coordinate) in enumerate(coordinates):
-        if coordinate in ("roll", "pitch"):
-            gravity_k[i, i] = sum(
-                static[k] * (vehicle.mounts[m].position - vehicle.bodies[b].cg)[2] * (1 if vehicle.mounts[m].body == b else -1)
-                for k, m in enumerate(mounts) if b in (vehicle.mounts[m].body, vehicle.mounts[m].base)
-            )
-    return gravity_k
+    force = np.zeros((len(vehicle.mounts), 3))
+    force[[list(vehicle.mounts).index(m) for m in mounts], 2] = static
+    return gravity_terms(vehicle, coordinates, force)[0]
 
 
 def build_plant(

@@ -127,7 +127,7 @@ def assemble(vehicle: Vehicle) -> Assembly:
     for tension, (mount, axis) in zip(static_tension, components):
         if axis in AXES:
             static_force[vehicle.mount_names.index(mount), AXES.index(axis)] = -tension
-    stiffness, tilt = _gravity_terms(vehicle, coordinates, static_force)
+    stiffness, tilt = gravity_terms(vehicle, coordinates, static_force)
     return Assembly(
         vehicle=vehicle,
         coordinates=coordinates,
@@ -220,7 +220,7 @@ def _moment_of_turned_arm(arm: Array, force: Array) -> Array:
     return np.outer(arm, force) - float(arm @ force) * np.eye(3)
 
 
-def _gravity_terms(
+def gravity_terms(
     vehicle: Vehicle, coordinates: tuple[tuple[str, str], ...], static_force: Array
 ) -> tuple[Array, Array]:
     """Return (K_g, T): what the static loads do when bodies and bases turn.

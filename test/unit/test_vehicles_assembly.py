@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -287,3 +288,20 @@ def test_a_seat_that_only_moves_up_and_down_goes_sideways_and_turns_with_its_cab
     sideways[1, [1, 3, 5]] = 1.0, -0.4, 0.2
     np.testing.assert_allclose(added, 90.0 * sideways.T @ sideways, atol=1e-9)
     np.testing.assert_allclose(seated.mass_matrix[-1], [0.0] * 6 + [90.0], atol=1e-9)
+
+
+def test_the_weight_of_a_seat_acts_at_its_cg_when_the_cab_turns_in_the_diagnosis_too():
+    vehicle = load("truck_cab")
+    place = np.array([-0.2, 0.3, 0.4])
+    guide = Mount("seat_mount", place - [0.0, 0.0, 0.3], "seat", "cab", {"z": KelvinVoigt(9e3, 400.0)})
+    seated = dataclasses.replace(
+        vehicle, bodies={**vehicle.bodies, "seat": Body("seat", Prior(90.0), place, np.eye(3), coordinates=("z",))},
+        mounts={**vehicle.mounts, "seat_mount": guide},
+    )  # fmt: skip
+    found = []
+    for one in (vehicle, seated):
+        coordinates, mounts = assemble(one).coordinates, tuple(one.mounts)
+        matrix = gravity_stiffness_of(one, mounts, static_forces(one, mounts, tuple(one.bodies)), coordinates)
+        found.append([matrix[i, i] for i, c in enumerate(coordinates) if c in (("cab", "roll"), ("cab", "pitch"))])
+    # its weight rests on the mounts of the cab, 0.45 m below the CG, and pulls at its own, 0.4 m above
+    np.testing.assert_allclose(np.subtract(found[1], found[0]), 90.0 * vehicle.gravity * (-0.45 - 0.4), rtol=1e-9)
