@@ -388,7 +388,10 @@ class MountForceEstimator:
             spread = float(np.mean(hidden)) / float(np.mean(self._stiffness))
             prior = np.diag(np.where(self.known.ravel(), np.diag(prior), self._stiffness * spread))
         elif self._frame is not None:
-            model = prior = self._covariance(deflection, self._frame, parameters) + np.diag(floor)
+            prior = self._covariance(deflection, self._frame, parameters) + np.diag(floor)
+            # errs with the wrench, of the same rate: stated, but equilibrium must not be satisfied by it
+            stiff = k.ravel()
+            model = prior + stiff[:, None] * self._strain_covariance(deflection, self._frame) * stiff
         g = self._g
         load = load_covariance[np.ix_(self._free, self._free)]
         inverse = np.linalg.inv(g @ prior @ g.T + load)
@@ -430,7 +433,6 @@ class MountForceEstimator:
             total[self._transducer] = 0.0
             total[:, self._transducer] = 0.0
             total[self._transducer, self._transducer] = measured[self._transducer]
-        value = value + self._strain_covariance(deflection, frame)
         return np.asarray(k[:, None] * value * k + c[:, None] * rate * c + np.diag(parameters.ravel()))
 
     def _strain_covariance(self, deflection: DeflectionBlock, frame: FrameDeformation) -> Array:
