@@ -80,9 +80,14 @@ def _seen(records: Sequence[BenchRecord]) -> DataRange | None:
 
 def _seen_in_contact(records: Sequence[BenchRecord]) -> DataRange | None:
     """Return what records show of a bumper: its travel, which force and displacement count in the same direction."""
-    loads = [float(np.mean(r.force)) for r in records]
-    travels = [np.maximum(np.sign(load) * r.displacement, 0.0) for r, load in zip(records, loads, strict=True)]
-    return union(seen_in(x, r.step_s, load) for r, x, load in zip(records, travels, loads, strict=True))
+    found = []
+    for r in records:
+        load = float(np.mean(r.force))
+        travel = np.maximum(np.sign(load) * r.displacement, 0.0)
+        shown = seen_in(travel, r.step_s, load)
+        # a bumper has its zero where contact begins, not at the mean
+        found.append(None if shown is None else dataclasses.replace(shown, deflection=float(np.max(travel))))
+    return union(found)
 
 
 def _seen_points(points: OperatingPoints) -> DataRange:

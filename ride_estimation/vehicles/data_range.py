@@ -28,7 +28,7 @@ class DataRange:
     Attributes
     ----------
     deflection
-        Largest distance from the mean [m].
+        Largest distance from the mean, of a bumper the largest travel [m].
     frequency
         Lowest and highest frequency [Hz]: 95 % of the power of the rate lies between them.
     preload
