@@ -36,6 +36,10 @@ class PortGroup:
     axis: str
     ports: tuple[int, ...]
 
+    def label(self, view: RunView, port: int) -> str:
+        """Return what follows the name of a quantity of one of the ports: its mount, nothing where there is only one."""
+        return "" if len(self.ports) == 1 else f" {view.plant.ports[port].mount}"
+
 
 def port_groups(view: RunView) -> list[PortGroup]:
     """Return every port that moves, the pairs of an axle or a side, and all mounts of an axis where there are several."""

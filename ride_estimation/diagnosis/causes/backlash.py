@@ -67,7 +67,7 @@ class Backlash(Cause):
         out: list[Reported] = []
         if fitted.hypothesis.variant == _DAMPER:
             for i, p in enumerate(group.ports):
-                label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+                label = group.label(view, p)
                 clearance, damping = 2.0 * fitted.shape["half"] * view.scales[p][0], float(view.state.damping[p])
                 lost, std = -float(fitted.coefficients[i]) / damping, fitted.std(i) / damping
                 out.append(Reported(f"clearance of the damper{label}", float(clearance), 0.2 * float(clearance), "m"))
@@ -77,7 +77,7 @@ class Backlash(Cause):
             x_rms = view.scales[p][0]
             share = min(1.0, -float(fitted.coefficients[2 * i]) / max(float(view.state.stiffness[p]), 1e-9))
             clearance = 2.0 * fitted.shape["half"] * x_rms * share
-            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            label = group.label(view, p)
             out.append(Reported(f"clearance{label}", float(clearance), 0.2 * float(clearance), "m"))
             out.append(Reported(f"middle of the clearance{label}", float(fitted.shape["centre"] * x_rms), 0.3 * x_rms, "m"))
         return tuple(out)

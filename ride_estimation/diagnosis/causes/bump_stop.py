@@ -100,7 +100,7 @@ class BumpStop(Cause):
             x = view.deflection[:, p]
             x_rms = view.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
-            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            label = group.label(view, p)
             out.append(Reported(f"gap{label}", float(gap), 0.05 * float(gap), "m"))
             deepest = np.array([max(max(float(np.max(side * x)) for side in _sides(fitted)) - gap, 0.0)])
             force = float(_elastic(fitted, i, deepest, x_rms, float(deepest[0]))[0])

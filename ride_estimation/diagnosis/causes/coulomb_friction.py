@@ -72,7 +72,7 @@ class CoulombFriction(Cause):
         out: list[Reported] = []
         if fitted.hypothesis.variant == _BEHIND:
             for i, p in enumerate(group.ports):
-                label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+                label = group.label(view, p)
                 level, x_rms = float(fitted.coefficients[i]), view.scales[p][0]
                 clearance, reach = 2.0 * fitted.shape["half"] * x_rms, fitted.shape["slope"] * x_rms
                 out.append(Reported(f"friction level{label}", level, float(np.hypot(fitted.std(i), FORM**0.5 * level)), "N"))
@@ -85,7 +85,7 @@ class CoulombFriction(Cause):
             share = fitted.coefficients[part]
             level = float(share.sum())
             std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + FORM * level**2))
-            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            label = group.label(view, p)
             out.append(Reported(f"friction level{label}", level, std, "N"))
             reach = fitted.shape["reach"] * view.scales[p][0]
             mean = float(reach * (share[0] + 4.0 * share[1]) / max(level, 1e-12))

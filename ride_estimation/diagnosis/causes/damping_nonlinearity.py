@@ -47,7 +47,7 @@ class DampingNonlinearity(Cause):
         out: list[Reported] = []
         for i, p in enumerate(group.ports):
             v_rms = view.scales[p][1]
-            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            label = group.label(view, p)
             part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
             cov = fitted.covariance[part, part]
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):

@@ -46,7 +46,7 @@ class StiffnessNonlinearity(Cause):
         out: list[Reported] = []
         for i, p in enumerate(group.ports):
             x_rms = view.scales[p][0]
-            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            label = group.label(view, p)
             slope = float(view.state.stiffness[p])
             std = 0.0
             changes = []
@@ -68,7 +68,7 @@ class StiffnessNonlinearity(Cause):
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Put the bent part of the force-deflection line parallel to every mount of the group."""
+        """Put the nonlinear part of the force-deflection line parallel to every mount of the group."""
         group = group_of(view, fitted)
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]

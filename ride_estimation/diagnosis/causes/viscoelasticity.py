@@ -60,7 +60,7 @@ class Viscoelasticity(Cause):
         for i, p in enumerate(group.ports):
             part = slice(2 * i, 2 * i + 2)
             stiffness = float(view.state.stiffness[p])
-            label = "" if len(group.ports) == 1 else f" {view.plant.ports[p].mount}"
+            label = group.label(view, p)
             std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0)))
             ratio = float(fitted.coefficients[part].sum()) / stiffness
             out.append(Reported(f"relaxing stiffness over static stiffness{label}", ratio, std / stiffness, "-"))

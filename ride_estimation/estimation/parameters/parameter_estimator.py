@@ -112,11 +112,6 @@ class ParameterEstimator:
         self._cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         offsets = () if by_transducers else self._offset_axes()
         self._gains = BaseGains(geometry, not by_transducers)
-        #: gains of base sensors among what is considered
-        self._gains_considered = np.zeros(len(self._gains.places))
-        #: standard deviation of what is considered, not estimated: the position of the CG [m], where that is not estimated, and
-        #: gains, whose tolerance is part of what the installation leaves uncertain
-        self._considered_std = np.append(self._cg_std[list(offsets)] / OFFSET_UNIT, self._gains_considered)
         #: whether the body carries something that its file does not know: where the CG lies is estimated
         self.loaded = False
         #: whether that was thought and proved wrong since the last change
@@ -124,6 +119,8 @@ class ParameterEstimator:
         corner = settings.parameter_corner_hz
         model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._gains.places, corner, by_transducers)
         self._model = ParameterModel(*model)
+        #: standard deviation of what is considered, not estimated
+        self._considered_std = self._considered()
         variances = [b.noise_std**2 for b in geometry.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
         turns, bound = len(self._turns), math.log(_INERTIA_RATIO)
@@ -283,8 +280,7 @@ class ParameterEstimator:
         """Make the offsets of the CG parameters, which begin at zero, or something that is considered."""
         self.loaded, n = loaded, self.count + 1 + len(self._turns)
         free = np.ones(len(self._model.offsets) if loaded else 0)
-        considered = np.zeros(0) if loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
-        self._considered_std = np.append(considered, self._gains_considered)
+        self._considered_std = self._considered()
         self.theta = np.append(self.theta[:n], 0.0 * free)
         self._prior_std = np.append(self._prior_std[:n], _LOADED_CG / OFFSET_UNIT * free)
         self._lower = np.append(self._lower[:n], -_REACH / OFFSET_UNIT * free)
@@ -317,6 +313,14 @@ class ParameterEstimator:
                 name = f"{mount.name}.{axis}.{p.name}"
                 found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, self.stamp_ns))
         return tuple(found)
+
+    def _considered(self) -> Array:
+        """Return the standard deviation of the position of the CG [``OFFSET_UNIT``], where that is not estimated, and of gains.
+
+        That of gains is zero: their tolerance is part of what the installation leaves uncertain.
+        """
+        placed = np.zeros(0) if self.loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
+        return np.append(placed, np.zeros(len(self._gains.places)))
 
     def _doubted_axes(self) -> dict[int, str]:
         return doubted_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.doubted
@@ -528,7 +532,7 @@ class ParameterEstimator:
             own.hold(np.clip(own.theta, before - largest, before + largest))
             self._take_over(own)
             self._model.prepare(self.theta, step)
-        self._gains.judge(own.memory, self.theta, self._prior_std, len(self._considered_std) - len(self._gains_considered))
+        self._gains.judge(own.memory, self.theta, self._prior_std, len(self._considered_std) - len(self._gains.places))
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
             self._drop_look()
