@@ -31,7 +31,7 @@ from ride_estimation.io.bench_records import read_bench_record, read_operating_p
 from ride_estimation.io.identification_files import write_identification
 from ride_estimation.io.results import require_folder
 from ride_estimation.io.vehicle_mechanics import seen_to_mapping
-from ride_estimation.vehicles.data_range import DataRange, seen_in, union
+from ride_estimation.vehicles.data_range import DataRange, seen_in, seen_in_contact, union
 
 
 def run(options: argparse.Namespace) -> int:
@@ -80,14 +80,11 @@ def _seen(records: Sequence[BenchRecord]) -> DataRange | None:
 
 def _seen_in_contact(records: Sequence[BenchRecord]) -> DataRange | None:
     """Return what records show of a bumper: its travel, which force and displacement count in the same direction."""
-    found = []
-    for r in records:
-        load = float(np.mean(r.force))
-        travel = np.maximum(np.sign(load) * r.displacement, 0.0)
-        shown = seen_in(travel, r.step_s, load)
-        # a bumper has its zero where contact begins, not at the mean
-        found.append(None if shown is None else dataclasses.replace(shown, deflection=float(np.max(travel))))
-    return union(found)
+    loads = [float(np.mean(r.force)) for r in records]
+    return union(
+        seen_in_contact(r.displacement, np.sign(load) * r.displacement > 0.0, r.step_s, load)
+        for r, load in zip(records, loads, strict=True)
+    )
 
 
 def _seen_points(points: OperatingPoints) -> DataRange:

@@ -24,7 +24,7 @@ from ride_estimation.io.results import output_folder
 from ride_estimation.io.tables import Table, read_table
 from ride_estimation.io.vehicle_mechanics import read_element, read_seen
 from ride_estimation.simulation.co_simulation import ElementStepper
-from ride_estimation.vehicles.data_range import BEYOND, seen_in
+from ride_estimation.vehicles.data_range import BEYOND, seen_in, seen_in_contact
 
 #: frequencies of the damping that are printed; all go into --out
 _PRINTED = 12
@@ -170,11 +170,15 @@ def _force(options: argparse.Namespace) -> None:
     force = np.array([stepper.step(float(x), float(v)) for x, v in zip(deflection, speed, strict=True)])
     write_columns(options.out, ["time_s", "force_n"], table.column("time", "s"), force)
     print(f"{element.KIND} stepped at {rate:g} Hz: force {force.min():.5g} to {force.max():.5g} N, {np.std(force):.4g} N rms")
-    # what does not push or pull is out of contact: how far a bumper is from that tells nothing of its law
-    here = seen_in(np.where(force != 0.0, deflection, 0.0), 1.0 / rate)
+    if known is None:
+        here = None
+    elif _has_contact(element, known.deflection):
+        here = seen_in_contact(deflection, force != 0.0, 1.0 / rate)
+    else:
+        here = seen_in(deflection, 1.0 / rate)
     if known is not None and here is not None and here.deflection > BEYOND * known.deflection:
         print(
-            f"warning: the record goes {1e3 * here.deflection:.3g} mm from its mean, the data the element was identified from "
+            f"warning: the record goes {1e3 * here.deflection:.3g} mm far, the data the element was identified from "
             f"{1e3 * known.deflection:.3g} mm: force beyond that is extrapolated (is extension positive?)"
         )
     _explicit_steps(element, float(np.abs(speed).max()), options.explicit_step_s)
@@ -182,6 +186,12 @@ def _force(options: argparse.Namespace) -> None:
         measured = table.column("force", "N")
         error = measured - force - float(np.mean(measured - force))
         print(f"measured force of the file: NRMSE {100 * float(np.std(error) / max(np.std(measured), 1e-300)):.3g} %")
+
+
+def _has_contact(element: ForceElement, deflection: float) -> bool:
+    """Return whether an element at rest pushes on one side only, as a bumper does."""
+    pushes = [ElementStepper(element, 1.0).step(side * deflection, 0.0) != 0.0 for side in (-1.0, 1.0)]
+    return pushes[0] != pushes[1]
 
 
 def _explicit_steps(element: ForceElement, peak_speed: float, step_s: float | None) -> None:

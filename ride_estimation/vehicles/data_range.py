@@ -64,6 +64,23 @@ def seen_in(deflection: Array, step_s: float, preload: float | None = None) -> D
     return _range(*_shown(x), step_s, len(x), preload)[0] if len(x) >= _LEAST else None
 
 
+def seen_in_contact(
+    deflection: Array, contact: NDArray[np.bool_], step_s: float, preload: float | None = None
+) -> DataRange | None:
+    """Return what one record shows of an element that has its zero where contact begins, and not at the mean.
+
+    Parameters
+    ----------
+    deflection, step_s, preload
+        As for :func:`seen_in`; how far the element is out of contact tells nothing of it.
+    contact
+        Whether the element pushes, shape (N,).
+    """
+    travel = np.where(contact, deflection, 0.0)
+    shown = seen_in(travel, step_s, preload)
+    return None if shown is None else dataclasses.replace(shown, deflection=float(np.max(np.abs(travel))))
+
+
 def _shown(deflection: Array) -> tuple[Array, Array]:
     """Return the largest distance from the mean of every column, shape (P,), and the power of its rate, shape (F, P)."""
     x = deflection - deflection.mean(axis=0)

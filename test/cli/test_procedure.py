@@ -334,3 +334,7 @@ def test_force_beyond_what_the_element_was_identified_from_is_called_extrapolate
         file = write(tmp_path / "x.csv", "time_s,displacement_mm", t, np.where(wave < 0.0, -low, high) * wave)
         assert main(["procedure", "force", file, "--element", str(element), "--out", str(tmp_path / "f.csv")]) == 0
         assert ("extrapolated" in capsys.readouterr().out) == said
+    # the travel of a bumper counts from where contact begins, also in a record that never leaves it
+    file = write(tmp_path / "x.csv", "time_s,displacement_mm", t, 4.0 * wave - 34.0)
+    assert main(["procedure", "force", file, "--element", str(element), "--out", str(tmp_path / "f.csv")]) == 0
+    assert "goes 38 mm far" in capsys.readouterr().out
