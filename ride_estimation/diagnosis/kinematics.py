@@ -7,37 +7,16 @@ a known force, output or base acceleration. The pilots measured 0.9 % of the res
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.plant import Plant
-from ride_estimation.frames import COORDINATES
+from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories, rotation_matrices
+from ride_estimation.diagnosis.plant import Plant, vertical_row
+from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
-
-
-@dataclasses.dataclass(frozen=True)
-class BodyMotion:
-    """Small-rotation trajectory of all coordinates: q, its rate and acceleration, each (N, n)."""
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-
-def rotation_matrices(angle: Array) -> Array:
-    """Return exp([angle]x) for rotation vectors, shape (N, 3) -> (N, 3, 3) (Rodrigues)."""
-    size = np.linalg.norm(angle, axis=1)
-    a = np.where(size > 1e-8, np.sin(size) / np.maximum(size, 1e-8), 1.0)[:, None, None]
-    b = np.where(size > 1e-8, (1.0 - np.cos(size)) / np.maximum(size, 1e-8) ** 2, 0.5)[:, None, None]
-    x, y, z = angle.T
-    zero = np.zeros_like(x)
-    s = np.stack([np.stack([zero, -z, y], 1), np.stack([z, zero, -x], 1), np.stack([-y, x, zero], 1)], axis=1)
-    return np.asarray(np.eye(3) + a * s + b * (s @ s))
 
 
 def base_correction(plant: Plant, specific_force: Array, slope: Array) -> Array:
@@ -60,53 +39,21 @@ def base_correction(plant: Plant, specific_force: Array, slope: Array) -> Array:
     return out
 
 
-def _six(plant: Plant, body: str, values: Array) -> Array:
-    out = np.zeros((len(values), 6))
-    for row, column in plant.coordinate_rows(body):
-        out[:, column] = values[:, row]
-    return out
-
-
-class _Body:
-    """Rotation, rates and accelerations of one body along the linear trajectory."""
-
-    def __init__(self, plant: Plant, name: str, motion: BodyMotion) -> None:
-        q, v, a = (_six(plant, name, part) for part in (motion.position, motion.velocity, motion.acceleration))
-        theta, theta_dot, theta_ddot = q[:, 3:], v[:, 3:], a[:, 3:]
-        self.theta, self.theta_ddot = theta, theta_ddot
-        self.rotation = rotation_matrices(theta)
-        self.omega = theta_dot + 0.5 * np.cross(theta, theta_dot)
-        self.alpha = theta_ddot + 0.5 * np.cross(theta, theta_ddot)
-        self.acceleration = a[:, :3]
-        self.theta_dot = theta_dot
-
-    def arm(self, offset: Array) -> Array:
-        """Return the rotated lever arm, (N, 3)."""
-        return np.asarray(self.rotation @ offset)
-
-    def excess_displacement(self, offset: Array) -> tuple[Array, Array]:
-        """Return displacement and velocity of a point beyond small rotation, (N, 3) each."""
-        arm = self.arm(offset)
-        return arm - offset - np.cross(self.theta, offset), np.cross(self.omega, arm) - np.cross(self.theta_dot, offset)
-
-
 def output_correction(plant: Plant, motion: BodyMotion) -> Array:
     """Return what the accelerometers show beyond small rotation, shape (N, ny); zero for other kinds."""
     out = np.zeros((len(motion.position), len(plant.outputs)))
     gravity = plant.vehicle.gravity * _UP
-    bodies: dict[str, _Body] = {}
+    bodies = Trajectories(plant, motion).bodies
     columns: dict[str, list[int]] = {}
     for i, signal in enumerate(plant.outputs):
         if signal.kind == "acceleration":
             columns.setdefault(signal.sensor, []).append(i)
     for name, rows in columns.items():
         sensor = plant.vehicle.sensors[name]
-        body = bodies.setdefault(sensor.body, _Body(plant, sensor.body, motion))
+        body = bodies[sensor.body]
         offset = sensor.position - plant.vehicle.bodies[sensor.body].cg
-        arm = body.arm(offset)
-        world = body.acceleration + np.cross(body.alpha, arm) + np.cross(body.omega, np.cross(body.omega, arm))
-        full = np.einsum("nji,nj->ni", body.rotation, world + gravity) - gravity
-        linear = body.acceleration + np.cross(body.theta_ddot, offset) - np.cross(body.theta, gravity)
+        full = np.einsum("nji,nj->ni", body.rotation, body.point_acceleration(offset) + gravity) - gravity
+        linear = body.linear[2] + np.cross(body.theta_ddot, offset) - np.cross(body.theta, gravity)
         difference = (full - linear) @ sensor.rotation
         for i in rows:
             out[:, i] = difference[:, plant.outputs[i].component]
@@ -129,7 +76,7 @@ def transducer_correction(plant: Plant, motion: BodyMotion, deflection: Array, b
     """
     out = np.zeros((len(motion.position), len(plant.outputs)))
     vehicle = plant.vehicle
-    bodies = {b: _Body(plant, b, motion) for b in dict.fromkeys(b for b, _ in plant.coordinates)}
+    bodies = Trajectories(plant, motion).bodies
     for i, signal in enumerate(plant.outputs):
         if signal.kind != "displacement":
             continue
@@ -139,7 +86,7 @@ def transducer_correction(plant: Plant, motion: BodyMotion, deflection: Array, b
         full = linear
         for b, s in ((mount.body, 1.0), (mount.base, -1.0)):
             if b in bodies:
-                full = full + s * bodies[b].excess_displacement(mount.position - vehicle.bodies[b].cg)[0]
+                full = full + s * bodies[b].beyond(mount.position - vehicle.bodies[b].cg)[0]
         if mount.base in bodies:
             angle = bodies[mount.base].theta
         turned = np.einsum("nji,nj->ni", rotation_matrices(angle), full)
@@ -182,39 +129,45 @@ def wrench_correction(
     axes
         What the axes of the mounts turn with: ``base``, ``body`` or ``world`` (nothing).
     """
-    count = len(motion.position)
     vehicle = plant.vehicle
-    names = tuple(dict.fromkeys(b for b, _ in plant.coordinates))
-    bodies = {b: _Body(plant, b, motion) for b in names}
-    wrench = {b: np.zeros((count, 6)) for b in names}
-    for b, body in bodies.items():
-        inertia = vehicle.bodies[b].inertia
-        world = body.rotation @ inertia @ np.transpose(body.rotation, (0, 2, 1))
-        momentum = np.einsum("nij,nj->ni", world, body.omega)
-        rate = np.einsum("nij,nj->ni", world, body.alpha) + np.cross(body.omega, momentum)
-        wrench[b][:, 3:] -= rate - body.theta_ddot @ inertia.T
+    trajectories = Trajectories(plant, motion)
+    bodies = trajectories.bodies
+    force, moment = ({b: np.zeros((len(motion.position), 3)) for b in bodies} for _ in range(2))
     for j, name in enumerate(plant.mounts):
         mount = vehicle.mounts[name]
         rows = slice(3 * j, 3 * j + 3)
         ends = [(b, s) for b, s in ((mount.body, 1.0), (mount.base, -1.0)) if b in bodies]
         offsets = {b: mount.position - vehicle.bodies[b].cg for b, _ in ends}
-        k, c = modulus[0][rows], modulus[1][rows]
-        d, v = relative[0][:, rows], relative[1][:, rows]
-        linear = k * d + c * v
-        extra = [(s, *bodies[b].excess_displacement(offsets[b])) for b, s in ends]
-        full = (d + sum(s * dx for s, dx, _ in extra), v + sum(s * dv for s, _, dv in extra))
+        beyond = [(s, *bodies[b].beyond(offsets[b])) for b, s in ends]
+        full = (
+            relative[0][:, rows] + sum(s * dx for s, dx, _ in beyond), relative[1][:, rows] + sum(s * dv for s, _, dv in beyond)
+        )
         angle, spin = bracket[0][:, rows], bracket[1][:, rows]
         if mount.base in bodies:
             angle, spin = bodies[mount.base].theta, bodies[mount.base].omega
         if axes == "body":
             angle, spin = bodies[mount.body].theta, bodies[mount.body].omega
-        static = plant.static_force[j] * _UP
-        total = _mount_force(static, (k, c), full, None if axes == "world" else rotation_matrices(angle), spin)
+        turn = None if axes == "world" else rotation_matrices(angle)
+        total = _mount_force(plant.static_force[j] * _UP, (modulus[0][rows], modulus[1][rows]), full, turn, spin)
+        # both ends act at the body side
+        point = bodies[mount.body].displacement + bodies[mount.body].arm(offsets[mount.body])
         for b, s in ends:
-            small = np.cross(offsets[b], -s * linear) + np.cross(np.cross(bodies[b].theta, offsets[b]), s * static)
-            wrench[b][:, :3] += s * (total - static + linear)
-            wrench[b][:, 3:] += np.cross(bodies[b].arm(offsets[b]), s * total) - small - np.cross(offsets[b], s * static)
-    out = np.zeros((count, len(plant.coordinates)))
-    for i, (name, coordinate) in enumerate(plant.coordinates):
-        out[:, i] = wrench[name][:, COORDINATES.index(coordinate)]
-    return out
+            cg = vehicle.bodies[mount.body].cg - vehicle.bodies[b].cg - bodies[b].displacement
+            force[b] += s * total
+            moment[b] += np.cross(point + cg, s * total)
+    linear = motion.acceleration @ plant.mass.T + motion.position @ plant.gravity_stiffness.T
+    for port, row in zip(plant.ports, plant.port_map):
+        if port.axis in AXES:
+            i = 3 * plant.mounts.index(port.mount) + AXES.index(port.axis)
+            linear += np.outer(modulus[0][i] * relative[0][:, i] + modulus[1][i] * relative[1][:, i], row)
+    return trajectories.generalised(force, moment) + linear - _at_rest(plant)
+
+
+def _at_rest(plant: Plant) -> Array:
+    """Return the generalised force of weights and static mount loads at rest, shape (n,): zero where they balance."""
+    vehicle, total = plant.vehicle, np.zeros(len(plant.coordinates))
+    for load, name in zip(plant.static_force, plant.mounts):
+        total += load * vertical_row(vehicle, plant.coordinates, vehicle.mounts[name])
+    for b in dict.fromkeys(b for b, _ in plant.coordinates):
+        total -= vehicle.bodies[b].mass.value * vehicle.gravity * plant.body_map(b)[2]
+    return total

@@ -8,9 +8,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.body_trajectories import BodyMotion
 from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.kinematics import (
-    BodyMotion,
     base_correction,
     output_correction,
     transducer_correction,

@@ -295,26 +295,32 @@ def _check_slope(mount: Mount, sensors: list[str], offset: Array, along_x: Array
             )
 
 
+def vertical_row(vehicle: Vehicle, coordinates: Coordinates, mount: Mount) -> Array:
+    """Return how far the coordinates lift the body side of a mount above its base, shape (n,)."""
+    row = np.zeros(len(coordinates))
+    for body, sign in ((mount.body, 1.0), (mount.base, -1.0)):
+        if any(b == body for b, _ in coordinates):
+            row += sign * point_rows(vehicle, coordinates, body, mount.position)[2]
+    return row
+
+
 def static_forces(vehicle: Vehicle, mounts: tuple[str, ...], bodies: tuple[str, ...]) -> Array:
-    """Return static vertical mount forces: equilibrium of every body, least norm weighted by vertical stiffness."""
-    rows, rhs = [], []
-    for b in bodies:
-        body = vehicle.bodies[b]
-        sign = np.array([
-            1.0 if vehicle.mounts[m].body == b else -1.0 if vehicle.mounts[m].base == b else 0.0 for m in mounts
-        ])
-        arm = np.array([vehicle.mounts[m].position - body.cg for m in mounts])
-        rows += [sign]
-        rhs += [body.mass.value * vehicle.gravity]
-        for axis, column in (("roll", arm[:, 1]), ("pitch", arm[:, 0])):
-            if axis in body.coordinates:
-                rows.append(sign * column)
-                rhs.append(0.0)
-    weight = np.array([
+    """Return static vertical mount forces: equilibrium of every body, least norm weighted by vertical stiffness.
+
+    The weight of a body acts at its CG on what it can move along, its own coordinates or those of the body that carries it.
+    """
+    coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)
+    lift = np.stack([vertical_row(vehicle, coordinates, vehicle.mounts[m]) for m in mounts], axis=1)
+    weight = sum(
+        (vehicle.bodies[b].mass.value * vehicle.gravity * body_rows(vehicle, coordinates, b)[2] for b in bodies),
+        np.zeros(len(coordinates)),
+    )
+    used = [i for i, (_, c) in enumerate(coordinates) if c in ("z", "roll", "pitch")]
+    size = np.array([
         np.sqrt(max(_port(vehicle.mounts[m], "z", 1.0, 1.0).stiffness, 1.0)) if "z" in vehicle.mounts[m].elements else 1e-3
         for m in mounts
     ])
-    return np.asarray(weight * np.linalg.lstsq(np.array(rows) * weight, np.array(rhs), rcond=None)[0])
+    return np.asarray(size * np.linalg.lstsq(lift[used] * size, weight[used], rcond=None)[0])
 
 
 def gravity_stiffness_of(

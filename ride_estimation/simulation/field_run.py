@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.frames import AXES, COORDINATES
+from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix
 from ride_estimation.sensors.measurement import SensorErrors, UnitErrors, draw_unit, measure, sample_times
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.simulation.response import Response
-from ride_estimation.simulation.rotation import RotationResponse, simulate_full_rotation
+from ride_estimation.simulation.rotation import RotationResponse, locked_bodies, simulate_full_rotation
 from ride_estimation.simulation.scenario import Scenario
 from ride_estimation.simulation.simulate import simulate
 from ride_estimation.simulation.truck_drive import Drive, drive
@@ -62,7 +62,10 @@ def true_vehicle(scenario: Scenario, vehicle: Vehicle) -> Vehicle:
     """
     problems = _unknown_names(scenario, vehicle)
     if scenario.payloads and not has_full_rotation(vehicle):
-        problems.append(f"payloads: need a vehicle whose bodies all have {', '.join(COORDINATES)} as degrees of freedom")
+        problems.append(
+            f"payloads: need a vehicle whose bodies have {', '.join(COORDINATES)} as degrees of freedom, or some of "
+            f"{', '.join(AXES)} on such a body; {', '.join(locked_bodies(vehicle))} cannot carry any"
+        )
     if problems:
         raise ConfigurationError(problems, where=scenario.name)
     changes: dict[tuple[str, str], ForceElement] = dict(scenario.true_elements)
@@ -144,18 +147,25 @@ def run_scenario(scenario: Scenario, vehicle: Vehicle, progress: Callable[[float
 
 
 def has_full_rotation(vehicle: Vehicle) -> bool:
-    """Return whether all bodies have all six coordinates, so that exact rigid-body kinematics apply."""
-    return all(set(b.coordinates) == set(COORDINATES) for b in vehicle.bodies.values())
+    """Return whether exact rigid-body kinematics apply: no body has locked coordinates."""
+    return not locked_bodies(vehicle)
 
 
 def _disturbance_load(scenario: Scenario, assembly: Assembly, driven: Drive) -> Array | None:
     if not scenario.disturbances:
         return None
     time = (np.arange(driven.base.samples) - driven.lead) / scenario.simulation_rate
-    load = np.zeros((len(time), len(assembly.coordinates)))
+    bodies = list(assembly.vehicle.bodies.values())
+    full = has_full_rotation(assembly.vehicle)
+    load = np.zeros((len(time), len(COORDINATES) * len(bodies) if full else len(assembly.coordinates)))
     for d in scenario.disturbances:
         wave = np.where(time >= d.begin, d.amplitude * np.sin(2.0 * np.pi * d.frequency * time + d.phase), 0.0)
-        load += np.outer(wave, assembly.point_map(d.body, d.position)[AXES.index(d.axis)])
+        row = assembly.point_map(d.body, d.position)[AXES.index(d.axis)]
+        if full:  # force and moment on the body itself; what its guides make of them is for the simulation to say
+            number = [b.name for b in bodies].index(d.body)
+            row = np.zeros(load.shape[1])
+            row[6 * number : 6 * number + 6] = point_motion_matrix(d.position - bodies[number].cg)[AXES.index(d.axis)]
+        load += np.outer(wave, row)
     return load
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.elements.terms import initial_states, pack_terms
 from ride_estimation.errors import ConfigurationError, InputDataError
-from ride_estimation.frames import COORDINATES, skew
+from ride_estimation.frames import AXES, COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.simulation.response import Response
@@ -27,6 +27,7 @@ from ride_estimation.simulation.rotation_kernel import (
 )
 from ride_estimation.simulation.substeps import choose_substeps
 from ride_estimation.vehicles.assembly import Assembly, sensor_offset
+from ride_estimation.vehicles.guided import carrier_of
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -87,6 +88,11 @@ class RotationResponse(Response):
         if body not in names:
             raise ConfigurationError(f"body: {body!r}; allowed: {', '.join(names)}")
         return names.index(body)
+
+    def body_motion(self, body: str, kind: str = "accelerations") -> Array:
+        """Return (x y z roll pitch yaw) of a body's reference point, of a guided one also what it shares, shape (N, 6)."""
+        number = self._body(body)
+        return np.asarray(getattr(self, kind)[:, 6 * number : 6 * number + 6], dtype=float)
 
     def mount_force(self) -> Array:
         """Return the force on the body by each mount in the axes of that body, static share included, shape (N, M, 3)."""
@@ -166,6 +172,13 @@ def _bracket_rates(angle: Array, rate: Array) -> Array:
     )
 
 
+def locked_bodies(vehicle: Vehicle) -> list[str]:
+    """Return the bodies whose exact kinematics are not known: neither free nor sliding in one that is free."""
+    free = [b.name for b in vehicle.bodies.values() if set(b.coordinates) == set(COORDINATES)]
+    guided = [b.name for b in vehicle.bodies.values() if set(b.coordinates) <= set(AXES) and carrier_of(vehicle, b.name) in free]
+    return [name for name in vehicle.bodies if name not in free and name not in guided]
+
+
 def simulate_full_rotation(
     assembly: Assembly,
     base_motion: BaseMotion,
@@ -179,7 +192,7 @@ def simulate_full_rotation(
     Parameters
     ----------
     assembly, base_motion, substeps
-        As :func:`ride_estimation.simulation.simulate.simulate`; every body needs all six coordinates.
+        As :func:`ride_estimation.simulation.simulate.simulate`; no body may be one of :func:`locked_bodies`.
     load
         External force (world axes) and moment (body axes) per body, shape (N, 6 B) or (1, 6 B).
     payloads
@@ -188,15 +201,16 @@ def simulate_full_rotation(
     Raises
     ------
     ConfigurationError
-        A body without six coordinates, an unknown payload body, a mass that does not stay positive.
+        A body with locked coordinates, an unknown payload body, a mass that does not stay positive.
     InputDataError
         Shapes that do not fit; a motion that leaves every bound.
     """
     vehicle, samples = assembly.vehicle, base_motion.samples
-    locked = [b.name for b in vehicle.bodies.values() if set(b.coordinates) != set(COORDINATES)]
+    locked = locked_bodies(vehicle)
     if locked:
         raise ConfigurationError(
-            f"full_rotation: {', '.join(locked)} have locked coordinates; allowed: bodies with all of {', '.join(COORDINATES)}"
+            f"full_rotation: {', '.join(locked)} have locked coordinates; allowed: bodies with all of {', '.join(COORDINATES)}, "
+            f"and bodies with some of {', '.join(AXES)} on one such body"
         )
     if base_motion.displacement.shape[1] != len(vehicle.mounts):
         raise InputDataError(f"base motion: {base_motion.displacement.shape[1]} mounts; the vehicle has {len(vehicle.mounts)}")
@@ -236,6 +250,7 @@ def _model(
 ) -> RotationModel:
     vehicle = assembly.vehicle
     names = tuple(vehicle.bodies)
+    guided = [b.name for b in vehicle.bodies.values() if set(b.coordinates) != set(COORDINATES)]
     mounts = tuple(vehicle.mounts.values())
     mass, offset, inertia = levels
     inverse = np.empty((*mass.shape, 2, 2, 3, 3))
@@ -260,6 +275,9 @@ def _model(
         inertia=inertia,
         inverse=inverse,
         level=level,
+        carrier=np.array([names.index(carrier_of(vehicle, b)) if b in guided else -1 for b in names], dtype=np.int64),
+        slides=np.array([[float(a in body.coordinates) for a in AXES] for body in vehicle.bodies.values()]),
+        place=np.array([body.cg for body in vehicle.bodies.values()]),
         codes=codes,
         channel=channel,
         gravity=float(vehicle.gravity),

@@ -6,6 +6,9 @@ axes), quaternion x y z, quaternion (w, 0, 0). The reference point is the CG of 
 CG away from it:
 
 ``M (a_P + alpha x s + w x (w x s)) = F``, ``J_P alpha + w x J_P w + M s x a_P = tau_P`` in body axes.
+
+A body without rotation of its own is a point mass on guides of the body that carries it: it slides along its own translations,
+which turn with the carrier, and what the guides push it sideways with acts back on the carrier.
 """
 
 from __future__ import annotations
@@ -44,6 +47,12 @@ class RotationModel(NamedTuple):
         inverse of the generalised inertia (L, B, 2, 2, 3, 3): blocks force/moment to acceleration/angular acceleration.
     level
         Mass level of each sample, shape (N,).
+    carrier
+        Number of the body that guides a body, -1 where it is free, shape (B,).
+    slides
+        One along the own translations of a guided body, else zero, shape (B, 3).
+    place
+        Reference points of the bodies in vehicle-file axes, shape (B, 3).
     codes, channel
         Terms and the component each acts on, shape (T,).
     gravity
@@ -63,6 +72,9 @@ class RotationModel(NamedTuple):
     inertia: Array
     inverse: Array
     level: Codes
+    carrier: Codes
+    slides: Array
+    place: Array
     codes: Codes
     channel: Codes
     gravity: float
@@ -293,29 +305,176 @@ def set_wrenches(
 
 
 @compile_lean_kernel
-def set_slopes(model: RotationModel, state: Array, level: int, rotation: Array, work: Array, wrench: Array, slope: Array) -> None:
-    """Set the time derivative of the state, shape (B, 5, 3); ``wrench`` is overwritten."""
+def set_slopes(
+    model: RotationModel, state: Array, level: int, rotation: Array, work: Array, system: Array, wrench: Array, slope: Array
+) -> None:
+    """Set the time derivative of the state, shape (B, 5, 3); ``wrench`` is overwritten.
+
+    Parameters
+    ----------
+    system
+        Scratch, shape (6, 7).
+    """
     local, arm = work[0], work[1]
     for b in range(state.shape[0]):
         omega, q, w = state[b, OMEGA], state[b, QUATERNION], state[b, SCALAR, 0]
-        clear(local)
-        add_cross(omega, model.offset[level, b], 1.0, local)
-        add_cross(omega, local, -model.mass[level, b], wrench[b, 0])
-        turned(model.inertia[level, b], omega, local)
-        add_cross(omega, local, -1.0, wrench[b, 1])
-        inverse = model.inverse[level, b]
-        turned(inverse[0, 0], wrench[b, 0], local)
-        turned(inverse[0, 1], wrench[b, 1], arm)
-        add(arm, 1.0, local)
-        turned(rotation[b], local, slope[b, VELOCITY])
-        turned(inverse[1, 0], wrench[b, 0], slope[b, OMEGA])
-        turned(inverse[1, 1], wrench[b, 1], arm)
-        add(arm, 1.0, slope[b, OMEGA])
         copy(state[b, VELOCITY], slope[b, PLACE])
         clear(slope[b, QUATERNION])
         add(omega, 0.5 * w, slope[b, QUATERNION])
         add_cross(q, omega, 0.5, slope[b, QUATERNION])
         slope[b, SCALAR, 0] = -0.5 * (q[0] * omega[0] + q[1] * omega[1] + q[2] * omega[2])
+        if model.carrier[b] >= 0:
+            continue
+        clear(local)
+        add_cross(omega, model.offset[level, b], 1.0, local)
+        add_cross(omega, local, -model.mass[level, b], wrench[b, 0])
+        turned(model.inertia[level, b], omega, local)
+        add_cross(omega, local, -1.0, wrench[b, 1])
+        guides = False
+        for g in range(state.shape[0]):
+            guides = guides or model.carrier[g] == b
+        if guides:
+            carry(model, state, level, b, rotation[b], work, system, wrench, slope)
+        else:
+            inverse = model.inverse[level, b]
+            turned(inverse[0, 0], wrench[b, 0], local)
+            turned(inverse[0, 1], wrench[b, 1], arm)
+            add(arm, 1.0, local)
+            turned(rotation[b], local, slope[b, VELOCITY])
+            turned(inverse[1, 0], wrench[b, 0], slope[b, OMEGA])
+            turned(inverse[1, 1], wrench[b, 1], arm)
+            add(arm, 1.0, slope[b, OMEGA])
+
+
+@compile_lean_kernel
+def set_guided(
+    model: RotationModel, state: Array, level: int, b: int, g: int, rotation: Array, lever: Array, centre: Array, spin: Array,
+    work: Array,
+) -> None:
+    """Set where a guided body is and what it is accelerated by without slope of the state, axes of its carrier b.
+
+    Parameters
+    ----------
+    lever, centre
+        Out: from the reference point of the carrier to that of the body and to its actual CG.
+    spin
+        Out: centripetal and Coriolis acceleration of the CG.
+    work
+        Scratch, shape (2, 3).
+    """
+    omega, local, slide = state[b, OMEGA], work[0], work[1]
+    for i in range(3):
+        local[i] = model.place[g, i] + state[g, PLACE, i] - model.place[b, i] - state[b, PLACE, i]
+        spin[i] = state[g, VELOCITY, i] - state[b, VELOCITY, i]
+    turned_back(rotation, local, lever)
+    copy(lever, centre)
+    add(model.offset[level, g], 1.0, centre)
+    turned_back(rotation, spin, slide)
+    add_cross(omega, lever, -1.0, slide)
+    clear(local)
+    add_cross(omega, centre, 1.0, local)
+    clear(spin)
+    add_cross(omega, local, 1.0, spin)
+    add_cross(omega, slide, 2.0, spin)
+
+
+@compile_lean_kernel
+def carry(
+    model: RotationModel, state: Array, level: int, b: int, rotation: Array, work: Array, system: Array, wrench: Array,
+    slope: Array,
+) -> None:
+    """Set velocity and angular velocity slopes of a body that guides others and of those.
+
+    Sideways a guided point mass m at p is part of the carrier: ``m Q (a + alpha x p + w x (w x p) + 2 w x s') = Q F + N``, Q the
+    directions it cannot slide along, N the push of the guides, which acts on the carrier with the opposite sign.
+
+    Parameters
+    ----------
+    work
+        Scratch, shape (6, 3).
+    system
+        Scratch, shape (6, 7): generalised inertia and wrench.
+    """
+    lever, centre, spin, pushed = work[0], work[1], work[2], work[3]
+    mass, offset = model.mass[level, b], model.offset[level, b]
+    for i in range(3):
+        for j in range(3):
+            system[i, j] = mass if i == j else 0.0
+            system[3 + i, 3 + j] = model.inertia[level, b, i, j]
+            system[i, 3 + j] = -mass * skew_entry(offset, i, j)
+            system[3 + i, j] = mass * skew_entry(offset, i, j)
+        system[i, 6], system[3 + i, 6] = wrench[b, 0, i], wrench[b, 1, i]
+    for g in range(state.shape[0]):
+        if model.carrier[g] != b:
+            continue
+        set_guided(model, state, level, b, g, rotation, lever, centre, spin, work[4:])
+        mass = model.mass[level, g]
+        for i in range(3):
+            pushed[i] = wrench[g, 1, i]
+        copy(wrench[g, 0], work[4])
+        copy(wrench[g, 0], work[5])
+        for i in range(3):
+            work[4, i] *= 1.0 - model.slides[g, i]
+            work[5, i] *= model.slides[g, i]
+        add_cross(lever, work[4], 1.0, pushed)
+        add_cross(model.offset[level, g], work[5], -1.0, pushed)
+        for i in range(3):
+            work[5, i] = mass * spin[i] * (1.0 - model.slides[g, i])
+        add_cross(centre, work[5], -1.0, pushed)
+        for i in range(3):
+            held = mass * (1.0 - model.slides[g, i])
+            system[i, i] += held
+            system[i, 6] += work[4, i] - work[5, i]
+            system[3 + i, 6] += pushed[i]
+            for j in range(3):
+                system[i, 3 + j] -= held * skew_entry(centre, i, j)
+                system[3 + j, i] += held * skew_entry(centre, j, i)
+                for k in range(3):
+                    system[3 + j, 3 + k] -= held * skew_entry(centre, j, i) * skew_entry(centre, i, k)
+    solve_six(system)
+    turned(rotation, system[:3, 6], slope[b, VELOCITY])
+    copy(system[3:, 6], slope[b, OMEGA])
+    for g in range(state.shape[0]):
+        if model.carrier[g] != b:
+            continue
+        set_guided(model, state, level, b, g, rotation, lever, centre, spin, work[4:])
+        # along the guides it does as the force says, across them as its carrier does
+        copy(system[:3, 6], pushed)
+        add_cross(system[3:, 6], centre, 1.0, pushed)
+        add(spin, 1.0, pushed)
+        for i in range(3):
+            if model.slides[g, i] > 0.0:
+                pushed[i] = wrench[g, 0, i] / model.mass[level, g]
+        # from the actual CG back to the reference point
+        clear(work[4])
+        add_cross(state[b, OMEGA], model.offset[level, g], 1.0, work[4])
+        add_cross(state[b, OMEGA], work[4], -1.0, pushed)
+        add_cross(system[3:, 6], model.offset[level, g], -1.0, pushed)
+        turned(rotation, pushed, slope[g, VELOCITY])
+        copy(system[3:, 6], slope[g, OMEGA])
+
+
+@compile_lean_kernel
+def skew_entry(vector: Array, i: int, j: int) -> float:
+    """Return entry (i, j) of ``[vector]x``."""
+    if i == j:
+        return 0.0
+    k = 3 - i - j
+    return float(-vector[k] if (j - i) % 3 == 1 else vector[k])
+
+
+@compile_lean_kernel
+def solve_six(system: Array) -> None:
+    """Solve six symmetric positive definite equations by elimination; the solution replaces the last column of (6, 7)."""
+    for p in range(6):
+        for i in range(p + 1, 6):
+            factor = system[i, p] / system[p, p]
+            for j in range(p, 7):
+                system[i, j] -= factor * system[p, j]
+    for p in range(5, -1, -1):
+        for j in range(p + 1, 6):
+            system[p, 6] -= system[p, j] * system[j, 6]
+        system[p, 6] /= system[p, p]
 
 
 @compile_lean_kernel
@@ -396,6 +555,7 @@ def integrate_rotation(
     rotation, bracket = np.zeros((bodies, 3, 3)), np.zeros((mounts, 3, 3))
     gap, force, motion = np.zeros((mounts, 3)), np.zeros((mounts, 3)), np.zeros((mounts, 4, 3))
     pull, wrench, work = np.zeros((mounts, 2, 3)), np.zeros((bodies, 2, 3)), np.zeros((6, 3))
+    system = np.zeros((6, 7))
     x, v, tension = np.zeros(components), np.zeros(components), np.zeros(components)
     point, slope, total = state.copy(), np.zeros((bodies, ROWS, 3)), np.zeros((bodies, ROWS, 3))
     acting = np.zeros(load.shape[1])
@@ -421,7 +581,7 @@ def integrate_rotation(
                 acting[i] = load[now, i] + share * (load[following, i] - load[now, i])
             level = model.level[sample]
             set_wrenches(model, acting, level, rotation, bracket, gap, tension, pull, work, force, wrench)
-            set_slopes(model, point, level, rotation, work, wrench, slope)
+            set_slopes(model, point, level, rotation, work, system, wrench, slope)
         if step % substeps == 0:
             done = step // substeps
             if not record(point, slope, out_state[done], out_slope[done]):

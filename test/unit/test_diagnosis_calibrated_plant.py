@@ -13,10 +13,11 @@ from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import calibration
 from ride_estimation.diagnosis.baseline import Adjustable
+from ride_estimation.diagnosis.body_trajectories import BodyMotion
 from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanced
 from ride_estimation.diagnosis.gain import noticeable
 from ride_estimation.diagnosis.in_line import loss_without
-from ride_estimation.diagnosis.kinematics import BodyMotion, transducer_correction
+from ride_estimation.diagnosis.kinematics import transducer_correction
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.run_data import RunData

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.errors import ConfigurationError, InputDataError
-from ride_estimation.frames import rotation_from_rpy
+from ride_estimation.frames import AXES, rotation_from_rpy
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.simulation.base_motion import BaseMotion, derivative
 from ride_estimation.simulation.rotation import Payload, simulate_full_rotation
@@ -180,6 +180,45 @@ def test_linked_bodies_in_free_flight_keep_momentum_and_angular_momentum():
     np.testing.assert_allclose(momentum[25:], np.tile(momentum[25], (776, 1)), atol=1e-9)
     # the couple of the rotational springs is equal and opposite, forces share one line of action
     np.testing.assert_allclose(angular[25:], np.tile(angular[25], (776, 1)), atol=1e-5 * np.abs(angular[25]).max())
+
+
+@pytest.mark.parametrize(("slides", "aboard"), [(("z",), 0.0), (("x", "z"), 0.0), (("z",), 30.0)])
+def test_a_guided_body_in_free_flight_keeps_momentum_and_energy_and_stays_on_its_guide(slides, aboard):
+    arm = np.array([0.5, 0.2, 0.3])
+    bodies = {
+        "a": Body("a", Prior(80.0), np.zeros(3), np.diag([9.0, 7.0, 8.0])),
+        "b": Body("b", Prior(50.0), arm, np.diag([1.0, 1.0, 1.0]), coordinates=slides),
+    }
+    mounts = {
+        "m": Mount("m", arm - np.array([0.1, 0.0, 0.2]), "b", "a", {axis: KelvinVoigt(4e3, 0.0) for axis in slides}),
+        "tie": Mount("tie", np.array([0.1, 0.2, 0.0]), "a", "ground", {"z": KelvinVoigt(0.0, 0.0)}),
+    }
+    assembly = assemble(Vehicle("pair", bodies, mounts, {}, gravity=0.0))
+    base = BaseMotion.from_displacement(np.zeros((1201, 2, 3)), 200.0)
+    push = np.zeros((1201, 12))
+    push[:20, :6] = [300.0, 50.0, -100.0, 60.0, 90.0, -80.0]
+    push[:20, 6:9] = [40.0, -20.0, 110.0]
+    payloads = [Payload("b", aboard, arm + np.array([0.2, 0.3, -0.1]), begin=-1.0)] if aboard else []
+    response = simulate_full_rotation(assembly, base, load=push, substeps=20, payloads=payloads)
+    momentum, angular, energy = np.zeros((1201, 3)), np.zeros((1201, 3)), np.zeros(1201)
+    turn = response.rotation[:, 0]
+    for number, (name, body) in enumerate(bodies.items()):
+        w, offset, mass = response.body_motion(name, "rates")[:, 3:], response.offset[0, number], response.mass[0, number]
+        v = response.body_motion(name, "rates")[:, :3] + np.einsum("nij,nj->ni", turn, np.cross(w, offset))
+        place = body.cg + response.body_motion(name, "coordinates")[:, :3] + turn @ offset
+        inertia = body.inertia if name == "a" else np.zeros((3, 3))  # a point mass on its guide
+        momentum += mass * v
+        angular += mass * np.cross(place, v) + np.einsum("nij,nj->ni", turn, w @ inertia.T)
+        energy += 0.5 * mass * np.sum(v**2, axis=1) + 0.5 * np.einsum("ni,ij,nj->n", w, inertia, w)
+    energy += 0.5 * 4e3 * np.sum(response.mount_array("deflection")[:, 0] ** 2, axis=1)
+    gap = np.diff([b.cg + response.body_motion(n, "coordinates")[:, :3] for n, b in bodies.items()], axis=0)[0]
+    slid = np.einsum("nji,nj->ni", response.rotation[:, 0], gap) - arm
+    assert np.abs(response.coordinates[:, 3:6]).max() > 1.0  # rad
+    assert np.abs(slid[:, [AXES.index(a) for a in slides]]).max() > 0.02  # m
+    held = [AXES.index(a) for a in AXES if a not in slides]
+    np.testing.assert_allclose(slid[:, held], 0.0, atol=1e-9)
+    for kept in (momentum, angular, energy):
+        np.testing.assert_allclose(kept[25:], np.broadcast_to(kept[25], kept[25:].shape), atol=2e-6 * np.abs(kept[25]).max())
 
 
 def test_payload_settles_by_its_weight_over_the_stiffness(cab):
