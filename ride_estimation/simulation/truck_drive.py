@@ -161,28 +161,49 @@ def _slope_load(truck: Assembly, slopes: Array) -> Array:
 
 
 def _frame_motion(response: Response, data: TruckData, cab: Vehicle, speed: Array, sideways: Array) -> BaseMotion:
-    """Return the motion of the frame at the cab mounts, in the inertial frame that moves with the initial speed."""
-    rate = response.base_motion.rate_hz
-    rest = np.zeros((len(speed), 3))
-    rest[:, 1] = sideways
-    rest[:, 0] = derivative(speed, rate)
-    path_velocity = np.stack([speed - speed[0], _integral(sideways, rate), np.zeros(len(speed))], axis=1)
-    path = np.stack([_integral(path_velocity[:, i], rate) for i in range(3)], axis=1)
-    heading_rate = np.where(speed > 1.0, sideways / np.maximum(speed, 1.0), 0.0)
-    heading = _integral(heading_rate, rate)
-    arrays = [np.zeros((len(speed), len(cab.mounts), 3)) for _ in range(6)]
+    """Return the motion of the frame at the cab mounts, in the inertial frame that moves with the initial speed.
+
+    The frame vibrates in axes that drive along and turn with the heading about the origin of the vehicle file:
+    ``p = path + R(heading) (r + d) - r``.
+    """
+    rate, count = response.base_motion.rate_hz, len(speed)
+    turn_rate = np.where(speed > 1.0, sideways / np.maximum(speed, 1.0), 0.0)
+    heading, change = _integral(turn_rate, rate), derivative(turn_rate, rate)
+    turn = np.zeros((count, 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(heading)
+    turn[:, 1, 0] = np.sin(heading)
+    turn[:, 0, 1], turn[:, 2, 2] = -turn[:, 1, 0], 1.0
+    spin, spin_change = (np.outer(part, [0.0, 0.0, 1.0]) for part in (turn_rate, change))
+    # at a walk the lateral acceleration does not turn the vehicle: it slips
+    slip = _integral(sideways - speed * turn_rate, rate)
+    still = np.zeros(count)
+    velocity = _turned(turn, np.stack([speed, slip, still], axis=1)) - [speed[0], 0.0, 0.0]
+    path = np.stack([_integral(velocity[:, i], rate) for i in range(3)], axis=1)
+    along = _turned(turn, np.stack([derivative(speed, rate) - turn_rate * slip, sideways, still], axis=1))
+    arrays = [np.zeros((count, len(cab.mounts), 3)) for _ in range(6)]
     for number, mount in enumerate(cab.mounts.values()):
         share = data.share_of_front(float(mount.position[0]))
         maps = [response.assembly.point_map(half, mount.position) for half in FRAME_HALVES]
         point = share * maps[0] + (1.0 - share) * maps[1]
-        motions = (response.coordinates @ point.T, response.rates @ point.T, response.accelerations @ point.T)
-        for i, (motion, common) in enumerate(zip(motions, (path, path_velocity, rest))):
-            arrays[i][:, number] = motion[:, :3] + common
-            arrays[3 + i][:, number] = motion[:, 3:]
-        arrays[3][:, number, 2] += heading
-        arrays[4][:, number, 2] += heading_rate
-        arrays[5][:, number, 2] += derivative(heading_rate, rate)
+        motions = [part @ point.T for part in (response.coordinates, response.rates, response.accelerations)]
+        place, speed_in, pull = (part[:, :3] for part in motions)
+        carried = np.cross(spin, mount.position + place)
+        turning = (
+            mount.position + place,
+            speed_in + carried,
+            pull + 2.0 * np.cross(spin, speed_in) + np.cross(spin_change, mount.position + place) + np.cross(spin, carried),
+        )
+        beyond = (np.zeros(3), carried, turning[2] - pull)
+        for i, common in enumerate((path, velocity, along)):
+            arrays[i][:, number] = motions[i][:, :3] + common + beyond[i] + _turned(turn - np.eye(3), turning[i])
+            arrays[3 + i][:, number] = motions[i][:, 3:]
+        for i, part in enumerate((heading, turn_rate, change)):
+            arrays[3 + i][:, number, 2] += part
     return BaseMotion(rate, *arrays)
+
+
+def _turned(turn: Array, vectors: Array) -> Array:
+    return np.asarray(np.einsum("nij,nj->ni", turn, vectors))
 
 
 def _on_road(base: BaseMotion, road: Road, data: TruckData, cab: Vehicle, distance: Array) -> BaseMotion:

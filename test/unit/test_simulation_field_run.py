@@ -89,6 +89,22 @@ def test_braking_and_lane_change_reach_the_bases():
     assert abs(turned["angle"][-1, 0, 2]) < 0.02
 
 
+def test_a_lane_change_turns_the_frame_as_one_body_and_pulls_across_its_heading_alone():
+    motion = recorded(drive(scenario(speed=((0.0, 7.0),), lane_changes=(LaneChange(1.0, 4.0, 1.5),)), CAB))
+    yaw = motion["angle"][:, 0, 2]
+    assert yaw.max() > 0.2  # rad
+    places = np.array([m.position for m in CAB.mounts.values()])
+    now = places + motion["displacement"]
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        # a frame that twists, not brackets that pivot where they are
+        apart = np.linalg.norm((now[:, i] - now[:, j])[:, :2], axis=1)
+        np.testing.assert_allclose(apart, np.linalg.norm((places[i] - places[j])[:2]), atol=0.01)
+    pull = motion["acceleration"].mean(axis=1)
+    ahead, across = np.cos(yaw) * pull[:, 0] + np.sin(yaw) * pull[:, 1], np.cos(yaw) * pull[:, 1] - np.sin(yaw) * pull[:, 0]
+    assert np.abs(across).max() > 1.4
+    assert np.abs(ahead).max() < 0.05  # m/s^2: at constant speed nothing pulls along the heading
+
+
 def test_cab_sensors_at_rest_read_gravity_up():
     run = run_scenario(scenario(speed=((0.0, 0.0),)), CAB)
     for channel in run.recording.channels.values():
