@@ -144,8 +144,8 @@ def _noise(item: PreparedRecord) -> dict[str, float | str]:
 
 def _coverage_warnings(prepared: Sequence[PreparedRecord], held: Sequence[PreparedRecord]) -> list[str]:
     """Warn where validation goes beyond what was fitted."""
-    widest = max(float(np.ptp(p.motion.x)) for p in prepared)
-    pairs = [(h.record.name, float(np.ptp(h.motion.x))) for h in held]
+    widest = max(p.motion.stroke for p in prepared)
+    pairs = [(h.record.name, h.motion.stroke) for h in held]
     return [
         f"{name}: its stroke of {1e3 * stroke:.3g} mm exceeds the fitted {1e3 * widest:.3g} mm: the score there is extrapolation"
         for name, stroke in pairs

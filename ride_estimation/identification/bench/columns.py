@@ -214,21 +214,48 @@ def _cell_rules(rates: Array, h: float) -> Array:
 
 
 @compile_sum_kernel
-def _add_products(block: Array, gram: Array) -> None:
-    """Add the products of all rows of a block to the upper triangle of a matrix; two rows by two, each read once per tile."""
-    for a in range(0, block.shape[0], 2):
-        for b in range(a, block.shape[0], 2):
-            s00, s01, s10, s11 = 0.0, 0.0, 0.0, 0.0
+def _add_products(block: Array, ones: Array, gram: Array) -> None:
+    """Add the products of all rows of a block, and with a row of ones, to the upper triangle of a matrix (R + 1, R + 1).
+
+    Three rows by three: every product needs two thirds of a load from the cache, and nine sums fill the registers.
+    """
+    rows = block.shape[0]
+    for a in range(0, rows, 3):
+        for b in range(a, rows, 3):
+            s00, s01, s02, s10, s11, s12, s20, s21, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(block.shape[1]):
-                p0, p1, q0, q1 = block[a, i], block[a + 1, i], block[b, i], block[b + 1, i]
+                p0, p1, p2 = block[a, i], block[a + 1, i], block[a + 2, i]
+                q0, q1, q2 = block[b, i], block[b + 1, i], block[b + 2, i]
                 s00 += p0 * q0
                 s01 += p0 * q1
+                s02 += p0 * q2
                 s10 += p1 * q0
                 s11 += p1 * q1
+                s12 += p1 * q2
+                s20 += p2 * q0
+                s21 += p2 * q1
+                s22 += p2 * q2
             gram[a, b] += s00
             gram[a, b + 1] += s01
+            gram[a, b + 2] += s02
             gram[a + 1, b] += s10
             gram[a + 1, b + 1] += s11
+            gram[a + 1, b + 2] += s12
+            gram[a + 2, b] += s20
+            gram[a + 2, b + 1] += s21
+            gram[a + 2, b + 2] += s22
+        s0, s1, s2 = 0.0, 0.0, 0.0
+        for i in range(block.shape[1]):
+            s0 += block[a, i] * ones[i]
+            s1 += block[a + 1, i] * ones[i]
+            s2 += block[a + 2, i] * ones[i]
+        gram[a, rows] += s0
+        gram[a + 1, rows] += s1
+        gram[a + 2, rows] += s2
+    total = 0.0
+    for i in range(ones.size):
+        total += ones[i] * ones[i]
+    gram[rows, rows] += total
 
 
 @compile_kernel
@@ -252,9 +279,10 @@ def gram_kernel(
     cells, friction = rates.size, 1 if kind > 0 else 0
     static = int(spring) + int(cubic) + int(viscous)
     linear = static + cells + friction
-    columns = linear + cells + friction + 2
-    even = columns + columns % 2  # a row of zeros makes whole tiles
-    gram, block, steps = np.zeros((even, even)), np.zeros((even, BLOCK)), np.zeros(BLOCK)
+    columns = linear + cells + friction + 1
+    rows = (columns + 2) // 3 * 3  # rows of zeros make whole tiles
+    gram, block = np.zeros((rows + 1, rows + 1)), np.zeros((rows, BLOCK))
+    steps, ones = np.zeros(BLOCK), np.ones(BLOCK)
     state, slope = branch_states(kind, length, anchors, directions) if friction else (np.zeros(1), np.zeros(1))
     rules, memory = _cell_rules(rates, h), np.zeros((cells, 2))
     branch = 0
@@ -289,19 +317,25 @@ def gram_kernel(
                 linear + cells,
             )
         for i in range(force_part.size):
-            block[columns - 2, i] = 1.0
             block[columns - 1, i] = force_part[i]
         if weight.size > 0:
+            ones[:n] = weight[lo : lo + n]
             for c in range(columns):
                 for i in range(n):
-                    block[c, i] *= weight[lo + i]
+                    block[c, i] *= ones[i]
         if n < BLOCK:
             block[:, n:] = 0.0
-        _add_products(block, gram)
-    for a in range(columns):
-        for b in range(a):
-            gram[a, b] = gram[b, a]
-    return gram[:columns, :columns].copy()
+            ones[n:] = 0.0
+        _add_products(block, ones, gram)
+    # in the order of the layout: the force offset before the force
+    place = np.empty(columns + 1, np.int64)
+    for a in range(columns + 1):
+        place[a] = a if a < columns - 1 else rows if a == columns - 1 else columns - 1
+    out = np.empty((columns + 1, columns + 1))
+    for a in range(columns + 1):
+        for b in range(columns + 1):
+            out[a, b] = gram[min(place[a], place[b]), max(place[a], place[b])]
+    return out
 
 
 def fused_gram(layout: Layout, motion: Motion, theta: Array, force: Array, stop: int, weight: Array | None = None) -> Array:

@@ -125,7 +125,7 @@ def initial_rest(motion: Motion) -> int:
 
     Friction stores a force from before the record that nothing tells, so rest is neither fitted nor scored.
     """
-    threshold = max(motion.dead_band, REST_SHARE * float(np.ptp(motion.x)))
+    threshold = max(motion.dead_band, REST_SHARE * motion.stroke)
     away = np.abs(motion.x[: motion.x.size // 100 + 1] - motion.x[0])
     if away.max() > threshold:
         return 0
@@ -179,7 +179,7 @@ def search_bounds(layout: Layout, prepared: Sequence[PreparedRecord]) -> tuple[A
     """Return bounds of the logarithms: rates the records can show, friction lengths within their strokes."""
     duration = max(p.force.size * p.motion.step_s for p in prepared)
     step = min(p.motion.step_s for p in prepared)
-    stroke = max(float(np.ptp(p.motion.x)) for p in prepared)
+    stroke = max(p.motion.stroke for p in prepared)
     lower = [np.log(1.0 / duration)] * layout.cells
     upper = [np.log(2.0 / step)] * layout.cells
     if layout.friction:

@@ -26,6 +26,7 @@ COST_TOLERANCE = 1.0e-9
 STEP_TOLERANCE = 1.0e-6
 #: coefficients whose eigen-direction is weaker than this share of the strongest are not resolved
 RANK_TOLERANCE = 1.0e-12
+_TINY = float(np.finfo(float).tiny)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,7 +104,7 @@ def first_order(gram: Array, step: Array, linear: int, sensitivities: NDArray[np
 
 def solve_linear(basis: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[Array, tuple[int, ...]]:
     """Solve normal equations with some coefficients not below zero (active set); columns are scaled first."""
-    scale = np.sqrt(np.maximum(np.diag(basis), np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(np.diag(basis), _TINY))
     a, b = basis / np.outer(scale, scale), target / scale
     free = np.ones(b.size, dtype=bool)
     for _ in range(2 * b.size):
@@ -147,11 +148,12 @@ def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive
         Coefficients that may not fall below zero, shape (P,).
     """
     basis, target = gram[:linear, :linear], gram[:linear, -1]
-    scale = np.sqrt(np.maximum(basis.diagonal(), np.finfo(float).tiny))
-    inverse = _pseudo_inverse(basis / (scale[:, None] * scale)) / (scale[:, None] * scale)
+    scale = np.sqrt(np.maximum(basis.diagonal(), _TINY))
+    size = scale[:, None] * scale
+    inverse = _pseudo_inverse(basis / size) / size
     coefficients = inverse @ target
     at_zero: tuple[int, ...] = ()
-    if np.any(coefficients[positive] < 0.0):
+    if (positive & (coefficients < 0.0)).any():
         coefficients, at_zero = solve_linear(basis, target, positive)
         free = np.setdiff1d(np.arange(linear), np.asarray(at_zero, dtype=int))
         part = scale[free]
@@ -160,11 +162,11 @@ def project(gram: Array, linear: int, sensitivities: NDArray[np.int64], positive
     power = float(gram[-1, -1])
     cost = power - 2.0 * float(coefficients @ target) + float(coefficients @ basis @ coefficients)
     cost = max(cost, 1e-15 * power)
-    q = sensitivities.size
-    cross = gram[linear : linear + q, :linear]
+    rows = gram[linear : linear + sensitivities.size]
+    cross = rows[:, :linear]
     a = coefficients[sensitivities]
-    hessian = (gram[linear : linear + q, linear : linear + q] - cross @ inverse @ cross.T) * (a[:, None] * a)
-    gradient = -a * (gram[linear : linear + q, -1] - cross @ coefficients)
+    hessian = (rows[:, linear:-1] - cross @ inverse @ cross.T) * (a[:, None] * a)
+    gradient = -a * (rows[:, -1] - cross @ coefficients)
     return Projection(coefficients, cost, gradient, hessian, at_zero)
 
 
@@ -172,9 +174,15 @@ def _pseudo_inverse(symmetric: Array) -> Array:
     if symmetric.size == 0:
         return np.zeros((0, 0))  # every coefficient is held at zero
     values, vectors = np.linalg.eigh(symmetric)
-    inverse = np.where(values > RANK_TOLERANCE * values[-1], 1.0 / np.maximum(values, 1e-300), 0.0)
+    least = RANK_TOLERANCE * values[-1]
+    inverse = (values > least) / np.maximum(values, max(float(least), 1e-300))
     result: Array = (vectors * inverse) @ vectors.T
     return result
+
+
+def _within(values: Array, lower: Array | float, upper: Array | float) -> Array:
+    bounded: Array = np.minimum(np.maximum(values, lower), upper)
+    return bounded
 
 
 def minimise(
@@ -207,9 +215,9 @@ def minimise(
     max_passes
         Limit of passes over the data.
     """
-    theta = np.clip(start, lower, upper)
+    theta = _within(start, lower, upper)
     gram = evaluate(theta)
-    if not np.all(np.isfinite(gram)):
+    if not np.isfinite(gram).all():
         raise InputDataError("the record and the start values give no finite model force")
     point = project(gram, linear, sensitivities, positive)
     passes, iterations, damping, converged = 1, 0, 1e-3, theta.size == 0
@@ -219,14 +227,13 @@ def minimise(
         if move.size == 0:
             converged = True
             break
-        h = point.hessian[np.ix_(move, move)]
-        diagonal = np.maximum(np.diag(h), 1e-12 * float(np.max(np.abs(np.diag(point.hessian)), initial=1e-300)))
-        diagonal = np.maximum(diagonal, 1e-300)
+        h = point.hessian[move[:, None], move]
+        least = max(1e-12 * float(np.abs(point.hessian.diagonal()).max()), 1e-300)
         step = np.zeros(theta.size)
-        step[move] = -np.linalg.solve(h + damping * np.diag(diagonal), point.gradient[move])
+        h.flat[:: move.size + 1] += damping * np.maximum(h.diagonal(), least)
+        step[move] = -np.linalg.solve(h, point.gradient[move])
         promised = float(-step[move] @ point.gradient[move])
-        step = np.clip(step, -2.0, 2.0)
-        trial = np.clip(theta + step, lower, upper)
+        trial = _within(theta + _within(step, -2.0, 2.0), lower, upper)
         # a Hessian wrong by a share misses a promise by that share and the optimum by its square: where that is far less than
         # noise can tell, the step needs no pass over the data
         if promised * doubt**2 < cost_tolerance * point.cost:
@@ -236,7 +243,7 @@ def minimise(
                 theta, gram, point = trial, moved, moved_point
             converged = True
             break
-        if float(np.max(np.abs(trial - theta))) < STEP_TOLERANCE:
+        if float(np.abs(trial - theta).max()) < STEP_TOLERANCE:
             converged = True
             break
         trial_gram = evaluate(trial)
