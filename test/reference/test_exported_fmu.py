@@ -162,13 +162,13 @@ class Unit:
         self.keep, self.put = (
             (self.fmu.getFMUstate, self.fmu.setFMUstate) if old else (self.fmu.getFMUState, self.fmu.setFMUState)
         )
-        self.slopes = self.fmu.getDerivatives if old else self.fmu.getContinuousStateDerivatives
         if old:
             self.fmu.setupExperiment(startTime=0.0)
         self.fmu.enterInitializationMode()
         self.set([self.number[n] for n in first], [float(v) for v in first.values()])
         self.fmu.exitInitializationMode()
         if interface == "ModelExchange":
+            self.slopes = self.fmu.getDerivatives if old else self.fmu.getContinuousStateDerivatives
             self.fmu.enterContinuousTimeMode()
 
     def free(self) -> None:
