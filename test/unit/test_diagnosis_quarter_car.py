@@ -12,13 +12,14 @@ from worlds.hiding import law_of
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.extension import parts_of
 
-#: cause, form and size of a law that leaves 4 to 10 % to the linear model; of a play in which the weight rests, 22 %
+#: cause, form and size of a law that leaves 2 to 5 % to the linear model
 LAWS = [
-    ("stiffness_nonlinearity", "hollow_rubber", 0.25),
-    ("coulomb_friction", "jenkins_chain", 0.3),
+    ("stiffness_nonlinearity", "hollow_rubber", 0.09),
+    ("coulomb_friction", "jenkins_chain", 0.25),
     ("damping_nonlinearity", "relief_valve", 0.3),
-    ("bump_stop", "foam_both_sides", 0.15),
+    ("bump_stop", "foam_both_sides", 0.03),
     ("viscoelasticity", "fractional", 0.8),
+    # a play in which the weight rests leaves 21 %; smaller ones are not told from others
     ("backlash", "soft_play", 0.5),
     pytest.param(
         "backlash", "soft_play", 0.12,
@@ -49,6 +50,7 @@ def test_a_planted_law_is_named_and_pays_on_the_other_run(cause, form, size):
     # more than half of what the model missed is gone on a road that neither fitted nor selected
     missed, left = (math.sqrt(max(e**2 - judged.noise_floor**2, 0.0)) for e in (judged.baseline, judged.extended))
     assert left < 0.5 * missed
+    assert cause == "backlash" or 0.02 < missed < judged.baseline < 0.05
     assert judged.ci95[0] > 0.0
     document = answer.to_mapping()
     assert document["causes"][0]["would_refute"]

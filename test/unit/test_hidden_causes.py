@@ -61,7 +61,7 @@ def require(answer: Diagnosis, hidden: Hidden) -> None:
     if hidden.cause in NOT_IN_BAND:
         assert judged.extended < 1.02 * judged.baseline
     else:
-        assert 0.01 < missed < 0.06, "the level of the effect"
+        assert 0.02 < missed < judged.baseline < 0.05, "the level of the effect"
         assert left < 0.5 * missed, answer.sentence
         assert judged.ci95[0] > 0.0
 
