@@ -75,11 +75,16 @@ def test_mounts_that_could_carry_the_body_alone_leave_no_scale():
     assert weighed_share(geometry_of(vehicle_with(MOUNTS))) == 1.0
     assert weighed_share(geometry_of(vehicle_with(MOUNTS[:3]))) > 0.4
     assert weighed_share(geometry_of(vehicle_with(MOUNTS[:2]))) > 0.4
-    diagonal = geometry_of(vehicle_with(("front_left", "rear_right")))
-    assert weighed_share(diagonal) < 0.2
-    estimator = ParameterEstimator(diagonal, BracketTilt(diagonal), PipelineSettings())
-    assert not estimator.possible
-    assert "could carry the body alone" in estimator.estimates()[0].reason
+    diagonal = vehicle_with(("front_left", "rear_right"))
+    # the other two could carry the body, but no moment about the line through them: the inertia is the scale where it is stated
+    assert weighed_share(geometry_of(diagonal)) > 0.4
+    unstated = {n: dataclasses.replace(b, inertia_relative_std=None) for n, b in diagonal.bodies.items()}
+    for poor in (dataclasses.replace(diagonal, bodies=unstated), vehicle_with(("front_left",))):
+        geometry = geometry_of(poor)
+        assert weighed_share(geometry) < 0.2
+        estimator = ParameterEstimator(geometry, BracketTilt(geometry), PipelineSettings())
+        assert not estimator.possible
+        assert "could carry the body alone" in estimator.estimates()[0].reason
 
 
 def test_nothing_is_learned_along_forces_of_unseen_mounts():
@@ -120,7 +125,7 @@ def estimated(vehicle):
     ("bases", "axes", "learned", "largest"),
     [
         (MOUNTS[:3], "xyz", 6, 0.25), (MOUNTS[:2], "xyz", 4, 0.3), (MOUNTS, "z", 8, 0.2),
-        (("front_left", "rear_right"), "xyz", 0, 0.4),
+        (("front_left", "rear_right"), "xyz", 4, 0.4),
     ],
 )  # fmt: skip
 def test_vertical_forces_and_parameters_of_fewer_readings(bases, axes, learned, largest):

@@ -72,14 +72,28 @@ def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
         again.load(doubt.save())
         assert np.array_equal(again.std(K, C, PRIOR), found[-1])
     assert np.array_equal(found[0], usual)
-    # by hand: less their mean they lean by 0.375 and three times 0.125 degrees, rms 0.2165; the sum is 0.125 off besides
-    more = found[1][0, :, 1] / usual[0, :, 1]
-    assert np.all(more > 2.0) and np.all(more < 2.7)
-    # all alike is the body: the sum is off by 0.5 instead of 0.05 degrees, the split as before
+    # by hand: less their mean they lean by 0.375 and three times 0.125 degrees, rms 0.2165; the mean of four against that of four
+    # sensors of the body by sqrt(1/4 + 1/4) of that, more than the 0.125 that gravity shows
+    assert np.allclose(found[1][0, :, 1] / usual[0, :, 1], 2.165, rtol=0.03)
+    # all alike is the body: the sum is off by 0.5 instead of 0.07 degrees, the split as before
     vertical, rigid, deforming = (np.sqrt(np.mean(p**2)) for p in _parts(x))
-    common, split = np.radians([np.hypot(0.05, 0.5), 0.1]) * vertical / np.array([rigid, deforming])
+    common, split = np.radians([0.5, 0.1]) * vertical / np.array([rigid, deforming])
     assert np.allclose(found[2][0, :, 1], np.hypot(common, split), rtol=0.05)
     assert np.array_equal(found[1][:, :, 0], usual[:, :, 0]) and np.array_equal(found[1][:, :, 2], usual[:, :, 2])
+
+
+def test_the_angle_between_body_and_bases_is_what_the_sensors_of_both_leave():
+    """The sum of the lateral stiffness is as uncertain as sensors of body and bases at random angles make it."""
+    rng = np.random.default_rng(3)
+    x = motion(rng, 2e-4)
+    vertical, rigid, _ = (np.sqrt(np.mean(p**2)) for p in _parts(x))
+    angle = np.radians(0.1)
+    leans = angle * (rng.standard_normal((4000, 4)).mean(axis=1) - rng.standard_normal((4000, 4)).mean(axis=1))
+    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
+    doubt.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
+    own, together = doubt._angles()
+    assert np.allclose(own, angle) and np.allclose(together, leans.std(), rtol=0.05)
+    assert np.all(doubt.std(K, C, PRIOR)[0, :, 1] > leans.std() * vertical / rigid)
 
 
 def _parts(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -87,6 +101,11 @@ def _parts(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     flat, wrench = x.reshape(len(x), 12), ARRANGEMENT.wrench
     rigid = flat @ np.linalg.lstsq(wrench.T, np.eye(12), rcond=None)[0].T @ wrench
     return flat[:, 2::3], rigid[:, 1::3], (flat - rigid)[:, 1::3]
+
+
+def test_before_any_motion_the_split_is_as_uncertain_as_in_the_file():
+    doubt = InstallationUncertainty(ARRANGEMENT, CORNER).std(K, C, PRIOR)
+    assert np.all(doubt[:, :, :2] == PRIOR[:, :, :2]) and np.all(doubt[:, :, 2] == 0.0)
 
 
 def test_less_deformation_leaves_more_doubt_and_vertical_parameters_have_none():
@@ -132,9 +151,8 @@ def test_a_chance_course_of_vertical_motion_is_worse_for_the_damping_of_stiff_mo
     assert np.all(stiff[1, :, 1] > 3.0 * soft[1, :, 1]) and np.array_equal(stiff[0], soft[0])
 
 
-def test_nothing_observed_is_no_doubt_and_a_saved_state_continues_alike():
+def test_a_saved_state_continues_alike():
     doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-    assert np.all(doubt.std(K, C, PRIOR) == 0.0)
     x = motion(np.random.default_rng(3), 1e-4).reshape(-1, 12)
     doubt.observe(x, x, DT)
     other = InstallationUncertainty(ARRANGEMENT, CORNER)

@@ -104,16 +104,19 @@ def unseen_acceleration(geometry: Geometry) -> Array:
 
 
 def weighed_share(geometry: Geometry) -> float:
-    """Return which share of a vertical force at the CG cannot be made up for by unknown ones at mounts without a base sensor.
+    """Return which share of what sets the scale cannot be made up for by unknown forces at mounts without a base sensor.
 
-    Mass is the scale of all stiffness. Mounts whose line passes the CG on both sides may carry it alone, whatever the others do:
-    ``|(1 - W W^+) e|`` with the columns ``[1, y / L, -x / L]`` of those mounts in W and e of the CG.
+    Mass and inertia are the scale of all stiffness. Mounts whose line passes by the CG may carry it alone, whatever the others
+    do, but no moment about that line: ``max |(1 - W W^+) e|`` with the columns ``[1, y / L, -x / L]`` of those mounts in W
+    and e a force or moment that accelerates the body; moments count where the file states how well the inertia is known.
     """
     arms = geometry.arms[~geometry.base_told[:, 2], :2]
     length = float(np.sqrt(np.mean(np.sum(geometry.arms[:, :2] ** 2, axis=1)))) or 1.0
-    unseen = np.column_stack([np.ones(len(arms)), arms[:, 1] / length, -arms[:, 0] / length]).T
-    heave = np.array([1.0, 0.0, 0.0])
-    return float(np.linalg.norm(heave - unseen @ (np.linalg.pinv(unseen) @ heave))) if len(arms) else 1.0
+    free = geometry.free[2:5]
+    unseen = np.column_stack([np.ones(len(arms)), arms[:, 1] / length, -arms[:, 0] / length]).T[free]
+    rest = np.eye(len(unseen)) - unseen @ np.linalg.pinv(unseen) if len(arms) else np.eye(len(unseen))
+    counts = np.array([True, *(2 * [geometry.body.inertia_relative_std is not None])])[free]
+    return float(np.linalg.norm(rest[:, counts], axis=0).max(initial=0.0))
 
 
 class ForceBalance:

@@ -55,6 +55,8 @@ FOLLOW_STD = 0.3
 _INERTIA_RATIO = 2.0
 #: sections of the high-pass times its time constant after which the start is forgotten
 _SETTLE = 9.0
+#: the same of deflections, which two integrations and six sections make: ``(w t)^5 / 5! exp(-w t)`` is a thousandth
+_SETTLE_DEFLECTION = 16.0
 #: time in which a simulated body that begins where the measured one is forgets that beginning [s]
 _FADE = 1.0
 #: rotation against the brackets from which on nothing is learned [rad]: the balance is that of small rotations, and half
@@ -71,7 +73,7 @@ _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 _LOADED_CG, _REACH = 0.1, 0.5
 #: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
 _CALIBRATED_CG = 0.004
-#: share of the inertia of heave that mounts without a base sensor must leave to the others: below, only ratios are told
+#: share of mass or inertia that mounts without a base sensor must leave to the others: below, only ratios are told
 _WEIGHED = 0.2
 #: a CG is off its file with this probability, and with this one it still is when its place has been estimated
 _CERTAINLY, _STILL = 1.0 - 1e-5, 0.99
@@ -158,10 +160,10 @@ class ParameterEstimator:
             return "estimation of parameters is switched off"
         if self.geometry.base_told.any():
             return (
-                "mounts without a motion sensor on their base could carry the body alone, which leaves nothing that its mass "
-                "could be compared with: a triaxial accelerometer at the base of one of them would tell it"
+                "mounts without a motion sensor on their base could carry the body alone, which leaves nothing that its mass or "
+                "a stated inertia could be compared with: triaxial accelerometers at more of the bases make them observable"
             )
-        return "no motion sensor on the base side of every mount: a triaxial accelerometer at each mount base would tell it"
+        return "no motion sensor on the base side of every mount: triaxial accelerometers at all mount bases make them observable"
 
     def restart(self) -> None:
         """Begin with empty filters after a gap or a new time base; what was learned stays."""
@@ -297,7 +299,7 @@ class ParameterEstimator:
         listed = [(s, float(self.theta[n]), float(self.std[n]), *self.status.of(n)) for n, s in enumerate(self.free_parameters)]
         by_transducers = self._model.inertial is None
         what = "transducer" if by_transducers else "motion sensor at the mount bases"
-        unseen = f"no {what} tells this axis: a triaxial accelerometer at each mount base would"
+        unseen = f"no {what} measures this axis: a triaxial accelerometer at each mount base would"
         listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
         doubted = self._doubted_axes()
         for parameter, log, std, own, why in listed:
@@ -392,8 +394,7 @@ class ParameterEstimator:
         self._pending_ticks += ticks
         if self._pending_ticks * dt < self.settings.parameter_interval / 2.0:
             return moved
-        taken, chunk = self._pending_ticks, self._filtered(dt)
-        self._settled += taken * dt
+        chunk = self._filtered(dt)
         if self._settled < _SETTLE / self._model.balance.corner:
             return moved
         return self._take(chunk, motion.covariance, stamp_ns) or moved
@@ -404,10 +405,13 @@ class ParameterEstimator:
         self._upright = 0.0 if leans else self._upright + len(joined.support) * dt
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
+        self._settled += len(joined.support) * dt
         if self._doubt is not None and self._model.inertial is not None:
-            self._doubt.observe(*self._model.inertial.moved, dt)
-            self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
-            self._square_ticks += len(joined.support)
+            # what leaning sensors make of the start of the filters is ten times the motion and none of it
+            if self._settled >= _SETTLE_DEFLECTION / self._model.balance.corner:
+                self._doubt.observe(*self._model.inertial.moved, dt)
+                self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
+                self._square_ticks += len(joined.support)
             vertical = joined.support[:, 2] / self.geometry.body.mass.value - self.geometry.vehicle.gravity
             self._doubt.weigh(joined.relative, vertical, dt)
         return chunk

@@ -10,7 +10,8 @@ values of a run leave it ``1 / sqrt(N)``.
 
 epsilon is a tenth of a degree (a machined face) or, where that is more, what gravity shows: a sensor that leans reads
 ``epsilon g`` all the time. So does one with a bias, and nothing here tells which it is; that a reading is zero proves no right
-angle either, zeros are often set so. What all bases have in common leans the body's sensors and is in the sum.
+angle either, zeros are often set so. In the sum is how far the mean of M base sensors leans against that of B sensors of the
+body: by ``epsilon sqrt(1 / M + 1 / B)`` or, where that is more, by what gravity shows.
 
 Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
 four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
@@ -68,6 +69,8 @@ class InstallationUncertainty:
         wrench = geometry.wrench[geometry.free]
         self._rigid = np.linalg.pinv(wrench) @ wrench
         self._count, self._gravity = len(geometry.mounts), geometry.vehicle.gravity
+        #: angle between the means of base sensors and sensors of the body, share of that of one sensor
+        self._mean = np.sqrt(1.0 / max(self._count, 1) + 1.0 / max(len(geometry.body_sensors), 1))
         variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in geometry.base_sensors])
         split = 1.0 - np.diag(self._rigid).reshape(self._count, 3)
         #: variance per tick that noise makes of the deforming part of deflection and rate, (2, M, 3)
@@ -107,11 +110,11 @@ class InstallationUncertainty:
         self._weighed += len(relative) * dt
 
     def _angles(self) -> tuple[Array, Array]:
-        """Return the angle a base sensor may lean by along x and y, and that of all together, shape (2,) each [rad]."""
+        """Return the angle a base sensor may lean by along x and y, and their mean against the body's, shape (2,) each [rad]."""
         lean = self._relative / (max(self._weighed, 1e-9) * self._gravity)
         common = lean.mean(axis=0)
         own = np.sqrt(np.mean(np.maximum(np.abs(lean - common), _ANGLE) ** 2, axis=0))
-        return own, np.hypot(own / np.sqrt(self._count), common)
+        return own, np.maximum(own * self._mean, np.abs(common))
 
     def std(self, stiffness: Array, damping: Array, prior: Array) -> Array:
         """Return the standard deviation of the logarithm of every stiffness and damping, shape (2, M, 3).
@@ -130,6 +133,8 @@ class InstallationUncertainty:
         for role in range(2):
             error = np.full((self._count, 2), total[role, 0, 2])
             if total[role, 0, 2] <= 0.0:
+                # no motion seen yet: what only it tells is as uncertain as in the file
+                out[role, :, :2], out[role, :, 2] = prior[role, :, :2], self._open * prior[role, :, 2]
                 continue
             if role == 1:
                 along = total[0, 0, 2] * stiffness[:, :2] / np.maximum(damping[:, :2], 1e-9)
