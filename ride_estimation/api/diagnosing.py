@@ -12,10 +12,11 @@ from ride_estimation.api.plots import DiagnosisPlots
 from ride_estimation.api.runs import Run
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.diagnosis.diagnose import diagnose as diagnose_run
+from ride_estimation.diagnosis.diagnose import require_testable
 from ride_estimation.diagnosis.result import Diagnosis
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel, require_travel
+from ride_estimation.errors import ConfigurationError, RideEstimationError
 from ride_estimation.io.json_file import written_last
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import save_vehicle
@@ -138,6 +139,17 @@ def diagnose(
     checksum, duration = run.recording.checksum, measured.samples / measured.rate_hz
     facts = {"path": run.recording.name, "checksum": checksum, "duration_s": duration}
     return DiagnosedRun(answer, measured.name, facts, {"name": run.vehicle.name, "checksum": run.vehicle.checksum})
+
+
+def refusal(run: Run) -> str:
+    """Return why :func:`diagnose` cannot test the model with what a run measures, empty where it can."""
+    try:
+        measured = _uniform(run.recording, None)
+        check = require_travel if needs_travel(run.vehicle, measured) else require_testable
+        check(run.vehicle, measured)
+    except RideEstimationError as error:
+        return str(error)
+    return ""
 
 
 def _unused_rates(run: UniformRun) -> tuple[str, ...]:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # whoever made a mistake in the vehicle file need not wait fo
 #: what a test drive can be: option, least, largest, unit
 RANGES = (("speed", 0.5, 60.0, "m/s"), ("duration", 1.0, 86400.0, "s"), ("rate", 20.0, 20000.0, "Hz"))
 
+#: times smaller standard deviations that are worth a sensor
+WORTH = 1.05
+
 #: G_d(n0) at the geometric middle of each ISO 8608 class [m^3]
 ROAD_CLASSES = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}
 
@@ -40,12 +43,15 @@ class Plan:
         What the estimator will state, from simulated drives; None where only the bounds were asked for.
     helpful
         What further motion sensors bring the estimator, best first.
+    single
+        What the most helpful one sensor of the best addition brings alone; None where that is one sensor, or no help.
     """
 
     vehicle: Vehicle
     result: SensorPlan
     replay: PredictedReplay | None = None
     helpful: tuple[Addition, ...] = ()
+    single: Addition | None = None
 
     def to_dataframe(self) -> Any:
         """Return relative standard deviations per parameter as ``pandas.DataFrame``: the bound (inf: not identifiable) and, where
@@ -65,11 +71,18 @@ class Plan:
 
     def _repr_html_(self) -> str:
         present = self.result.present
+        stated = {p.name: p for p in self.replay.parameters} if self.replay is not None else {}
         rows = [
-            [name, f"{100.0 * std:.2g} %" if math.isfinite(std) else "not identifiable"]
+            [name, _percent(std), *([_percent(p.relative_std), p.status] if (p := stated.get(name)) else ["", ""])]
             for name, std in zip(present.names, present.relative_std.tolist())
         ]
-        return html_table(("parameter", "smallest std"), rows, repr(self))
+        return html_table(("parameter", "bound", "replay std", "status"), rows, repr(self))
+
+    @property
+    def helps(self) -> tuple[Addition, ...]:
+        """Return the additions that help the estimator noticeably, best first."""
+        now = len(self.replay.of_status("valid")) if self.replay is not None else 0
+        return tuple(a for a in self.helpful if a.valid > now or a.improvement > WORTH)
 
 
 def plan(
@@ -125,7 +138,7 @@ def plan(
         wrong.append(f"--road {road!r}; allowed: {', '.join(ROAD_CLASSES)}")
     if wrong:
         raise ConfigurationError(wrong)
-    from ride_estimation.api.predicted import DRIVES, helpful_additions, predicted_replay
+    from ride_estimation.api.predicted import DRIVES, helpful_additions, most_helpful_sensor, predicted_replay
     from ride_estimation.identification import sensor_plan
     from ride_estimation.identification.sensitivities import Excitation
 
@@ -143,8 +156,19 @@ def plan(
     proposed = sensor_plan.additions(driven)
     number = itertools.count(1)
 
+    total = DRIVES + len(proposed) + max(map(len, proposed.values()), default=0)
+
     def one_more() -> None:
-        report(next(number) / (DRIVES + len(proposed)))
+        report(min(next(number) / total, 1.0))
 
     replay = predicted_replay(driven, excitation, driven=one_more)
-    return Plan(known, found, replay, helpful_additions(driven, excitation, proposed, replay, one_more))
+    helpful = helpful_additions(driven, excitation, proposed, replay, one_more)
+    planned = Plan(known, found, replay, helpful)
+    among = proposed[planned.helps[0].name] if planned.helps else ()
+    if len(among) < 2:
+        return planned
+    return dataclasses.replace(planned, single=most_helpful_sensor(driven, excitation, among, replay, one_more))
+
+
+def _percent(std: float) -> str:
+    return f"{100.0 * std:.2g} %" if math.isfinite(std) else "not identifiable"

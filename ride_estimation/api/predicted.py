@@ -8,6 +8,8 @@ import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 
+from ride_estimation.api.diagnosing import refusal
+from ride_estimation.api.runs import Run
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.offline import run_offline
@@ -30,6 +32,8 @@ _INSTALLED = SensorErrors(gain_std=0.005 / math.sqrt(3.0), misalignment_std=math
 _STIFF_FRAME = 30.0
 #: road, noise and installation of the drives: what one drive happens to show differs by half from the next
 _SEEDS = (20, 21, 22)
+#: words for the kinds of motion sensors
+_KINDS = {"imu": "IMU", "displacement": "displacement transducer along"}
 #: how many drives a prediction takes
 DRIVES = len(_SEEDS)
 
@@ -65,11 +69,14 @@ class PredictedReplay:
         What the estimator states after each drive; empty where it refuses the layout.
     refusal
         Why it refuses, else empty.
+    diagnosis
+        Why a diagnosis refuses such a drive, else empty.
     """
 
     duration_s: float
     drives: tuple[tuple[Estimate, ...], ...]
     refusal: str = ""
+    diagnosis: str = ""
 
     @property
     def parameters(self) -> tuple[PredictedParameter, ...]:
@@ -98,6 +105,23 @@ class Addition:
     name: str
     valid: int
     improvement: float
+
+
+def most_helpful_sensor(
+    vehicle: Vehicle, excitation: Excitation, among: Sequence[Sensor], present: PredictedReplay,
+    driven: Callable[[], None] = lambda: None,
+) -> Addition:
+    """Return what the most helpful one of some sensors brings alone.
+
+    Parameters
+    ----------
+    vehicle, excitation, present, driven
+        As of :func:`helpful_additions`.
+    among
+        The sensors, at least one.
+    """
+    proposed = {f"{_KINDS.get(s.kind, s.kind)} {s.axis} at {s.mount or s.body}".replace("  ", " "): (s,) for s in among}
+    return helpful_additions(vehicle, excitation, proposed, present, driven)[0]
 
 
 def helpful_additions(
@@ -155,17 +179,20 @@ def predicted_replay(
     )
     errors = dataclasses.replace(_INSTALLED, rate=min(excitation.rate_hz, _FASTEST_HZ))
     drives: list[tuple[Estimate, ...]] = []
+    untested = ""
     for seed in seeds:
         scenario = Scenario(
             name="plan", seed=seed, vehicle_file="", duration=duration, speed=((0.0, excitation.speed),),
             road=RoadSpec(excitation.roughness), sensor_errors=errors, truck=truck,
         )  # fmt: skip
+        recording = run_scenario(scenario, vehicle).recording
+        untested = untested if drives else refusal(Run(recording, vehicle))
         try:
-            drives.append(run_offline(run_scenario(scenario, vehicle).recording, Pipeline(vehicle), smoothing=False).parameters)
+            drives.append(run_offline(recording, Pipeline(vehicle), smoothing=False).parameters)
         except RideEstimationError as error:
-            return PredictedReplay(duration, (), str(error))
+            return PredictedReplay(duration, (), str(error), untested)
         driven()
-    return PredictedReplay(duration, tuple(drives))
+    return PredictedReplay(duration, tuple(drives), diagnosis=untested)
 
 
 def _of(same: tuple[Estimate, ...]) -> PredictedParameter:

@@ -6,10 +6,10 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from ride_estimation.api.planning import plan
+from ride_estimation.api.planning import Plan, plan
 from ride_estimation.cli.finite import require_finite
 from ride_estimation.cli.progress import Progress
 from ride_estimation.vehicles.modes import NEUTRAL_HZ
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ride_estimation.identification.sensor_plan import Option, SensorPlan
 
 _SHOWN = 6  # null directions that are printed one by one
-_WORTH = 1.05  # times smaller standard deviations that are worth a sensor
 
 
 def run(options: argparse.Namespace) -> int:
@@ -46,9 +45,9 @@ def run(options: argparse.Namespace) -> int:
     known = ", ".join(f"{n} ({100 * std:.2g} %)" if std else n for n, std in result.known.items())
     print(f"known beforehand: {known or 'nothing (forces are then ratios only)'}")
     _print_bounds(result, found.replay)
-    _print_options(result)
+    _print_options(result, {a.name for a in found.helpful})
     if found.replay is not None:
-        _print_prediction(found.replay, found.helpful)
+        _print_prediction(found, found.replay)
     return 0
 
 
@@ -57,8 +56,8 @@ def _print_bounds(result: SensorPlan, replay: PredictedReplay | None) -> None:
     print(f"rank {present.rank} of {len(present.names)} parameters")
     if result.ratio_to:
         print(
-            f"the scale is not told: {result.ratio_to} and everything that goes with it may be off by one common factor; "
-            f"ratios to {result.ratio_to} are told as well as the second column says"
+            f"the absolute scale is not observable: {result.ratio_to} and everything proportional to it may be off by a factor; "
+            f"ratios to {result.ratio_to} have the standard deviation in the second column"
         )
     if present.rank or result.ratio_to:
         stated = {p.name: p for p in replay.parameters} if replay is not None else {}
@@ -79,19 +78,22 @@ def _print_bounds(result: SensorPlan, replay: PredictedReplay | None) -> None:
         print(f"not identifiable: {len(present.null_directions) - _SHOWN} more combinations like these")
 
 
-def _print_options(result: SensorPlan) -> None:
-    worth = {option.name: _worth(option, result.present) for option in result.options}
-    print("\nadditions, best first:")
+def _print_options(result: SensorPlan, driven: Collection[str]) -> None:
+    """Print what additions do to the bound; those that simulated drives judge are left to these."""
+    worth = {option.name: _worth(option, result.present) for option in result.options if option.name not in driven}
+    if not worth:
+        return
+    print("\nforce references and their effect on the bound, best first:" if driven else "\nadditions by the bound, best first:")
     for name, words in worth.items():
         if words:
             print(f"  {name}: {words}")
     useless = [name for name, words in worth.items() if not words]
     if useless:
-        print(f"  no difference by itself: {'; '.join(useless)}")
+        print(f"  no lower bound by itself: {'; '.join(useless)}")
 
 
-def _print_prediction(replay: PredictedReplay, helpful: Sequence[Addition]) -> None:
-    """Print what replay will state, what it will refuse, and which further motion sensor helps it most."""
+def _print_prediction(found: Plan, replay: PredictedReplay) -> None:
+    """Print what replay will estimate, what replay and diagnose will refuse, and the sensor that helps most."""
     if replay.refusal:
         print(f"\nreplay will refuse: {replay.refusal}")
     else:
@@ -100,12 +102,19 @@ def _print_prediction(replay: PredictedReplay, helpful: Sequence[Addition]) -> N
             f"\nreplay will identify {len(valid)} of {len(replay.parameters)} parameters within {replay.duration_s:g} s"
             + (f": {', '.join(valid)}" if valid else "")
         )
-    now = len(replay.of_status("valid"))
-    worth = [a for a in helpful if a.valid > now or a.improvement > _WORTH]
-    for a in worth[:3]:
-        print(f"  with {a.name}: {a.valid} parameters valid, standard deviations {a.improvement:.2g} times smaller")
-    if not worth and helpful:
-        print("  no further motion sensor improves this noticeably")
+    print(f"diagnose will refuse: {replay.diagnosis}" if replay.diagnosis else "diagnose will accept this layout")
+    for a in found.helps[:3]:
+        print(f"  with {a.name}: {_brings(a)}")
+    if found.single is not None:
+        print(f"the one sensor that helps most: {found.single.name}: {_brings(found.single)}")
+    elif found.helps:
+        print(f"what helps most: {found.helps[0].name}")
+    elif found.helpful:
+        print("no further motion sensor improves this noticeably")
+
+
+def _brings(addition: Addition) -> str:
+    return f"{addition.valid} parameters valid, standard deviations {addition.improvement:.2g} times smaller"
 
 
 def _percent(std: float) -> str:
@@ -119,7 +128,7 @@ def _worth(option: Option, present: Identifiability) -> str:
     if option.gained:
         return f"{option.identifiable} of {total} known or identifiable instead of {len(finite)}, median bound {median}"
     if option.rank > present.rank and option.identifiable < total and option.rank > option.identifiable:
-        return f"tells ratios and combinations only, rank {option.rank} of {total} instead of {present.rank}"
+        return f"identifies ratios and combinations only, rank {option.rank} of {total} instead of {present.rank}"
     if finite and option.median_relative_std < 0.95 * statistics.median(finite):
         return f"median bound {median} instead of {_percent(statistics.median(finite))}"
     return ""

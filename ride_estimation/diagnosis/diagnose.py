@@ -148,11 +148,6 @@ def _diagnosed(
 
 
 def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[RunData, Splits]:
-    duration = run.samples / run.rate_hz
-    if duration < settings.minimum_duration_s:
-        raise InputDataError(
-            f"the run {run.name} lasts {duration:.1f} s; at least {settings.minimum_duration_s:g} s are needed"
-        )
     spoke = {
         s: np.asarray(v).shape[1] if np.asarray(v).ndim > 1 else 1
         for s, v in run.data.items()
@@ -160,12 +155,28 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
     }
     tolerances = settings.tolerances
     plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)
+    duration = run.samples / run.rate_hz
+    if duration < settings.minimum_duration_s:
+        raise InputDataError(
+            f"the run {run.name} lasts {duration:.1f} s; at least {settings.minimum_duration_s:g} s are needed"
+        )
     data = RunData(plant, measurement(plant, run), settings)
     if data.blocks.count < LEAST_BLOCKS:
         raise InputDataError(
             f"only {data.blocks.count} blocks of {settings.block_s:g} s without gaps remain; {LEAST_BLOCKS} are needed"
         )
     return data, make_splits(data.blocks.count)
+
+
+def require_testable(vehicle: Vehicle, run: UniformRun, settings: Settings | None = None) -> None:
+    """Refuse a run that does not measure what the model needs to be tested.
+
+    Raises
+    ------
+    InputDataError
+        What is missing.
+    """
+    _prepare(vehicle, run, settings or Settings())
 
 
 def _check_excitation(view: RunView, settings: Settings) -> None:

@@ -124,6 +124,17 @@ def needs_travel(vehicle: Vehicle, run: UniformRun) -> bool:
     return False
 
 
+def require_travel(vehicle: Vehicle, run: UniformRun) -> None:
+    """Refuse a vehicle or a run in which deflections cannot stand in for base motion.
+
+    Raises
+    ------
+    InputDataError
+        What is missing, and what to add.
+    """
+    _balance(vehicle, run)
+
+
 def diagnose_travel(
     vehicle: Vehicle,
     run: UniformRun,
@@ -211,7 +222,7 @@ def _balance(vehicle: Vehicle, run: UniformRun, raised: float = 0.0) -> _Balance
     if bare or not upright:
         raise InputDataError(
             f"no base motion was measured, and the vertical force of {', '.join(bare) or 'the mounts'} follows from no measured "
-            f"deflection: the frame twists, the others do not tell it; add a vertical displacement transducer there, {instead}"
+            f"deflection: the frame twists, the others do not show it; add a vertical displacement transducer there, {instead}"
         )
     sensors = tuple(s for s in spoke if s.kind in _ACCELERATION_KINDS and s.body == body.name)
     single = [s.name for s in sensors if not s.triaxial]

@@ -1,6 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """End to end: ``ride-estimation plan``."""
 
+import dataclasses
 import re
 import runpy
 from pathlib import Path
@@ -10,8 +11,15 @@ import numpy as np
 import pytest
 
 from ride_estimation.api import predicted
+from ride_estimation.api.diagnosing import diagnose as re_diagnose
 from ride_estimation.api.planning import plan
+from ride_estimation.api.runs import Run
 from ride_estimation.cli.main import main
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.identification.sensitivities import Excitation
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.simulation.field_run import run_scenario
+from ride_estimation.simulation.scenario import RoadSpec, Scenario
 
 VEHICLES = Path(__file__).parents[2] / "config" / "vehicles"
 VEHICLE = str(VEHICLES / "truck_cab.yaml")
@@ -48,11 +56,11 @@ def test_plan_without_an_anchor_says_what_scales_together(capsys):
 
 def test_accelerometers_only_tell_ratios_and_a_weight_or_scale_would_tell_the_rest(tmp_path, capsys):
     text = planned(written(tmp_path, TEXT[: TEXT.index("force_references:")]), capsys)
-    assert "ratios to cab.mass are told" in text
+    assert "ratios to cab.mass have the standard deviation" in text
     assert re.search(r"front_left\.z\.stiffness +not identifiable +0\.0\d+ %", text)
     for cure in ("a second run with 100 kg fastened to cab", "inertia of cab known (weigh it)", "load cell at rear_left"):
         assert f"{cure}: 26 of 26 known or identifiable instead of 0" in text
-    assert re.search(r"no difference by itself: displacement transducers along x", text)
+    assert re.search(r"no lower bound by itself: displacement transducers along x", text)
 
 
 @pytest.mark.parametrize("path", sorted(VEHICLES.glob("*.yaml")), ids=lambda p: p.stem)
@@ -61,7 +69,7 @@ def test_every_shipped_vehicle_can_be_planned(path, capsys):
     assert "does not stand" not in text
     if "sensors:" not in path.read_text(encoding="utf-8"):
         assert "no accelerometer sits on a body" in text
-        assert "accelerometers on the bodies and at the mount bases: tells ratios" in text
+        assert "accelerometers on the bodies and at the mount bases: identifies ratios" in text
 
 
 def test_degenerate_layouts_are_named(tmp_path, capsys):
@@ -126,19 +134,40 @@ def test_what_replay_will_state_stands_beside_the_bounds(capsys):
     assert re.search(r"replay will identify \d+ of 25 parameters within 8 s", text)
     added = r"(accelerometers at the bases of|displacement transducers along z at)"
     assert re.search(rf"with {added} 4 mounts: \d+ parameters valid", text)
+    # the bounds say nothing about motion sensors that the drives judge
+    assert not re.search(r"by itself: .*(displacement|accelerometers)", text)
+    *_, refused, _, last = [line for line in text.splitlines() if not line.startswith("  with")] + [text.splitlines()[-1]]
+    assert refused.startswith("diagnose will refuse: no base motion was measured")
+    assert re.fullmatch(r"the one sensor that helps most: .* at \w+: \d+ parameters valid, standard .* times smaller", last)
 
 
 def test_what_replay_will_refuse_is_said(capsys):
     assert main(["plan", "--vehicle", "quarter_car", "--duration", "5"]) == 0
     assert "replay will refuse: " in (text := capsys.readouterr().out) and "Without one nothing can be estimated" in text
+    assert "diagnose will refuse: " in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", [("front_left", "front_right", "rear_left", "rear_right"), ("front_left", "rear_right"), ()])
+def test_what_diagnose_will_refuse_is_what_it_refuses(kept):
+    """The sentence of the plan is that of a diagnosis of another drive with the same sensors."""
+    whole = load_vehicle(VEHICLE)
+    sensors = {n: s for n, s in whole.sensors.items() if not s.mount or s.mount in kept}
+    vehicle = dataclasses.replace(whole, sensors=sensors)
+    said = predicted.predicted_replay(vehicle, Excitation(duration_s=24.0), (20,)).diagnosis
+    drive = Scenario("other", 5, "", 24.0, speed=((0.0, 12.0),), road=RoadSpec(64e-6))
+    answer = re_diagnose(Run(run_scenario(drive, vehicle).recording, vehicle), settings=Settings()).answer
+    assert (answer.verdict == "insufficient_data") == bool(said) == (len(kept) < 4)
+    assert said in answer.sentence
 
 
 def test_progress_counts_every_simulated_drive(monkeypatch):
     for name in ("run_scenario", "run_offline", "Pipeline"):
         monkeypatch.setattr(predicted, name, lambda *given, **named: SimpleNamespace(recording=None, parameters=()))
+    monkeypatch.setattr(predicted, "refusal", lambda run: "")
     shares: list[float] = []
     found = plan("single_imu", report=shares.append)
-    assert shares == pytest.approx(np.arange(1, len(shares) + 1) / len(shares))
+    assert np.diff(shares) == pytest.approx(shares[0]) and shares[-1] < 1.0  # no addition helps: no single sensor is looked for
     assert len(shares) == predicted.DRIVES + len(found.helpful) > predicted.DRIVES
 
 
