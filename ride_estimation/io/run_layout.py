@@ -9,6 +9,8 @@ from typing import Any
 from ride_estimation.io.force_arrows import ARROWS_TOPIC
 from ride_estimation.io.run_mcap import BOUNDS, NODE
 
+#: keys under which Foxglove and Lichtblick keep the title of a panel
+_TITLE = ("foxglovePanelTitle", "lichtblickPanelTitle")
 _COLOURS = {"value": "#0969da", "bound": "#9ec5fe"}
 
 
@@ -29,7 +31,9 @@ def run_layout(mount_names: Sequence[str]) -> dict[str, Any]:
     curves = [(f"{BOUNDS}/cg_accel_{end}.accel.linear.z", end, "bound") for end in ("lower", "upper")]
     curves.append((f"{NODE}/cg_accel.accel.accel.linear.z", "z", "value"))
     panels["Plot!cg_accel"] = _plot("CG acceleration z [m/s^2]", curves)
-    panels["DiagnosticSummary!parameters"] = {"topicToRender": f"{NODE}/parameters", "hardwareIdFilter": "", "sortByLevel": False}
+    panels["DiagnosticSummary!parameters"] = {
+        "topicToRender": f"{NODE}/parameters", "minLevel": 0, "pinnedIds": [], "hardwareIdFilter": "", "sortByLevel": False,
+    }  # fmt: skip
     plots = [name for name in panels if name.startswith("Plot!")]
     others = [name for name in panels if name not in plots]
     return {
@@ -51,11 +55,15 @@ def _plot(title: str, curves: Sequence[tuple[str, str, str]]) -> dict[str, Any]:
         for path, label, kind in curves
     ]
     return {
-        "title": title, "paths": paths, "showLegend": True, "legendDisplay": "floating", "showXAxisLabels": True,
-        "showYAxisLabels": True, "isSynced": True, "xAxisVal": "timestamp",
+        **dict.fromkeys(_TITLE, title), "paths": paths, "showLegend": True, "legendDisplay": "left",
+        "sidebarDimension": 90, "showXAxisLabels": True, "showYAxisLabels": True, "isSynced": True, "xAxisVal": "timestamp",
     }  # fmt: skip
 
 
 def _scene() -> dict[str, Any]:
     shown = {"visible": True}
-    return {"followTf": "cab_link", "topics": {f"{NODE}/{ARROWS_TOPIC}": shown}, "layers": {}, "scene": {}, "transforms": {}}
+    camera = {"perspective": True, "distance": 5.0, "phi": 65.0, "thetaOffset": 35.0}
+    return {
+        "followTf": "cab_link", "cameraState": camera, "topics": {f"{NODE}/{ARROWS_TOPIC}": shown}, "layers": {},
+        "scene": {"transforms": {"labelSize": 0.06}}, "transforms": {},
+    }  # fmt: skip

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+from ride_estimation.io.run_layout import run_layout
 from ride_estimation.nodes.estimator_node import EstimatorNode
 from ros.conftest import Ros
 from ros.drive import drive
@@ -100,6 +101,16 @@ def test_foxglove_layout(published: dict[str, object]) -> None:
     for panel in panels.values():
         if "topicToRender" in panel:
             assert panel["topicToRender"] in published
+
+
+def test_a_layout_is_one_that_lichtblick_takes_and_shows_its_titles() -> None:
+    """What Lichtblick asks of a layout (validateLayoutData), and the keys under which both viewers keep the title of a panel."""
+    for layout in (json.loads((CONFIG / "foxglove" / "ride.json").read_text(encoding="utf-8")), run_layout(("front", "rear"))):
+        assert all(isinstance(layout[key], dict) for key in ("configById", "globalVariables", "userNodes", "layout"))
+        assert isinstance(layout["playbackConfig"]["speed"], (int, float))
+        plots = [panel for name, panel in layout["configById"].items() if name.startswith("Plot!")]
+        assert plots and all("[" in panel["lichtblickPanelTitle"] == panel["foxglovePanelTitle"] for panel in plots)
+        assert {name.split("!")[0] for name in layout["configById"]} <= {"Plot", "3D", "DiagnosticSummary"}
 
 
 def test_foxglove_joint_labels_belong_to_their_index(published: dict[str, object]) -> None:
