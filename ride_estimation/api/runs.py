@@ -116,11 +116,33 @@ def read_run(
     """
     known = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     recording = read_recorded_run(path, known, channels=channels, salvage=salvage)
+    return Run(part_between(recording, path, start_s, end_s, events), known)
+
+
+def part_between(
+    recording: Recording, path: str | Path, start_s: float | str | None, end_s: float | str | None, events: str | Path = ""
+) -> Recording:
+    """Return the part of a recording between two times or markers, as in :func:`read_run`.
+
+    Parameters
+    ----------
+    recording
+        All of the run.
+    path
+        Where it was read from: markers are in it or beside it.
+    start_s, end_s, events
+        As in :func:`read_run`.
+
+    Raises
+    ------
+    RideEstimationError
+        A part outside of the run, a marker that there is not.
+    """
     named = isinstance(start_s, str) or isinstance(end_s, str)
     markers = run_events(path, recording.start_ns, recording.events, events) if named else ()
     begin = moment(start_s, markers)
     end = moment(end_s, markers, -math.inf if begin is None else begin)
-    return Run(part_of(recording, begin, end), known)
+    return part_of(recording, begin, end)
 
 
 def require_layout(vehicle: Vehicle) -> None:

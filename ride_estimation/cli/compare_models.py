@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation import metrics
+from ride_estimation.api.runs import read_run
 from ride_estimation.assessment.durability import damage_ratio
+from ride_estimation.cli.parts import read_part
 from ride_estimation.cli.progress import Progress
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.model_comparison import (
@@ -22,7 +24,6 @@ from ride_estimation.identification.model_comparison import (
     fit_candidates,
     predict,
 )
-from ride_estimation.io.bags import read_recording
 from ride_estimation.io.json_file import write_json
 from ride_estimation.io.results import output_folder, require_folder
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -47,7 +48,9 @@ def run(options: argparse.Namespace) -> int:
         raise InputDataError(f"--validate {options.run}: is the run that is fitted; only another one is unseen")
     if options.out is not None:
         require_folder(options.out)
-    runs = [MeasuredRun(vehicle, align(read_recording(path, vehicle))) for path in (options.run, *options.validate)]
+    recordings = [read_part(options.run, vehicle, options)]
+    recordings += [read_run(path, vehicle, channels=options.channels).recording for path in options.validate]
+    runs = [MeasuredRun(vehicle, align(recording)) for recording in recordings]
     for path, run_ in zip((options.run, *options.validate), runs):
         if run_.left_out_s > _UNNAMED_S:
             begin, end = run_.used_s

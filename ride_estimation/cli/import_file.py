@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import argparse
 
+from ride_estimation.api.runs import part_between
+from ride_estimation.cli.parts import part_of_options
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.io.recorded_run import read_mapped
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -14,7 +16,8 @@ from ride_estimation.sensors.quality import judge_sensors
 def run(options: argparse.Namespace) -> int:
     """Read, map, write."""
     vehicle = load_vehicle(options.vehicle)
-    recording = read_mapped(options.file, vehicle, options.channels)
+    whole = read_mapped(options.file, vehicle, options.channels)
+    recording = part_between(whole, options.file, *part_of_options(options), options.events)
     write_bag(options.out, recording, vehicle.sensors)
     for reason, count in recording.ignored.items():
         print(f"not used: {reason} ({count} samples)")

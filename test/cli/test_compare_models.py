@@ -3,6 +3,7 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,22 @@ def test_compare_models_prints_and_writes_the_table(bags, tmp_path, capsys):
     ride = (table[:, 0] > 1) & (table[:, 0] < 10)
     assert np.median(np.abs(np.log(table[ride, 2] / table[ride, 1]))) < 0.1
     assert "measured and simulated" in (tmp_path / "report.html").read_text()
+
+
+def test_models_are_fitted_to_a_part_of_a_logger_file(bags, tmp_path, capsys):
+    """A table of a logger is as good as a bag, and a part of it as a shorter run."""
+    vehicle, (first, _) = bags
+    table = tmp_path / "run.csv"
+    assert main(["export-file", first, "--vehicle", vehicle, "--out", str(table)]) == 0
+    (tmp_path / "run.events.csv").write_text("time_s,name\n2.0,begin\n")
+    capsys.readouterr()
+    for run, begin in ((str(table), "begin"), (first, "2")):
+        assert main(["compare-models", run, "--vehicle", vehicle, "--from", begin, "--to", "12"]) == 0
+    ours, theirs = capsys.readouterr().out.split("error of the vertical")[1:]
+    number = re.compile(r"Voigt, along z: .* ([\d.]+) N/m, ([\d.]+) N s/m")
+    (one,), (other,) = (number.findall(text) for text in (ours, theirs))
+    assert np.allclose([float(v) for v in one], [float(v) for v in other], rtol=1e-4)
+    assert main(["compare-models", first, "--vehicle", vehicle, "--from", "900"]) == 2
 
 
 def test_the_longest_stretch_without_gaps_is_used(bags):

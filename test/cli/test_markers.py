@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 import ride_estimation as re
-from ride_estimation.cli.main import main
+from ride_estimation.cli.main import build_parser, main
 from ride_estimation.errors import InputDataError
 from ride_estimation.io.run_events import Event, moment, run_events
 from ride_estimation.resources import shared_path
@@ -51,6 +52,34 @@ def test_a_text_column_and_a_table_beside_the_file(tmp_path: Path) -> None:
     (tmp_path / "run.events.csv").write_text("time_s,name\n1.5,beside\n")
     cut = re.read_run(file, "truck_cab", start_s="beside", end_s="stop")
     assert stamps(cut)[0] == pytest.approx(run.recording.start_ns - 0.5e9, abs=1e7)
+
+
+def test_every_command_that_reads_a_run_takes_a_part_of_it() -> None:
+    """Whoever takes a RUN or a FILE with --vehicle takes --from, --to and --events too; 'map' looks at names and levels only."""
+    without = []
+    for name, parser in commands().items():
+        options = {word for action in parser._actions for word in action.option_strings}
+        what = {str(action.metavar) for action in parser._actions if not action.option_strings}
+        if "--vehicle" in options and what & {"RUN", "FILE", "FOLDER"} and not {"--from", "--to", "--events"} <= options:
+            without.append(name)
+    assert without == ["map"]
+
+
+def commands() -> dict[str, argparse.ArgumentParser]:
+    """Return the parser of every command."""
+    (action,) = build_parser()._subparsers._group_actions  # type: ignore[union-attr]
+    return dict(action.choices)  # type: ignore[arg-type]
+
+
+def test_a_part_is_imported_between_markers(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    assert main(["export-file", STANDING, "--vehicle", "truck_cab", "--to", "4", "--out", str(file)]) == 0
+    (tmp_path / "run.events.csv").write_text("time_s,name\n1.0,gate\n2.5,stop\n")
+    whole, part = str(tmp_path / "whole"), str(tmp_path / "part")
+    assert main(["import-file", str(file), "--vehicle", "truck_cab", "--out", whole]) == 0
+    assert main(["import-file", str(file), "--vehicle", "truck_cab", "--from", "gate", "--to", "stop", "--out", part]) == 0
+    again = re.read_run(whole, "truck_cab", start_s=1.0, end_s=2.5)
+    assert np.array_equal(stamps(re.read_run(part, "truck_cab")), stamps(again)) and len(stamps(again)) > 100
 
 
 def test_a_topic_of_texts(tmp_path: Path) -> None:

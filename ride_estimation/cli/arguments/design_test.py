@@ -20,7 +20,7 @@ The record that comes back (time, displacement, force) goes into: ride-estimatio
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument("--model", help=f"model to be told: {', '.join((*MODELS, JOUNCE_MODELS[0]))}")
+    parser.add_argument("--model", help=f"model to identify: {', '.join((*MODELS, JOUNCE_MODELS[0]))}")
     parser.add_argument("--expect", nargs="+", default=[], metavar="NAME=VALUE", help="expected parameters, SI, rough is enough")
     parser.add_argument("--like", type=Path, metavar="JSON", help="identification.json of a similar element")
     parser.add_argument("--percent", type=float, default=5.0, help="wanted standard deviation of each parameter (default 5 %%)")

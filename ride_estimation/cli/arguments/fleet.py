@@ -19,7 +19,10 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="searched for rosbag2 folders, .mcap, .db3 and .bag files")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER",
+        help="searched for rosbag2 folders, .mcap, .db3 and .bag files; with --channels for measurement files too",
+    )  # fmt: skip
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for the table, report.html and runs/NAME")
     add_replay_arguments(parser)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)")

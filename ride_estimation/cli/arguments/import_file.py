@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ride_estimation.cli.arguments.parts import add_channels_argument
+from ride_estimation.cli.arguments.parts import add_channels_argument, add_part_arguments
 from ride_estimation.io.files.suffixes import READ_SUFFIXES
 
 HELP = "make a bag of an MDF4, TDMS, RPC III, LabVIEW (.lvm), CSV or Parquet file"
@@ -32,4 +32,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE", help=f"measurement file: {', '.join(READ_SUFFIXES)}")
     parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file with the sensors")
     add_channels_argument(parser)
+    add_part_arguments(parser)
     parser.add_argument("--out", required=True, type=Path, metavar="BAG", help="folder of the bag; never overwritten")

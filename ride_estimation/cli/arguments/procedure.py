@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     pad.add_argument("--column", required=True, help="vertical acceleration, without its unit suffix")
     pad.add_argument("--standstill", type=Path, default=None, help="CSV with the same column, vehicle at rest, engine off")
 
-    peaks = kinds.add_parser("peaks", help="tell peaks that are modes from peaks that are lines of the input")
+    peaks = kinds.add_parser("peaks", help="distinguish peaks of modes from spectral lines of the input")
     peaks.add_argument("file", type=Path, help="CSV: time_s, input and output columns")
     peaks.add_argument("--input", required=True, help="input column without its unit suffix (axle, chassis)")
     peaks.add_argument("--output", required=True, help="output column without its unit suffix (cab, seat)")

@@ -54,7 +54,7 @@ def _add_runs(parser: argparse.ArgumentParser, vehicle_required: bool) -> None:
     whose = "of the project" if vehicle_required else "of these runs, where it is not that of the project"
     parser.add_argument("--vehicle", required=vehicle_required, default="", metavar="V.yaml", help=f"vehicle file {whose}")
     parser.add_argument("--channels", default="", metavar="MAP.yaml", help=f"channel map of measurement files {whose}")
-    parser.add_argument("--payload-kg", type=float, default=0.0, metavar="M", help="load that the vehicle file does not know")
+    parser.add_argument("--payload-kg", type=float, default=0.0, metavar="M", help="payload that is not in the vehicle file")
     parser.add_argument("--payload-position-m", type=float, nargs=3, metavar=("X", "Y", "Z"), help="its place (default: the CG)")
     parser.add_argument("--tags", nargs="+", default=[], metavar="WORD", help="words to group these runs by")
     parser.add_argument("--from", dest="from_s", default="", metavar="S|MARKER", help="use the runs from here on")
