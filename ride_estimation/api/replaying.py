@@ -222,7 +222,7 @@ def replay(
     settings
         Of the estimator; the defaults of the node where None.
     slope
-        Of the damage line [-].
+        S-N slope of pseudo-damage [-].
     daily_exposure_s
         Time a day of this vibration, for A(8) and VDV [s].
     smoothing
@@ -256,7 +256,7 @@ def replay(
     result = run_offline(recording, pipeline, lambda done: advance(done, samples), smoothing, begin)
     if len(result.stamp_ns) < LEAST_TICKS:
         held = len(result.stamp_ns)
-        raise InputDataError(f"{recording.name}: the run holds {held} ticks of the time base; {LEAST_TICKS} are needed")
+        raise InputDataError(f"{recording.name}: the run has {held} ticks of the time base; {LEAST_TICKS} are needed")
     left_out = {name: s.refused for name, s in result.health.sensors.items()}
     quality = judge_sensors(recording, vehicle.sensors, vehicle.gravity, weight=vehicle.weight, left_out=left_out)
     carried = carried_points(recording, pipeline, result)
@@ -318,18 +318,21 @@ def summary(
         layout,
         f"{'parameter':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status",
     ]
+    reasons: dict[tuple[str, str], list[str]] = {}
     for p in result.parameters:
-        reason = f" ({p.reason})" if p.reason else ""
         value, std = with_std(p.value, p.std)
-        lines.append(f"{p.name:<34}{value:>12}{std:>10}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}{reason}")
+        lines.append(f"{p.name:<34}{value:>12}{std:>10}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}")
+        if p.reason:
+            reasons.setdefault((p.status.value, p.reason), []).append(p.name)
+    lines += [f"{status} ({len(names)}): {', '.join(names)}: {reason}" for (status, reason), names in reasons.items()]
     if result.mount_names:
-        heads = (_three_words(f"mean {axis}" for axis in AXES), _three_words(f"swing {axis}" for axis in AXES))
-        lines.append(f"{'force on the body by mount [N]':<34}{heads[0]:>32}{heads[1]:>32}  (largest deviation from the mean)")
+        heads = (_three_words(f"mean {axis}" for axis in AXES), _three_words(f"peak {axis}" for axis in AXES))
+        lines.append(f"{'force on the body by mount [N]':<34}{heads[0]:>32}{heads[1]:>32}  (peak: max |F - mean|)")
         force = result.force[result.valid]
         for i, name in enumerate(result.mount_names if len(force) else ()):
             mean = force[:, i].mean(axis=0)
-            swing = abs(force[:, i] - mean).max(axis=0)
-            lines.append(f"{name:<34}{_three(mean):>32}{_three(swing):>32}")
+            peak = abs(force[:, i] - mean).max(axis=0)
+            lines.append(f"{name:<34}{_three(mean):>32}{_three(peak):>32}")
         lines.append(result.forces_in_words())
     for point in carried:
         for axis, found in point.scores(result.valid).items():
@@ -346,7 +349,7 @@ def summary(
 
 
 def _three(values: Sequence[float]) -> str:
-    return _three_words(f"{v:.0f}" for v in values)
+    return _three_words(str(round(v)) for v in values)
 
 
 def _three_words(words: Iterable[str]) -> str:

@@ -53,7 +53,7 @@ def cycle_damage(cycles: Cycles, slope: float = DEFAULT_SLOPE) -> Array:
 def checked_slope(slope: float) -> float:
     """Return the slope, or say what is allowed."""
     if not SLOPES[0] <= slope <= SLOPES[1]:
-        raise InputDataError(f"slope {slope!r} is no S-N slope; allowed: {SLOPES[0]:g} to {SLOPES[1]:g}")
+        raise InputDataError(f"slope {slope!r} is not a valid S-N slope; allowed: {SLOPES[0]:g} to {SLOPES[1]:g}")
     return float(slope)
 
 

@@ -259,9 +259,9 @@ class Exposure:
                 f"crest factor {crest:.1f} of {name} above {CREST_FACTOR_LIMIT:g}: a_w understates the shocks, read VDV and MTVV"
             )
         if self.highest_hz < 80.0:
-            found.append(f"the record holds nothing above {self.highest_hz:.3g} Hz; the assessment reaches to 80 Hz")
+            found.append(f"the record has no content above {self.highest_hz:.3g} Hz; the assessment reaches to 80 Hz")
         if self.duration_s < 180.0:
-            found.append(f"{self.duration_s:.3g} s of vibration stand for the working day; three minutes and more are usual")
+            found.append(f"{self.duration_s:.3g} s are extrapolated to the working day; at least three minutes are recommended")
         return tuple(found)
 
 

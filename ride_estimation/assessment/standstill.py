@@ -235,7 +235,7 @@ def _zero(sensor: Sensor, mean: Array, gravity: Array, findings: list[str]) -> A
     if float(np.abs(away).max()) > _LARGEST_ANGLE * float(np.linalg.norm(gravity)):
         raise InputDataError(
             f"{sensor.name} reads {float(np.abs(away).max()):.2g} m/s^2 beside what gravity is along its axes: its rotation in "
-            "the vehicle file is another one, or unit, range or fault"
+            "the vehicle file is wrong, or its unit or range, or it is faulty"
         )
     named = ", ".join(sensor.axes)
     findings.append(f"measures {named} only: what it reads at rest is taken as bias, an angle would read the same")
@@ -255,10 +255,10 @@ def _orientation(
         if angle > _LARGEST_ANGLE:
             raise InputDataError(
                 f"{sensor.name}: gravity is {math.degrees(angle):.0f} deg off where the other sensors see it: its rotation "
-                "in the vehicle file is another one, not a mounting error"
+                "in the vehicle file is wrong, not a mounting error"
             )
         rotation = _rotation_between(reading, gravity) @ sensor.rotation
-        findings.append(f"turned by {math.degrees(angle):.2f} deg about a horizontal axis (heading cannot be seen)")
+        findings.append(f"misaligned by {math.degrees(angle):.2f} deg about a horizontal axis (heading is not observable)")
         left = (float(np.linalg.norm(reading)) - g) * gravity
     else:
         left = reading - g * gravity

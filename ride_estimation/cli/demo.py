@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     run_folder = recorded("nominal", out)
     vehicle = shared_path("config", "vehicles", "truck_cab.yaml")
     print("1. A recorded drive of 30 s goes through the estimator that also runs live.")
-    print("   The mounts of the truck differ from the vehicle file by up to 20 %; the estimator is not told.\n", flush=True)
+    print("   The mounts of the truck differ from the vehicle file by up to 20 %; the estimator has the file only.\n", flush=True)
     quietly(["replay", str(run_folder / "bag"), "--vehicle", str(vehicle), "--out", str(out / "replay")])
     found = Comparison.of(out / "replay", run_folder)
     # what the run determines first

@@ -88,7 +88,7 @@ def _identified(path: Path, name: str | None) -> tuple[str, dict[str, float]]:
         found = {str(p["name"]): float(p["value"]) for p in document["parameters"]}
         model = str(document["model"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputDataError(f"{path}: is no identification.json of identify ({type(error).__name__}: {error})") from error
+        raise InputDataError(f"{path}: is not an identification.json of identify ({type(error).__name__}: {error})") from error
     if name and name != model:
         raise InputDataError(f"--model {name}: {path} is of {model}")
     return model, found
@@ -130,9 +130,9 @@ def _print(options: argparse.Namespace, model: BenchModel, values: NDArray[np.fl
         print(f"left out {said}")
     if design.untold:
         limits = f"{options.longest_s:g} s, {options.stroke_mm:g} mm and {options.speed_m_per_s:g} m/s"
-        print(f"cannot be told as well as wanted within {limits}: {', '.join(design.untold)}")
+        print(f"cannot be identified to the wanted accuracy within {limits}: {', '.join(design.untold)}")
     print(
-        f"what no such test tells: forces beyond {options.stroke_mm:g} mm and {options.highest_hz:g} Hz, another preload or "
+        f"not covered by any such test: forces beyond {options.stroke_mm:g} mm and {options.highest_hz:g} Hz, another preload or "
         "temperature, ageing, and a force law the model does not have (the validation records V1 to V3 show that)"
     )
 

@@ -33,7 +33,7 @@ TOPICS: tuple[tuple[str, tuple[str, ...]], ...] = (
 EPILOG = """\
 A first day, on the recordings that come with the package:
   ride-estimation demo                                                  what it does, against known truth
-  ride-estimation plan --vehicle truck_cab                              what a sensor set will be able to tell
+  ride-estimation plan --vehicle truck_cab                              which parameters these sensors can identify
   ride-estimation replay bags/nominal/bag --vehicle truck_cab --out out/nominal
                                                                         then open out/nominal/report.html
 Run 'ride-estimation COMMAND --help' for details; exit code 0 is success, 2 bad input with one message.
@@ -45,7 +45,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave with exit code 2."""
-        self.exit(2, f"{self.prog}: {message}; '{self.prog} --help' says what it takes\n")
+        self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
 
 
 def verb_helps() -> dict[str, str]:

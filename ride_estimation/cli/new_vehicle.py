@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     if options.about is not None and options.parts is None:
         raise ConfigurationError("--about is the point of the inertia of --parts; give both")
     if options.parts is not None and options.mass_kg is not None:
-        raise ConfigurationError("--mass-kg and --parts both say the mass; give one")
+        raise ConfigurationError("--mass-kg and --parts both give the mass; use one")
     whole = None if options.parts is None else _assembled(options.parts, options.about)
     template = Template(
         name=_given_or_asked(options.name, "name of the vehicle", _DEFAULT.name, str),

@@ -210,7 +210,7 @@ def _modes(options: argparse.Namespace) -> None:
             raise InputDataError(f"--measured {item!r}: give MODE=HZ, for example bounce=2.6") from error
     fit = modal_stiffness.fit_stiffness(vehicle, measured, front_rear=options.front_rear)
     for group, factor in fit.factors.items():
-        untold = "as in the vehicle file: these modes do not tell it"
+        untold = "as in the vehicle file: these modes do not depend on it"
         place = "about" if group in ("roll", "pitch", "yaw") else "along"
         print(f"stiffness {place} {group}: {untold if group in fit.untold else f'{factor:.3g} times the vehicle file'}")
     print(f"{'mode':<10}{'measured Hz':>14}{'model Hz':>12}{'error %':>10}")

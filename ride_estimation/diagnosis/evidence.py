@@ -57,7 +57,7 @@ def residual_summary(base: Prediction, extended: Prediction, remaining: float, i
         f"{100 * remaining:.0f} % of the residual energy above the noise floor remains; "
         if is_extended else ""
     ) + f"largest in {loudest[0]} at {loudest[2]:.2f} times the noise; kurtosis {kurtosis:.1f}; " + (
-        f"the loudest 1 % of the samples hold {100 * top:.0f} % of the error energy; "
+        f"the largest 1 % of the residual samples carry {100 * top:.0f} % of the error energy; "
     ) + (f"{len(lines)} spectral lines" if lines else "no spectral line")
     return {
         "words": words,

@@ -372,7 +372,7 @@ def build_plant(
     transducers = [s for s in sensors.values() if s.kind == "displacement" and s.mount in mounts]
     if not out_sensors and not transducers:
         raise InputDataError(
-            "neither an accelerometer on a sprung body nor a displacement transducer at its mounts spoke in this run: "
+            "neither an accelerometer on a sprung body nor a displacement transducer at its mounts has data in this run: "
             "there is nothing to compare the model with"
         )
     coordinates = tuple((b, c) for b in bodies for c in COORDINATES if c in vehicle.bodies[b].coordinates)

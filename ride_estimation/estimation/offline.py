@@ -146,7 +146,7 @@ class OfflineRun:
         rest = 100.0 * (1.0 - self.smoothed.share)
         return (
             "smoothed forces: deflections and parameters from the whole run, before and after every instant; "
-            f"the online estimate stands for {rest:.0f} % of it (ends of the run, beside gaps, where it states the smaller error)"
+            f"the live estimate is used for {rest:.0f} % of it (ends of the run, near gaps, where its stated error is smaller)"
         )
 
     @property

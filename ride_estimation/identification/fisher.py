@@ -156,7 +156,7 @@ def _judge(names: tuple[str, ...], information: Array, seen: Array) -> _Judged:
     words = []
     if blind.any():
         lost = names_in_words([n for n, b in zip(names, blind) if b])
-        words.append("the sensors tell nothing of any parameter" if blind.all() else f"the sensors tell nothing of {lost}")
+        words.append("no parameter is observable" if blind.all() else f"not observable with these sensors: {lost}")
     seen_names = [n for n, b in zip(names, blind) if not b]
     values, vectors = np.linalg.eigh(scaled[np.ix_(~blind, ~blind)])
     directions = vectors[:, values < NULL_SHARE] / scale[~blind][:, None]

@@ -123,7 +123,7 @@ def measured_damping(
     """
     found = transfer_function(base, body, rate_hz, block)
     if found.averages < _LEAST_BLOCKS:
-        raise InputDataError(f"{found.averages} blocks of {block} samples; at least {_LEAST_BLOCKS} are needed to tell noise")
+        raise InputDataError(f"{found.averages} blocks of {block} samples; at least {_LEAST_BLOCKS} are needed to separate noise")
     good = (found.frequency_hz > 0.0) & (found.coherence >= _LEAST_COHERENCE) & (np.abs(found.h1 - 1.0) > 0.0)
     if not np.any(good):
         raise InputDataError(f"body and base are nowhere coherent (at least {_LEAST_COHERENCE:g}): wrong columns?")

@@ -260,7 +260,7 @@ def _warnings(vehicle: Vehicle, cells: Mapping[str, float]) -> tuple[str, ...]:
             and set(m.elements) & set(first.elements)
         ]  # fmt: skip
         if same:
-            words.append(f"{first.name} and {', '.join(same)} sit at one place: only the sum of what they do can be told")
+            words.append(f"{first.name} and {', '.join(same)} sit at one place: only the sum of their forces is observable")
             break
     words += [
         f"{s.name} is no force reference of the vehicle file: it is left out here (add load_cell to force_references to use it)"

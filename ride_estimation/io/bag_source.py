@@ -189,7 +189,7 @@ def bag_files(path: Path) -> tuple[Path, ...]:
     if path in near or len(by_folder) == len(near) == 1:
         return tuple(by_folder[path if path in near else near[0]])
     if not by_folder:
-        raise InputDataError(f"{path}: the folder holds no {', '.join(SUFFIXES)} file")
+        raise InputDataError(f"{path}: the folder contains no {', '.join(SUFFIXES)} file")
     names = [str(folder.relative_to(path)) for folder in by_folder]
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     shown = f"{', '.join(names[:3])}{more}"

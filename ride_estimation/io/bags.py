@@ -63,7 +63,7 @@ def read_recording(path: str | Path, vehicle: Vehicle, *, salvage: bool = False)
     path = Path(path)
     source = open_bag(path, salvage=salvage)
     if not any(source.counts.values()):
-        raise InputDataError(f"{path}: the recording holds no messages")
+        raise InputDataError(f"{path}: the recording contains no messages")
     by_topic = sensors_by_topic(vehicle.sensors.values())
     collected, damage = source.read({t: _layout(source, t, sensors) for t, sensors in by_topic.items() if t in source.types})
     ignored: Counter[str] = Counter()

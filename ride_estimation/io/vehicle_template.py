@@ -94,7 +94,7 @@ def vehicle_template(template: Template) -> str:
     if template.sensors or template.base_sensors:
         lines.append("sensors:")
     if template.sensors:
-        lines.append("  # three-axis accelerometers on the body; three that are not on one line tell the whole motion")
+        lines.append("  # three-axis accelerometers on the body; three that are not on one line determine the whole motion")
     # named by their corner where there is one: a channel map is proposed from such words
     corners = _NAMES.get(template.sensors, tuple(str(i) for i in range(1, template.sensors + 1)))
     for corner, place in zip(corners, _sensor_places(template.sensors, 0.4 * size), strict=True):

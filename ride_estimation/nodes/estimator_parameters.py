@@ -76,7 +76,7 @@ PIPELINE_PARAMETERS: tuple[NodeParameter, ...] = (
     ),
     NodeParameter("noise_scale", _DEFAULTS.noise_scale, "-", "factor on the sensor noise of the vehicle file", 0.1, 100.0),
     NodeParameter(
-        "excitation_accel", _DEFAULTS.excitation_accel, "m/s^2", "RMS cab acceleration below which nothing is learned", 0.0, 10.0
+        "excitation_accel", _DEFAULTS.excitation_accel, "m/s^2", "RMS cab acceleration below which nothing is updated", 0.0, 10.0
     ),
     NodeParameter(
         "prior_stiffness_std", _DEFAULTS.prior_stiffness_std, "-", "std of log stiffness where the file states none", 1e-3, 3.0

@@ -123,7 +123,7 @@ def _fit(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.text(
         "The model is one rigid body that moves so that all accelerometers agree best. NRMSE is the error in percent of the "
         "standard deviation of the measurement. An outlier indicates a sensor whose position or orientation differs from the "
-        "vehicle file says, or the body is not rigid there."
+        "vehicle file, or the body is not rigid there."
     )
     rows = []
     for sensor in run.measured:

@@ -146,7 +146,7 @@ def durability(page: Page, run: OfflineRun, assessment: RunAssessment) -> None:
     page.figure(damage_plots.range_pair_plot(list(worst.values())), "Range pairs, most damaged axis of each mount", tight=False)
     page.figure(
         damage_plots.damage_time_plot(list(worst.values()), run.time_s[run.valid], replay_spectra.tick_rate(run)),
-        "Share of every second in the damage: which second did it", tight=False,
+        "Damage per second, share of the total", tight=False,
     )  # fmt: skip
 
 

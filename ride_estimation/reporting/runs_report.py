@@ -70,7 +70,7 @@ def runs_page(runs: Sequence[FinishedReplay]) -> tuple[Page, list[str]]:
         rows.append([f"{name} [{unit}]", *(_metric(found.get(name), (run, name) in odd) for run, found in metrics)])
     page.table(["metric", *(r.name for r in runs)], rows)
     page.heading("Loads")
-    page.text("Root mean square about the mean and largest deviation from the mean of the force on the body [N].")
+    page.text("Force on the body [N]: rms about the mean / peak (max |F - mean|).")
     mounts = list(dict.fromkeys(m for r in runs for m in r.mount_names))
     page.table(
         ["mount", "axis", *(r.name for r in runs)],

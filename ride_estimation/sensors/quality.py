@@ -161,5 +161,5 @@ def _twins(channels: Mapping[str, Channel]) -> Mapping[str, Sequence[str]]:
         if same_kind and np.array_equal(first.values[:n], second.values[:n]):
             found.setdefault(b, []).append(f"delivers the same numbers as {a}: one topic recorded twice?")
         elif same_kind and np.array_equal(first.values[:n], -second.values[:n]):
-            found.setdefault(b, []).append(f"delivers the numbers of {a} with opposite sign: one of the two is no measurement")
+            found.setdefault(b, []).append(f"delivers the numbers of {a} with opposite sign: one of the two is not a measurement")
     return found

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""What the spectrum and the sign of a signal say about its chain: undersampled, hum of the mains, one-sided range."""
+"""What the spectrum and the sign of a signal say about its chain: undersampled, mains hum, one-sided range."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def hum_findings(values: Array, rate_hz: float) -> list[str]:
             place = float(frequency[near[int(np.argmax(spectrum[near, column]))]])
             loud = line[column] > _LINE * max(float(floor[column]), 1e-300) and rms[column] > _HUM_SHARE * spread[column]
             if loud and _steady(values[:, column], rate_hz, mains):
-                return [f"a steady line at {place:.2f} Hz, {rms[column]:.2g} rms in column {column + 1}: hum of the mains"]
+                return [f"a steady line at {place:.2f} Hz, {rms[column]:.2g} rms in column {column + 1}: mains hum"]
     return []
 
 

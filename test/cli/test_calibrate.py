@@ -117,7 +117,7 @@ def test_an_engine_is_no_noise_and_is_told() -> None:
     ("recording", "message"),
     [
         (standing(motion=0.5), "did not stand still"),
-        (standing(angle={"a0": rotation_from_rpy(np.pi / 2, 0.0, 0.0)}), "another one"),
+        (standing(angle={"a0": rotation_from_rpy(np.pi / 2, 0.0, 0.0)}), "the vehicle file is wrong"),
         (standing(bias={"a0": np.array([0.0, 0.0, -8.0])}), "unit, range or fault"),
     ],
 )

@@ -55,7 +55,7 @@ def test_drive_files_go_to_the_bench_and_the_record_into_identify(tmp_path, caps
     options = ["--stroke-mm", "4", "--highest-hz", "10", "--rate-hz", "100", "--percent", "0.5", "--format", kind]
     assert main(["design-test", "--model", "kelvin_voigt", "--expect", *EXPECT, *options, "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "minutes in all" in said and "what no such test tells" in said
+    assert "minutes in all" in said and "not covered by any such test" in said
     files = sorted(out.iterdir())
     assert files[0].name == f"0_preconditioning.{kind}" and [f.stem[2:] for f in files[-3:]] == ["V1", "V2", "V3"]
     fitted = [bench(f, tmp_path / f.name) for f in files[1:-3]]
@@ -98,7 +98,7 @@ def test_what_the_machine_cannot_do_is_said(tmp_path, capsys):
     assert main(["design-test", "--model", "kelvin_voigt", "--expect", *EXPECT, *options]) == 0
     said = capsys.readouterr().out
     assert "left out random:" in said and "the machine reaches 0.01 m/s" in said
-    assert "cannot be told as well as wanted" in said and "damping" in said.split("cannot be told")[1]
+    assert "cannot be identified to the wanted accuracy" in said and "damping" in said.split("cannot be identified")[1]
     for path in (tmp_path / "drive").iterdir():
         drive = read_measurement_file(path).channels[0]
         assert np.abs(np.gradient(drive.values, drive.time_s)).max() <= 10.0 * 1.001  # mm/s
@@ -129,7 +129,7 @@ def test_programme_of_a_jounce_bumper_scales_with_its_reference_travel(tmp_path,
         (["--model", "kelvin_voigt", "--expect", *EXPECT, "--wanted", "colour=3"], "no parameter of kelvin_voigt"),
         (["--model", "kelvin_voigt", "--expect", *EXPECT, "--rate-hz", "50"], "a rate above twice the frequency"),
         (["--model", "jounce_bumper"], "--reference-mm or --static-curve"),
-        (["--like", "nowhere.json"], "is no identification.json"),
+        (["--like", "nowhere.json"], "is not an identification.json"),
         (["--model", "kelvin_voigt", "--expect", *EXPECT, "--speed-m-per-s", "1e-6"], "no test stays below"),
     ],
 )

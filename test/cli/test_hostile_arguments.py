@@ -90,7 +90,7 @@ def test_a_vehicle_that_is_none(verb: str, capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.parametrize("verb", ["replay", "diagnose", "calibrate", "compare", "export-file", "compare-models", "inspect"])
-@pytest.mark.parametrize(("run", "words"), [("absent", "does not exist"), ("empty", "holds no"), ("nothing.mcap", "empty")])
+@pytest.mark.parametrize(("run", "words"), [("absent", "does not exist"), ("empty", "contains no"), ("nothing.mcap", "empty")])
 def test_a_run_that_is_none(verb: str, run: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = [] if verb in ("calibrate", "compare-models", "inspect") else ["--out", "out.csv" if verb == "export-file" else "out"]
     message = refused(capsys, verb, run, "--vehicle", "truck_cab", *out)
@@ -146,7 +146,7 @@ def test_output_that_cannot_be_written_is_refused_before_the_work(command: list[
     (["import-file", "empty", "--vehicle", "truck_cab", "--out", "o"], "is a folder"),
     (["replay", str(BAGS), "--vehicle", "truck_cab", "--out", "o"], "'fleet' takes them all"),
     (["view", "empty"], "neither report.html nor run.mcap"),
-    (["replay"], "replay: the following arguments are required: RUN, --out, --vehicle; 'ride-estimation replay --help' says"),
+    (["replay"], "replay: the following arguments are required: RUN, --out, --vehicle; see 'ride-estimation replay --help'"),
     (["compare-models", str(BAGS / "standing"), "--vehicle", "truck_cab", "--validate", str(BAGS / "standing")],
      "is the run that is fitted"),
 ])  # fmt: skip

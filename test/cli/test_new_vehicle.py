@@ -85,7 +85,7 @@ def test_mass_cg_and_inertia_come_from_a_table_of_parts(tmp_path, capsys):
     [
         ("1200,0,0,0,7.3e14,5.4e14,8.1e14,0", [], "row 2: inertia ixx"),
         ("-3,0,0,0,1e6,1e6,1e6,0", [], "row 2: mass -3 kg"),
-        ("3,0,0,0,1e6,1e6,1e6,0", ["--mass-kg", "3"], "give one"),
+        ("3,0,0,0,1e6,1e6,1e6,0", ["--mass-kg", "3"], "use one"),
     ],
 )
 def test_parts_that_cannot_be_are_refused(tmp_path, capsys, rows, more, said):

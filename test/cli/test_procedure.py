@@ -211,7 +211,7 @@ def test_damping_against_frequency_prints_the_fit_with_intervals(tmp_path, capsy
     inside = (found["frequency_hz"] > 1) & (found["frequency_hz"] < 5)
     assert np.median(found["damping_n_s_per_m"][inside]) == pytest.approx(c, rel=0.02)
     assert "stiffness" in text and "+-" in text
-    assert "explain as much: the filter is not told by this run" in text
+    assert "explain as much: the filter is not identifiable" in text
     assert main(["procedure", "damping", table, *options, "--range-hz", "3", "3.05"]) == 2
 
 

@@ -117,9 +117,9 @@ def check_suspect(seed: int, travel: bool, std: float) -> None:
     assert np.all(np.abs(valid_scores(seed, travel, std)) <= 2.5)
     coverage = scored_forces(out, measured(seed, travel), SETTLED).coverage[:, 2]
     assert np.median(coverage) >= 0.88 and coverage.min() > 0.7
-    (words,) = [m for m in said if "lies off its place" in m]
+    (words,) = [m for m in said if "differs from the vehicle file" in m]
     off = 1e3 * PLACE * SHARE / (1.0 - SHARE)
-    numbers = words.split("in the file: ")[1].split(". A load")[0].split(", ")
+    numbers = words.split("vehicle file: ")[1].split(". Cause")[0].split(", ")
     for number, true in zip(numbers[:2], off):
         value, spread = float(number.split()[1]), float(number.split()[3])
         assert abs(value - true) < 3.0 * spread + 4.0

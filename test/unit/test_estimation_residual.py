@@ -99,7 +99,7 @@ def test_one_wrong_sensor_is_found_and_named_with_its_error(seed, what):
     assert test.fault.kind == kind
     text = residual_message(test)
     assert CULPRIT in text
-    words = test.fault.amount.replace("turned by ", "").replace("gain of", "").split()
+    words = test.fault.amount.replace("misaligned by ", "").replace("gain of", "").split()
     value, std = (float(words[words.index("+-") + k]) for k in (-1, 1))
     true = {"place": 50.0, "mounting angle": 2.0, "gain": 3.0, "delay": float(what.split()[0]) if kind == "delay" else 0.0}[kind]
     assert abs(value - true) < 4.0 * std

@@ -299,7 +299,7 @@ def test_empty_and_wrong_paths(tmp_path: Path) -> None:
         writer.add_connection("/accel", "sensor_msgs/msg/Imu", typestore=STORE)
     for name, words in (
         ("none", "does not exist"), ("empty.mcap", "is empty"), ("text.mcap", "recording"), ("table.csv", "not a bag"),
-        ("folder", "holds no"), ("nothing", "holds no messages"),
+        ("folder", "contains no"), ("nothing", "contains no messages"),
     ):  # fmt: skip
         with pytest.raises(InputDataError, match=words) as caught:
             read_recording(tmp_path / name, VEHICLE)

@@ -86,7 +86,7 @@ class Backlash(Cause):
         """Put the missing force as a curve parallel to every mount of the group."""
         group = group_of(view, fitted)
         if fitted.hypothesis.variant == _DAMPER:
-            return vehicle, (f"play in the damper of {group.location} {group.axis}: vehicle files hold no damper behind a play",)
+            return vehicle, (f"clearance in the damper of {group.location} {group.axis}: a vehicle file cannot describe that",)
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
             x = view.deflection[:, p]

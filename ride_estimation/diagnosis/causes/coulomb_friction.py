@@ -98,7 +98,7 @@ class CoulombFriction(Cause):
         group = group_of(view, fitted)
         if fitted.hypothesis.variant == _BEHIND:
             if _has_play(fitted):
-                return vehicle, (f"friction behind a play at {group.location} {group.axis}: vehicle files hold no such element",)
+                return vehicle, (f"friction behind a clearance at {group.location} {group.axis}: not in a vehicle file",)
             for i, p in enumerate(group.ports):
                 port, level = view.plant.ports[p], float(fitted.coefficients[i])
                 slope = level / (fitted.shape["slope"] * view.scales[p][0])

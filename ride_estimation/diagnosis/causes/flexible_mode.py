@@ -75,7 +75,7 @@ class FlexibleMode(Cause):
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Leave the vehicle alone: bodies of a vehicle file are rigid."""
         f = float(fitted.shape["frequency"])
-        return vehicle, (f"elastic mode of {fitted.hypothesis.location} at {f:.3g} Hz: vehicle files hold rigid bodies only",)
+        return vehicle, (f"elastic mode of {fitted.hypothesis.location} at {f:.3g} Hz: a vehicle file has rigid bodies only",)
 
 
 def compliant_peaks(view: RunView, rows: list[int], count: int = 4) -> list[float]:

@@ -62,7 +62,7 @@ class HarmonicDisturbance(Cause):
         """Leave the vehicle alone: the force belongs to the scenario."""
         f, amplitude = self.parameters(view, fitted)[:2]
         text = f"periodic force on {fitted.hypothesis.location}: {amplitude.value:.4g} {amplitude.unit} at {f.value:.3f} Hz"
-        return vehicle, (text + "; vehicle files do not hold it",)
+        return vehicle, (text + "; a vehicle file cannot describe it",)
 
 
 def strongest_coordinate(view: RunView, fitted: Fitted) -> tuple[int, dict[int, float]]:

@@ -26,7 +26,7 @@ class SensorBias(Cause):
     QUESTION = "Does one axis of an accelerometer carry an offset that the others do not share?"
     NEEDS = "two or more DC accelerometers on a body, or a body that stands level on average"
     RIVALS = ("sensor_misalignment", "mass_change")
-    WOULD_REFUTE = "moving parts that are turned by the angle the offset would mean"
+    WOULD_REFUTE = "moving parts that are tilted by the angle the offset would mean"
     MEASURE_NEXT = "turn the sensor over: half the sum of the two readings is the offset"
 
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:

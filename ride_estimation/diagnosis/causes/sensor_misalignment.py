@@ -25,7 +25,7 @@ class SensorMisalignment(Cause):
     """One sensor turned about one of its axes."""
 
     ID = "sensor_misalignment"
-    QUESTION = "Is a sensor turned against the vehicle file?"
+    QUESTION = "Is the orientation of a sensor different from the vehicle file?"
     NEEDS = "motion along two axes of the sensor, or gravity in its signal"
     RIVALS = ("sensor_bias", "sensor_gain", "wrong_sensor_position")
     WOULD_REFUTE = "a mean reading that does not lean while the moving part does"

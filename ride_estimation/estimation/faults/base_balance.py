@@ -353,8 +353,8 @@ class BaseBalance:
     def messages(self) -> list[str]:
         """Return one sentence per sensor that is left out, or that none can be named."""
         found = [
-            "the sensors at the mount bases contradict the motion of the body and no single error of one explains it: nothing is "
-            "learned while that lasts, forces are less certain: check wiring, gain and fixing of the base sensors, and the mounts"
+            "the sensors at the mount bases contradict the motion of the body and no single error of one explains it: parameters "
+            "are not updated meanwhile, forces are less certain: check wiring, gain and fixing of base sensors, and the mounts"
         ]
         return (found if self.possible and self.unusual else []) + [
             f"{self._names[m]} is not used: it disagrees with the other sensors at the mount bases and with the motion of the "

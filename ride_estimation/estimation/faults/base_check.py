@@ -6,7 +6,7 @@ y, lateral in x. How far a frame bends and its brackets tilt is its own affair; 
 motion, now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have nothing to
 spare. A faulty sensor still answers to the motion, late, turned or too strongly, so its residual follows from the motion of the
 others now and a little earlier; a bump that bends the frame at one mount does not. A sensor whose error explains the rise is
-treated as missing; where none does, nothing is learned meanwhile.
+treated as missing; where none does, parameters are not updated meanwhile.
 """
 
 from __future__ import annotations
@@ -207,5 +207,5 @@ class BaseCheck:
             now = " (now)" if n == self.refused else ""
             found.append(f"{self._sensors[n].name} was not used{now}: {ticks} ticks {DISAGREES}")
         if self.in_doubt:
-            found.append("the sensors at the mount bases disagree clearly more than before: nothing is learned meanwhile")
+            found.append("the sensors at the mount bases disagree clearly more than before: parameters are not updated meanwhile")
         return found

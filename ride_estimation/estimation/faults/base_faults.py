@@ -268,7 +268,7 @@ class BaseFaults:
             return ""
         gain, angle = self._test.errors(i)
         if size > _BIAS and float(np.linalg.norm(np.cross(upward, angle) - across)) < limit * size:
-            return f"its mean and its motion both look turned by {math.degrees(size):.1f} deg"
+            return f"its mean and its motion both look misaligned by {math.degrees(size):.1f} deg"
         level = np.argsort(np.abs(upward))[:2]
         if abs(along) > _BIAS and bool(np.all(np.abs(gain[level] - along) < limit * abs(along))):
             return f"its mean and its motion are both {100.0 * along:+.0f} % too large"
@@ -287,7 +287,7 @@ class BaseFaults:
         off = read[i] - np.median(read[level], axis=0)
         tilt = float(np.linalg.norm(off[:2]))
         if tilt > max(_BIAS, abs(off[2])):
-            return f"its mean looks turned by {math.degrees(tilt):.1f} deg, or is a bias of {tilt * self._gravity:.2f} m/s^2"
+            return f"its mean looks misaligned by {math.degrees(tilt):.1f} deg, or is a bias of {tilt * self._gravity:.2f} m/s^2"
         if abs(off[2]) > _BIAS:
             bias = off[2] * self._gravity
             return f"its mean is {100.0 * off[2]:+.0f} % of gravity off, by its gain or a bias of {bias:+.2f} m/s^2"
@@ -309,7 +309,7 @@ class BaseFaults:
         if self.possible:
             unsaid = [i for i, s in enumerate(self._sensors) if i not in self.refused and s.name not in self.doubted]
             alone = [(self._sensors[i].name, self._mean_alone(i)) for i in unsaid]
-            found += [f"{name} at the mount base: {words}; its motion does not tell which" for name, words in alone if words]
+            found += [f"{name} at the mount base: {words}; its motion does not show which" for name, words in alone if words]
         return found
 
     def save(self) -> dict[str, Any]:

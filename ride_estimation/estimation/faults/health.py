@@ -182,7 +182,7 @@ def base_messages(geometry: Geometry) -> list[str]:
             other = geometry.mounts[nearest].name
             found.append(
                 f"{sensor.name} is at the base of {mount.name} by the vehicle file but stands at {other}, {distance:.2f} m away: "
-                "mounts or positions may be exchanged; the positions are believed"
+                "mounts or positions may be exchanged; the positions are used"
             )
     if base_transport(geometry.mounts, geometry.base_sensors) is not None:
         return found

@@ -201,7 +201,7 @@ class InputChecks:
     def doubt(self) -> str:
         """Return why nothing learned is called valid, empty where nothing speaks against it."""
         if self._balance.possible and self._balance.undecided:
-            return "they changed just now: whether the mounts changed or a base sensor is wrong is not told yet"
+            return "they changed just now: changed mounts and a wrong base sensor cannot be distinguished yet"
         return self._base_faults.doubt
 
     def follow_changes(self, count: int) -> None:

@@ -438,12 +438,12 @@ class SensorGate:
             now = " (now)" if stream in self.active else ""
             found.append(f"{self._sensors[stream].name} was not used{now}: {text}")
         if self.unusual:
-            found.append("the sensors of the body disagree clearly more than before in this run: nothing is learned meanwhile")
+            found.append("the sensors of the body disagree clearly more than before: parameters are not updated meanwhile")
         elif self.doubtful_ticks:
-            found.append(f"the sensors of the body were in doubt during {self.doubtful_ticks} ticks; nothing was learned there")
+            found.append(f"the sensors of the body were in doubt for {self.doubtful_ticks} ticks; parameters were not updated")
         if self.suspects:
             found.append(
-                f"one of {', '.join(self.suspects)} is wrong and nothing tells which: parameters are held, uncertainty is larger"
+                f"one of {', '.join(self.suspects)} is wrong and cannot be isolated: parameters are held, uncertainty is larger"
             )
         return found
 

@@ -119,7 +119,7 @@ def calibrate_drive(recording: Recording, vehicle: Vehicle) -> DriveCalibration:
     duration = sum(len(s) for s in segments) * found.dt
     if duration < _SHORTEST_S:
         raise InputDataError(
-            f"{recording.name}: {duration:.1f} s in which all {len(plant.sensors)} sensors spoke without a gap for "
+            f"{recording.name}: {duration:.1f} s in which all {len(plant.sensors)} sensors have data without a gap for "
             f"{SHORTEST_SEGMENT_S:g} s or longer; at least {_SHORTEST_S:g} s are needed"
         )
     _require_motion(recording.name, segments, plant)
@@ -202,8 +202,8 @@ def _findings(found: Mapping[str, CalibratedSensor], nis: float, conflicts: Sequ
         if open_:
             words.append(f"{kind}: not determined by this drive, the standard deviation stays near that of the installation: "
                          f"{', '.join(open_)}")  # fmt: skip
-    words.append("delay: relative to the mean of all sensors; a delay that all have in common cannot be seen")
-    words.append("gain: what all sensors have in common is told by gravity along z only, through the bias that is stated")
+    words.append("delay: relative to the mean of all sensors; a delay common to all is not observable")
+    words.append("gain: the part common to all sensors is observable from gravity along z only, through the bias that is stated")
     if nis > _LARGEST_NIS:
         words.append(
             f"the model does not explain the readings (NIS {nis:.2f}): a law that is not linear, a fault, or another vehicle; "

@@ -84,6 +84,6 @@ def _words(meant: Sequence[tuple[str, float]], axis: str) -> str:
     (name, gain), *others = meant
     either = "".join(f", or {other} {1.0 + its:.2f} times" for other, its in others)
     return (
-        f"{name} reads {1.0 + gain:.2f} times the motion of its mount base along {axis}{either}, as the motion of the body "
-        "tells: check gain and wiring"
+        f"{name} reads {1.0 + gain:.2f} times the motion of its mount base along {axis}{either}, judged by the motion of "
+        "the body: check gain and wiring"
     )

@@ -55,6 +55,6 @@ def doubted_axes(
         sensor = geometry.base_sensors[most]
         found[axis] = (
             f"stiffness along {AXES[axis]} {how}, most at {geometry.mounts[most].name}: this mount, or its base sensor"
-            f"{'' if sensor is None else f' {sensor.name}'} along this axis; nothing tells which"
+            f"{'' if sensor is None else f' {sensor.name}'} along this axis; the data do not distinguish them"
         )
     return found

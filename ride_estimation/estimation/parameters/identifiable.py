@@ -86,7 +86,8 @@ def describe(
             f"deflection of {', '.join(bare)}: nothing measures the motion of its base, so {rests} and a twist of the frame is "
             "invisible there (34 to 40 % of the dynamic force in pilot runs, up to 80 % on frames that twist much)"
         )
-        advice.append(f"a triaxial accelerometer at the base of {', '.join(bare)} would tell deflections, stiffness and damping")
+        places = ", ".join(bare)
+        advice.append(f"a triaxial accelerometer at the base of {places} makes deflection, stiffness and damping observable")
     if horizontal:
         missing.append(
             "horizontal deflection, stiffness and damping: they take a triaxial accelerometer at every mount base; horizontal "

@@ -41,7 +41,7 @@ _LOAD, _CLEARLY, _COMMON = 0.05, 4.0, 0.75
 
 NULL_DIRECTION = (
     "mass, inertia and all stiffness and damping values scaled by one factor together: accelerations do not change; only ratios "
-    "such as k/m, c/m and force per mass can be told"
+    "such as k/m, c/m and force per mass are identifiable"
 )
 
 
@@ -210,7 +210,7 @@ class MassReference:
         """Return why nothing learned is called valid for a load that nobody knows, empty where nothing speaks for one."""
         if self._off_centre() == 0.0:
             return ""
-        return "the CG is not where the vehicle file has it: a load, whose mass nothing tells, or a wrong CG"
+        return "the CG is not where the vehicle file has it: a payload, whose mass is not observable, or a wrong CG"
 
     def notes(self) -> list[str]:
         """Return what the person in the field should know about the mass."""
@@ -226,13 +226,13 @@ class MassReference:
             if self.moved_cg is not None:
                 place, spread = body.cg + self.moved_cg[0] * mass / added, np.abs(self.moved_cg[1] * mass / added)
                 words += ", at " + ", ".join(f"{a} {p:.2f} +- {s:.2f} m" for a, p, s in zip("xy", place, spread))
-            return [words + "; mass, stiffness, damping and forces hold with it"]
+            return [words + "; mass, stiffness, damping and forces are stated for it"]
         if self.moved_cg is None:
             return []
         where = ", ".join(f"{axis} {1e3 * v:+.0f} +- {1e3 * s:.0f} mm" for axis, v, s in zip(AXES, *self.moved_cg))
         return [
-            f"the CG of {body.name} lies off its place in the file: {where}. A load does that, or a wrong CG in the file; "
-            "accelerations do not tell how heavy a load is: weigh the body, or measure the static travel of all mounts"
+            f"the CG of {body.name} differs from the vehicle file: {where}. Cause: a payload, or a wrong CG in the file; "
+            "its mass is not observable from accelerations: weigh the body, or measure the static travel of the mounts"
         ]
 
     def _words_of_change(self) -> list[str]:
@@ -242,8 +242,8 @@ class MassReference:
         way, other = ("fell", "softened") if load > 0.0 else ("rose", "stiffened")
         return [
             f"all stiffness and damping values {way} together by {100 * abs(math.expm1(self._together)):.0f} % during the run: "
-            f"a mass of {body} that is {100 * load:+.0f} % of what it was does exactly that (a load that came on or off), mounts "
-            f"that all {other} alike would too; a known stiffness, a load cell or the load itself as known_added_mass tells which"
+            f"a mass of {body} changed by {100 * load:+.0f} % does exactly that (payload added or removed), and so do mounts "
+            f"that all {other} alike; a known stiffness, a load cell or the load as known_added_mass distinguishes them"
         ]
 
     def _look(
@@ -365,7 +365,7 @@ class MassReference:
             if not anchored and status in (Status.VALID, Status.ESTIMATING):
                 status, reason = (
                     Status.NOT_IDENTIFIABLE,
-                    "only its ratio to the mass can be told; the value holds for the file's mass",
+                    "only its ratio to the mass is identifiable; the value assumes the mass of the vehicle file",
                 )
             if doubt and status is Status.VALID:
                 status, reason = Status.SUSPECT, doubt

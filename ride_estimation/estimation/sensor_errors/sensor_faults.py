@@ -402,4 +402,4 @@ def _words(kind: str, value: Array, std: Array) -> str:
     spread = float(np.sqrt(np.sum((value * std) ** 2))) / max(size, 1e-12)
     if kind == "place":
         return f"{1e3 * size:.0f} +- {1e3 * spread:.0f} mm off its position"
-    return f"turned by {np.degrees(size):.1f} +- {np.degrees(spread):.1f} deg"
+    return f"misaligned by {np.degrees(size):.1f} +- {np.degrees(spread):.1f} deg"

@@ -255,8 +255,8 @@ def _in_words(statuses: Sequence[ParameterStatus], direction: Array) -> str:
     untold = [s.name.replace("_", " ") for s in statuses if s.status != "valid"]
     worst = max((relative[s.name] for s in told), default=np.inf)
     if not untold and worst <= 0.1:
-        return f"every parameter is told by the record; the worst has a relative standard deviation of {100 * worst:.2g} %"
-    said = f"not told by the record: {', '.join(untold)}; " if untold else ""
+        return f"every parameter is identifiable from the record; the largest relative standard deviation is {100 * worst:.2g} %"
+    said = f"not identifiable from the record: {', '.join(untold)}; " if untold else ""
     top = int(np.argmax(np.abs(direction)))
     sign = np.sign(direction[top])
     parts = [
@@ -265,4 +265,4 @@ def _in_words(statuses: Sequence[ParameterStatus], direction: Array) -> str:
         for i in np.argsort(-np.abs(direction))
         if abs(direction[i]) > 0.15 * abs(direction[top])
     ]
-    return f"{said}the record hardly tells this change: {', '.join(parts)} together"
+    return f"{said}the record is hardly sensitive to this change: {', '.join(parts)} together"

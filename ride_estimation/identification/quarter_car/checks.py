@@ -205,7 +205,7 @@ class LineTest:
         if self.chance < _CHANCE:
             return f"the residual holds a sinusoid at {self.frequency_hz:.3f} Hz (by chance: {self.chance:.1g})"
         return (
-            f"the residual holds no sinusoid near {self.frequency_hz:.3f} Hz: one like the fitted comes up by chance with "
+            f"the residual contains no sinusoid near {self.frequency_hz:.3f} Hz: one like the fitted comes up by chance with "
             f"probability {self.chance:.2g}; it stands for something else that is missing"
         )
 
@@ -233,7 +233,7 @@ def line_test(residual: ArrayLike, rate_hz: float, frequency_hz: float, searched
     e = e - e.mean()
     count = e.size
     if count < 64:
-        raise InputDataError(f"{count} samples are too few to tell a line; at least 64 are needed")
+        raise InputDataError(f"{count} samples are too few to detect a spectral line; at least 64 are needed")
     tapers = np.asarray(scipy.signal.windows.dpss(count, _BANDWIDTH, _TAPERS))
     spectra = np.fft.rfft(tapers * e, _PADDING * count, axis=1)
     at_zero = tapers.sum(axis=1)
