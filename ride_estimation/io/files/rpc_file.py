@@ -30,5 +30,10 @@ def write_rpc(path: Path, channels: tuple[FileChannel, ...]) -> None:
     rpc3 = require("rpc3", "RPC III")
     step = float(channels[0].time_s[-1] - channels[0].time_s[0]) / (len(channels[0].time_s) - 1)
     found = [rpc3.Channel(c.name, c.unit, step, np.asarray(c.values)) for c in channels]
-    with contextlib.redirect_stderr(io.StringIO()):  # it draws a bar of progress
-        rpc3.write(str(path), found, datatype=float, overwrite=True)
+    whole = path.with_name(f"{path.name}.rpc")  # it adds this ending to names of others, .drv among them
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):  # it draws a bar of progress
+            rpc3.write(str(whole), found, datatype=float, overwrite=True)
+        whole.replace(path)
+    finally:
+        whole.unlink(missing_ok=True)
