@@ -69,7 +69,7 @@ def test_what_one_sensor_cannot_tell_is_said(tmp_path: Path) -> None:
     mounts = [p for p in result["parameters"] if p["name"].startswith(("front_", "rear_"))]
     assert len(mounts) == 24
     assert {p["status"] for p in mounts} == {"not_identifiable"}
-    assert all("accelerometer at each mount base" in p["reason"] for p in mounts)
+    assert all("accelerometers at all mount bases" in p["reason"] for p in mounts)
     assert any("below 20 Hz only" in f for f in result["run"]["channels"]["imu"]["findings"])
 
 
