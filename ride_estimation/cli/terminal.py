@@ -25,8 +25,9 @@ class _Printable(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        """Flush the stream behind."""
-        self._target.flush()
+        """Flush the stream behind; at the end of the interpreter it may be closed already."""
+        if not getattr(self._target, "closed", False):
+            self._target.flush()
 
     def isatty(self) -> bool:
         """Return whether a person looks on."""

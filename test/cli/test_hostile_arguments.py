@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main, verb_helps
+from ride_estimation.cli.terminal import printable_output
 from ride_estimation.io.vehicle_file import load_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -186,3 +188,16 @@ def test_the_reader_of_the_output_may_leave() -> None:
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     assert "Traceback" not in piped.stderr and "Exception ignored" not in piped.stderr
+
+
+def test_a_terminal_that_closed_before_the_end_of_the_program_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From Python 3.13 on the interpreter reports what a stream raises as it is deleted."""
+    target = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", target)
+    with printable_output():
+        stream = sys.stdout
+        print("text", flush=True)
+    assert target.getvalue() == "text\n"
+    target.close()
+    stream.flush()
+    stream.close()
