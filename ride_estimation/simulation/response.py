@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES
@@ -80,7 +81,7 @@ class Response:
     def specific_force(self, sensor_name: str) -> Array:
         """Return the ideal reading of a sensor, sensor axes, no error, shape (N, channels).
 
-        accelerometer: ``R^T (a + g e_z - g theta x e_z)``; imu: that and the angular velocity; displacement: deflection
+        accelerometer: ``R^T (a + g e_z)``; imu: that and the angular velocity; displacement: deflection
         of its mount axis; force: force on the body by its mount.
 
         Raises
@@ -98,21 +99,52 @@ class Response:
             return self.mount_force()[:, self.assembly.mount_names.index(sensor.mount)]
         if sensor.kind not in ("accelerometer", "imu"):
             raise ConfigurationError(f"sensors.{sensor_name}.kind: {sensor.kind!r} is not simulated by the vehicle model")
-        acceleration, angle, rate = self._carrier(sensor)
-        gravity = np.array([0.0, 0.0, vehicle.gravity])
-        force = acceleration + gravity - np.cross(angle, gravity)
+        force, rate = self._on_body(sensor) if sensor.body in vehicle.bodies else self._on_base(sensor)
         reading = force @ sensor.rotation
         return reading if sensor.kind == "accelerometer" else np.hstack([reading, rate @ sensor.rotation])
 
-    def _carrier(self, sensor: Sensor) -> tuple[Array, Array, Array]:
-        """Return acceleration, angle and angular rate of the place a sensor sits at, each (N, 3), body axes."""
-        offset = sensor_offset(self.assembly.vehicle, sensor)
-        if sensor.body in self.assembly.vehicle.bodies:
-            point = self.assembly.point_map(sensor.body, sensor.position)
-            return (
-                self.accelerations @ point[:3].T, self.coordinates @ point[3:].T, self.rates @ point[3:].T,
-            )
+    def _on_body(self, sensor: Sensor) -> tuple[Array, Array]:
+        """Return specific force and angular rate where a sensor sits on a body, body axes, shape (N, 3) each.
+
+        Equations of motion may be those of small rotations, a sensor turns and is flung about by all of them.
+        """
+        turn = Rotation.from_rotvec(self.body_motion(sensor.body, "coordinates")[:, 3:])
+        rate, motion = self.body_motion(sensor.body, "rates")[:, 3:], self.body_motion(sensor.body)
+        arm = turn.apply(sensor_offset(self.assembly.vehicle, sensor))
+        felt = motion[:, :3] + np.cross(motion[:, 3:], arm) + np.cross(rate, np.cross(rate, arm))
+        felt[:, 2] += self.assembly.vehicle.gravity
+        return turn.apply(felt, inverse=True), turn.apply(rate, inverse=True)
+
+    def _on_base(self, sensor: Sensor) -> tuple[Array, Array]:
+        """Return specific force and angular rate where a sensor sits on a prescribed base, axes of that, shape (N, 3) each."""
         mount = self.assembly.mount_names.index(sensor.mount)
         base = self.base_motion
-        acceleration = base.acceleration[:, mount] + np.cross(base.angular_acceleration[:, mount], offset)
-        return acceleration, base.angle[:, mount], base.angular_rate[:, mount]
+        matrix = _bracket_matrices(base.angle[:, mount])
+        omega = _bracket_rates(base.angle[:, mount], base.angular_rate[:, mount])
+        turning = np.gradient(omega, 1.0 / base.rate_hz, axis=0)
+        arm = sensor_offset(self.assembly.vehicle, sensor)
+        world = base.acceleration[:, mount] + np.array([0.0, 0.0, self.assembly.vehicle.gravity])
+        local = np.einsum("nji,nj->ni", matrix, world)
+        return local + np.cross(turning, arm) + np.cross(omega, np.cross(omega, arm)), omega
+
+
+def _bracket_matrices(angle: Array) -> Array:
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angle).T, np.sin(angle).T
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _bracket_rates(angle: Array, rate: Array) -> Array:
+    roll, pitch = angle[:, 0], angle[:, 1]
+    return np.stack(
+        [
+            rate[:, 0] - rate[:, 2] * np.sin(pitch),
+            rate[:, 1] * np.cos(roll) + rate[:, 2] * np.sin(roll) * np.cos(pitch),
+            -rate[:, 1] * np.sin(roll) + rate[:, 2] * np.cos(roll) * np.cos(pitch),
+        ],
+        axis=1,
+    )

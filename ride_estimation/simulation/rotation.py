@@ -119,17 +119,8 @@ class RotationResponse(Response):
         moment = np.einsum("nij,nj->ni", about_cg, motion[:, 3:]) + np.cross(omega, spin)
         return np.hstack([mass[:, None] * motion[:, :3], moment])
 
-    def specific_force(self, sensor_name: str) -> Array:
-        """Return the ideal reading of a sensor with gravity tilt and centripetal terms, sensor axes, (N, channels)."""
-        vehicle = self.assembly.vehicle
-        sensor = vehicle.sensors.get(sensor_name)
-        if sensor is None or sensor.kind not in ("accelerometer", "imu"):
-            return super().specific_force(sensor_name)
-        force, omega = self._on_body(sensor) if sensor.body in vehicle.bodies else self._on_base(sensor)
-        reading = force @ sensor.rotation
-        return reading if sensor.kind == "accelerometer" else np.hstack([reading, omega @ sensor.rotation])
-
     def _on_body(self, sensor: Sensor) -> tuple[Array, Array]:
+        """Return specific force and angular rate where a sensor sits on a body, body axes, shape (N, 3) each."""
         number = self._body(sensor.body)
         motion = self.body_motion(sensor.body)
         omega = self.body_motion(sensor.body, "rates")[:, 3:]
@@ -137,39 +128,6 @@ class RotationResponse(Response):
         up = self.assembly.vehicle.gravity * self.rotation[:, number, 2, :]
         turning = np.cross(motion[:, 3:], arm) + np.cross(omega, np.cross(omega, arm))
         return motion[:, :3] + up + turning, omega
-
-    def _on_base(self, sensor: Sensor) -> tuple[Array, Array]:
-        mount = self.assembly.mount_names.index(sensor.mount)
-        base = self.base_motion
-        matrix = _bracket_matrices(base.angle[:, mount])
-        omega = _bracket_rates(base.angle[:, mount], base.angular_rate[:, mount])
-        turning = np.gradient(omega, 1.0 / base.rate_hz, axis=0)
-        arm = sensor_offset(self.assembly.vehicle, sensor)
-        world = base.acceleration[:, mount] + np.array([0.0, 0.0, self.assembly.vehicle.gravity])
-        local = np.einsum("nji,nj->ni", matrix, world)
-        return local + np.cross(turning, arm) + np.cross(omega, np.cross(omega, arm)), omega
-
-
-def _bracket_matrices(angle: Array) -> Array:
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angle).T, np.sin(angle).T
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _bracket_rates(angle: Array, rate: Array) -> Array:
-    roll, pitch = angle[:, 0], angle[:, 1]
-    return np.stack(
-        [
-            rate[:, 0] - rate[:, 2] * np.sin(pitch),
-            rate[:, 1] * np.cos(roll) + rate[:, 2] * np.sin(roll) * np.cos(pitch),
-            -rate[:, 1] * np.sin(roll) + rate[:, 2] * np.cos(roll) * np.cos(pitch),
-        ],
-        axis=1,
-    )
 
 
 def locked_bodies(vehicle: Vehicle) -> list[str]:

@@ -19,7 +19,7 @@ from ride_estimation.elements.base import ForceElement
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import AXES, COORDINATES, skew
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.vehicles.guided import mass_matrix, point_rows
+from ride_estimation.vehicles.guided import body_rows, mass_matrix, point_rows
 from ride_estimation.vehicles.tangent import tangent
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -190,9 +190,9 @@ def _static_tension(
     deflection_map: Array,
 ) -> Array:
     """Share the weight among the components by their stiffness at rest, equally where there is none."""
-    weight = np.array(
-        [-vehicle.bodies[b].mass.value * vehicle.gravity if c == "z" else 0.0 for b, c in coordinates]
-    )
+    weight = np.zeros(len(coordinates))
+    for b in dict.fromkeys(b for b, _ in coordinates):  # on what it can move along, itself or with its carrier
+        weight -= vehicle.bodies[b].mass.value * vehicle.gravity * body_rows(vehicle, coordinates, b)[2]
     if not np.any(weight) or not len(elements):
         return np.zeros(len(elements))
     stiffness = np.array([max(tangent(e)[0], 0.0) for e in elements])

@@ -139,6 +139,17 @@ def test_the_weight_of_a_seat_beside_its_mount_is_carried_at_its_cg():
     np.testing.assert_allclose(static_forces(shifted, names, bodies), assemble(shifted).static_force[:, 2], rtol=1e-6)
 
 
+def test_a_seat_that_slides_fore_and_aft_alone_rests_on_the_mounts_of_its_cab():
+    vehicle = seated(("x",), place=np.array([0.1, 0.2, 0.3]))
+    names = tuple(vehicle.mounts)
+    force = static_forces(vehicle, names, tuple(vehicle.bodies))
+    np.testing.assert_allclose(force, assemble(vehicle).static_force[:, 2], atol=1e-6)
+    held = [i for i, m in enumerate(vehicle.mounts.values()) if m.body == "cab"]
+    places = np.array([vehicle.mounts[names[i]].position for i in held])
+    assert force[held].sum() == pytest.approx(1318.0 * vehicle.gravity)
+    np.testing.assert_allclose(force[held] @ places[:, :2], 118.0 * vehicle.gravity * np.array([0.1, 0.2]), atol=1e-6)
+
+
 SCENARIO = """
 schema: ride_estimation/scenario/1
 name: seat
@@ -175,6 +186,15 @@ SEATS = {
 @pytest.mark.parametrize(("coordinates", "mass", "place", "seed"), SEATS.values(), ids=SEATS)
 def test_a_healthy_cab_with_a_seat_has_no_discrepancy(tmp_path, coordinates, mass, place, seed):
     found = diagnose(driven(tmp_path, seated(coordinates, mass, place), seed), settings=Settings())
+    assert found.verdict == NO_DISCREPANCY, found.answer.sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [10, 15])
+def test_the_loader_of_document_001_with_its_seat_has_no_discrepancy_on_rough_ground(speed):
+    path = TRUCK_CAB.parents[1] / "scenarios" / f"document_001_rough_{speed}_km_per_h.yaml"
+    machine, cab = (load_vehicle(TRUCK_CAB.parent / f"{name}.yaml") for name in ("planar_machine_set_b", "backhoe_loader_cab"))
+    found = diagnose(Run(run_scenario(load_scenario(path), machine).recording, cab), settings=Settings())
     assert found.verdict == NO_DISCREPANCY, found.answer.sentence
 
 
