@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.frame import tilt_spectrum
 from ride_estimation.diagnosis.plant import Plant, Signal
 from ride_estimation.diagnosis.run_view import RunView
@@ -140,12 +141,6 @@ class ColumnSet:
         self._spectra.append(np.zeros(shape, dtype=complex) if spectrum is None else spectrum)
         self._means.append(row)
 
-    def wrench(self, body: str, force: ComplexArray, moment: ComplexArray) -> ComplexArray:
-        """Return the output spectrum of a wrench on a body at its CG, force and moment (F, 3)."""
-        six = np.concatenate([force, moment], axis=1)
-        full = six @ self._view.plant.body_map(body)
-        return np.asarray(np.einsum("fij,fj->fi", self._view.response.output_from_wrench, full))
-
     def finish(self) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
         """Return adjustables, their output spectra (F, ny) and mean rows (K, p)."""
         return tuple(self.adjustables), self._spectra, np.stack(self._means, axis=1)
@@ -179,10 +174,8 @@ def baseline_spectra(
 ) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
     """Return the adjustables of a view, their output spectra (F, ny) and mean rows (K, p)."""
     columns = ColumnSet(view, table)
-    for item, spectrum in port_adjustables(view, prior):
+    for item, spectrum in (*port_adjustables(view, prior), *body_adjustables(view)):
         columns.add(item, spectrum)
-    for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
-        _body_columns(view, columns, body)
     _axes_columns(view, columns)
     _tilt_columns(view, columns)
     _sensor_columns(view, columns, table)
@@ -219,38 +212,70 @@ def body_spectra(view: RunView, body: str) -> tuple[ComplexArray, ComplexArray]:
     return q, np.asarray(-(view.grid.omega**2)[:, None] * q)
 
 
+def balanced_acceleration(view: RunView, body: str) -> ComplexArray:
+    """Return the spectrum of the acceleration that the forces along the estimated deflections give a body, (F, 6).
+
+    ``M q'' = -D^T ((k + i w c) x + law forces) - K_g q + T theta_base + wrenches``. Deflections are cleared of the noise of the
+    base sensors: what mass, CG and inertia do is compared with what stiffness and damping do along the same deflections, else
+    the difference of two estimates of one motion would tell a mass that no run can tell.
+    """
+    plant, grid = view.plant, view.grid
+    stiffness, damping = view.state.linear
+    force = (stiffness + 1j * grid.omega[:, None] * damping) * view.deflection_spectrum
+    wrench = -force @ plant.port_map - view.coordinate_spectrum @ plant.gravity_stiffness
+    wrench += (view.data.input_spectrum / (-grid.omega**2)[:, None]) @ plant.static_tilt().T
+    for e in view.state.effects:
+        if e.where is Where.PORT:
+            wrench -= np.outer(grid.spectrum(e.signal), plant.port_map[e.index])
+        elif e.where is Where.WRENCH:
+            wrench[:, e.index] += grid.spectrum(e.signal)
+    return np.asarray(wrench @ np.linalg.inv(plant.mass) @ plant.body_map(body).T, dtype=complex)
+
+
 def cg_shift_wrench(view: RunView, body: str, shift: Array) -> tuple[ComplexArray, ComplexArray]:
     """Return force and moment spectra of a CG that lies ``shift`` from where the model has it, (F, 3) each.
 
     About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``.
     """
     mass, gravity = view.plant.vehicle.bodies[body].mass.value, view.plant.vehicle.gravity
-    q, a = body_spectra(view, body)
+    q, a = body_spectra(view, body)[0], balanced_acceleration(view, body)
     force = -mass * np.cross(a[:, 3:], shift)
     moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), [0.0, 0.0, 1.0])
     return np.asarray(force, dtype=complex), np.asarray(moment, dtype=complex)
 
 
-def _body_columns(view: RunView, columns: ColumnSet, name: str) -> None:
-    body = view.plant.vehicle.bodies[name]
+def body_adjustables(view: RunView) -> list[tuple[Adjustable, ComplexArray]]:
+    """Return CG and inertia of every body with their output spectra (F, ny)."""
     tolerances, known = view.settings.tolerances, view.plant.body_errors
-    _, a = body_spectra(view, name)
-    for i, axis in enumerate(AXES):
-        std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
-        item = Adjustable("cg", name, axis, std, -known.get(("cg", name, axis), 0.0))
-        columns.add(item, columns.wrench(name, *cg_shift_wrench(view, name, np.eye(3)[i])))
-    relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
-    diagonal = np.sqrt(np.abs(np.diag(body.inertia)))
-    for i in range(3):
-        for j in range(i, 3):
-            if COORDINATES[3 + i] not in body.coordinates and COORDINATES[3 + j] not in body.coordinates:
-                continue
-            change = np.zeros((3, 3))
-            change[i, j] = change[j, i] = diagonal[i] * diagonal[j]
-            moment = -a[:, 3:] @ change
-            label = f"i{AXES[i]}{AXES[j]}"
-            item = Adjustable("inertia", name, label, relative, -known.get(("inertia", name, label), 0.0))
-            columns.add(item, columns.wrench(name, np.zeros_like(moment), moment))
+    out: list[tuple[Adjustable, ComplexArray]] = []
+
+    def add(kind: str, name: str, label: str, std: float, force: ComplexArray, moment: ComplexArray) -> None:
+        wrench = np.concatenate([force, moment], axis=1) @ view.plant.body_map(name)
+        output = np.einsum("fij,fj->fi", view.response.output_from_wrench, wrench)
+        out.append((Adjustable(kind, name, label, std, -known.get((kind, name, label), 0.0)), output))
+
+    for name in dict.fromkeys(b for b, _ in view.plant.coordinates):
+        body, a = view.plant.vehicle.bodies[name], balanced_acceleration(view, name)
+        for i, axis in enumerate(AXES):
+            std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
+            add("cg", name, axis, std, *cg_shift_wrench(view, name, np.eye(3)[i]))
+        relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
+        diagonal = np.sqrt(np.abs(np.diag(body.inertia)))
+        for i in range(3):
+            for j in range(i, 3):
+                if COORDINATES[3 + i] not in body.coordinates and COORDINATES[3 + j] not in body.coordinates:
+                    continue
+                change = np.zeros((3, 3))
+                change[i, j] = change[j, i] = diagonal[i] * diagonal[j]
+                moment = -a[:, 3:] @ change
+                add("inertia", name, f"i{AXES[i]}{AXES[j]}", relative, np.zeros_like(moment), moment)
+    return out
+
+
+def body_columns(view: RunView) -> tuple[tuple[Adjustable, ...], Array]:
+    """Return CG and inertia of every body and their whitened rows (B, R, p)."""
+    pairs = body_adjustables(view)
+    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2))
 
 
 def _axes_columns(view: RunView, columns: ColumnSet) -> None:

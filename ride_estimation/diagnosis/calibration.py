@@ -200,18 +200,11 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
     """
     if not _explains(calibrated):
         return calibrated
-    regression, used = calibrated.regression, calibrated.blocks
-    dof = float(calibrated.view.block_dof[used].sum())
-    held: dict[int, float] = {}
-    limits = tolerance_limits(calibrated.adjustables)
-    for i, (a, limit) in enumerate(zip(calibrated.adjustables, limits)):
-        off, std = float(calibrated.fit.coefficients[i]) - a.offset, float(np.sqrt(max(calibrated.fit.covariance[i, i], 0.0)))
-        if abs(off) > limit * (a.prior_std + std):
-            # a CG stays at its limit, from which its cause counts; the cause of a sensor states the whole error
-            held[i] = a.offset + (0.0 if a.kind in _OF_SENSORS else float(np.copysign(limit * a.prior_std, off)))
+    held = beyond_limits(calibrated.adjustables, calibrated.fit.coefficients, calibrated.fit.covariance)
     if not held:
         return calibrated
-    temper = regression.temper
+    regression, used = calibrated.regression, calibrated.blocks
+    dof, temper = float(calibrated.view.block_dof[used].sum()), regression.temper
     prior = hold(regression.prior_std * np.sqrt(temper), regression.prior_offset, held)
     none = np.zeros((*regression.residual.shape, 0))
     for _ in range(2):
@@ -220,6 +213,23 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
         misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
         temper = temper_of(misfit, calibrated.view.inefficiency)
     return dataclasses.replace(calibrated, regression=regression, fit=fit, held=held)
+
+
+def beyond_limits(adjustables: Sequence[Adjustable], coefficients: Array, covariance: Array) -> dict[int, float]:
+    """Return the errors that no good installation has and the coefficient that each is held at, index -> coefficient.
+
+    Parameters
+    ----------
+    adjustables, coefficients, covariance
+        Of a fit; only the first ``len(adjustables)`` coefficients are used.
+    """
+    held: dict[int, float] = {}
+    for i, (a, limit) in enumerate(zip(adjustables, tolerance_limits(adjustables))):
+        off, std = float(coefficients[i]) - a.offset, float(np.sqrt(max(covariance[i, i], 0.0)))
+        if abs(off) > limit * (a.prior_std + std):
+            # a CG stays at its limit, from which its cause counts; the cause of a sensor states the whole error
+            held[i] = a.offset + (0.0 if a.kind in _OF_SENSORS else float(np.copysign(limit * a.prior_std, off)))
+    return held
 
 
 def tolerance_limits(adjustables: Sequence[Adjustable]) -> list[float]:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import Adjustable, port_columns
-from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, hold, step_factor, stepped
+from ride_estimation.diagnosis.baseline import Adjustable, body_columns, port_columns
+from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, hold, rebalanced, step_factor, stepped
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.model_run import ModelState
@@ -304,6 +304,7 @@ class FullFitter:
         self._dof = float(calibrated.view.block_dof[blocks].sum())
         self._prior = file_parameters(calibrated.view.plant)
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
+        self._bodies = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("cg", "inertia")]
 
     def _regression(
         self, view: RunView, residual: Array, temper: float, hypotheses: Sequence[Hypothesis]
@@ -311,6 +312,7 @@ class FullFitter:
         """Return the regression with port columns of this view and the tolerance columns of the calibrated model.
 
         A cause that is a large value of a tolerance takes its place: shared between both, the cause would be reported too small.
+        So it would be where a load moves a CG that is held at its limit.
         """
         cal = self._cal
         adjustables, rows = port_columns(view, self._prior)
@@ -318,9 +320,17 @@ class FullFitter:
         for i, a in zip(self._ports, adjustables):
             everything[i] = a
         replaced = {tolerance_of(h) for h in hypotheses}
-        held = dict(cal.held) | {i: a.offset for i, a in enumerate(everything) if (a.kind, a.place, a.axis) in replaced}
+        index, loaded = self._ports, {h.location for h in hypotheses if h.moves_cg}
+        if loaded:
+            # along another motion than that of the load they would tell the load from the CG that it moves
+            bodies, further = body_columns(view)
+            index, rows = [*index, *self._bodies], np.concatenate([rows, further], axis=2)
+            for i, a in zip(self._bodies, bodies):
+                everything[i] = a
+        held = {i: v for i, v in cal.held.items() if everything[i].kind != "cg" or everything[i].place not in loaded}
+        held |= {i: a.offset for i, a in enumerate(everything) if (a.kind, a.place, a.axis) in replaced}
         prior = hold(np.array([a.prior_std for a in everything]), np.array([a.offset for a in everything]), held)
-        return tuple(everything), cal.regression.replaced(self._ports, rows, residual, prior, temper)
+        return tuple(everything), cal.regression.replaced(index, rows, residual, prior, temper)
 
     def fit(self, start: Sequence[Score | Fitted], iterations: int = 4, after: FullFit | None = None) -> FullFit:
         """Fit hypotheses together, starting from screening scores or earlier fits.
@@ -334,7 +344,10 @@ class FullFitter:
         after
             A fit of similar hypotheses whose trajectory is the first estimate; that of the calibrated model where None.
         """
+        loaded = any(s.hypothesis.moves_cg for s in start)
         view = self._cal.view if after is None else after.view
+        if not loaded and view.plant is not self._cal.view.plant:
+            view = RunView(self._cal.view.data, view.state, self._cal.view.noise)
         shapes = [dict(s.shape) for s in start]
         hypotheses = [s.hypothesis for s in start]
         fresh = [isinstance(s, Score) for s in start]
@@ -363,7 +376,11 @@ class FullFitter:
             if settled or iteration == iterations:
                 break
             temper = temper_of(result.misfit / self._dof, view.inefficiency)
-            view = RunView(self._cal.view.data, _advanced(view, result), self._cal.view.noise)
+            data = self._cal.view.data
+            if loaded:
+                values = result.coefficients[: regression.count]
+                data = data.with_plant(rebalanced(view.plant, adjustables, values, data.settings))
+            view = RunView(data, _advanced(view, result), self._cal.view.noise)
             if not float(np.sum(view.residual**2)) < _RUNAWAY * float(np.sum(self._cal.view.residual**2)):
                 break  # the step led where the motion of the model runs away: what was found before it stands
         if best is None:

@@ -78,6 +78,8 @@ class Hypothesis:
         Mean readings or strained tolerances alone are evidence for it, also beside another cause.
     only_alone
         It is so like what calibration adjusts that beside another cause it is no explanation.
+    moves_cg
+        It moves the CG of its body, which then is that of the vehicle file within its tolerance.
     """
 
     cause: str
@@ -96,6 +98,7 @@ class Hypothesis:
     run_bound: bool = False
     shows_in_means: bool = False
     only_alone: bool = False
+    moves_cg: bool = False
 
     def meaningful(self, coefficients: Array) -> bool:
         """Return whether every essential column is used and the coefficients have sizes that they can have."""

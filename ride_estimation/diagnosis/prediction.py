@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.fitting import combined_effects, held_effects, searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Fitted, Shapes
 from ride_estimation.diagnosis.model_run import ModelState
+from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import Projector, mean_rows, screen, solve_signed
@@ -44,6 +45,8 @@ class Model:
         Of the regression at ``state``; port entries are steps of logarithms.
     scales
         Of the fitted run.
+    plant
+        What the regression was made with, where that is not the plant of the data.
     """
 
     state: ModelState
@@ -51,6 +54,7 @@ class Model:
     coefficients: Array
     fitted: tuple[Fitted, ...] = ()
     scales: dict[int, tuple[float, float]] | None = None
+    plant: Plant | None = None
 
     def stepped_state(self, ports: dict[tuple[str, str], int]) -> ModelState:
         """Return stiffness and damping with the last step applied."""
@@ -93,13 +97,14 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     Parameters
     ----------
     data
-        Run to predict, of the plant of the model.
+        Run to predict.
     model
         What to predict with.
     blocks
         Blocks on which causes that belong to one run only (a disturbance, a change during the run) may be fitted again;
         None keeps their coefficients.
     """
+    data = data.with_plant(model.plant or data.plant)
     plant = data.plant
     ports = {(p.mount, p.axis): i for i, p in enumerate(plant.ports)}
     state = model.stepped_state(ports)

@@ -73,4 +73,4 @@ class Work:
         if fit is None:
             return self.baseline
         state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
-        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.view.scales)
+        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.view.scales, fit.view.plant)

@@ -10,8 +10,8 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import mean_table, static_means
-from ride_estimation.diagnosis.body_wrench import balanced_acceleration, six_of, wrench_column
+from ride_estimation.diagnosis.baseline import balanced_acceleration, mean_table, static_means
+from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.operators import step_window
@@ -71,7 +71,7 @@ class MassChange(Cause):
 
             out.append(Hypothesis(
                 self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
-                shows_in_means=sinks, only_alone=not sinks,
+                shows_in_means=sinks, only_alone=not sinks, moves_cg=True,
             ))
         return out
 
@@ -114,7 +114,7 @@ def _moments(view: RunView, fitted: Fitted) -> list[int]:
 
 def _constant_load(view: RunView, body: str) -> list[Column]:
     # the weight of a load that is always there has no part in the band, and its edges must not leak into it
-    columns = _load(view, body, np.ones(len(view.data.time_s)), balanced_acceleration(view, body), 0.0)
+    columns = _load(view, body, np.ones(len(view.data.time_s)), view.grid.signal(balanced_acceleration(view, body)), 0.0)
     turned = _turned_weights(view, body)
     return [
         (*column, *(Effect(Where.WRENCH, i, signal[:, i]) for i in range(signal.shape[1]) if np.any(signal[:, i])))
