@@ -7,6 +7,7 @@ Each is a column of the whitened regression with a prior standard deviation. A c
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +175,8 @@ def baseline_spectra(
 ) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
     """Return the adjustables of a view, their output spectra (F, ny) and mean rows (K, p)."""
     columns = ColumnSet(view, table)
-    for item, spectrum in (*port_adjustables(view, prior), *body_adjustables(view)):
+    moving = {name: body_spectra(view, name)[1] for name in dict.fromkeys(b for b, _ in view.plant.coordinates)}
+    for item, spectrum in (*port_adjustables(view, prior), *body_adjustables(view, moving)):
         columns.add(item, spectrum)
     _axes_columns(view, columns)
     _tilt_columns(view, columns)
@@ -232,20 +234,22 @@ def balanced_acceleration(view: RunView, body: str) -> ComplexArray:
     return np.asarray(wrench @ np.linalg.inv(plant.mass) @ plant.body_map(body).T, dtype=complex)
 
 
-def cg_shift_wrench(view: RunView, body: str, shift: Array) -> tuple[ComplexArray, ComplexArray]:
+def cg_shift_wrench(
+    view: RunView, body: str, shift: Array, acceleration: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
     """Return force and moment spectra of a CG that lies ``shift`` from where the model has it, (F, 3) each.
 
-    About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``.
+    ``acceleration`` is that of the six coordinates of the body, shape (F, 6). About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``.
     """
     mass, gravity = view.plant.vehicle.bodies[body].mass.value, view.plant.vehicle.gravity
-    q, a = body_spectra(view, body)[0], balanced_acceleration(view, body)
+    q, a = body_spectra(view, body)[0], acceleration
     force = -mass * np.cross(a[:, 3:], shift)
     moment = -mass * np.cross(shift, a[:, :3]) - mass * gravity * np.cross(np.cross(q[:, 3:], shift), [0.0, 0.0, 1.0])
     return np.asarray(force, dtype=complex), np.asarray(moment, dtype=complex)
 
 
-def body_adjustables(view: RunView) -> list[tuple[Adjustable, ComplexArray]]:
-    """Return CG and inertia of every body with their output spectra (F, ny)."""
+def body_adjustables(view: RunView, accelerations: Mapping[str, ComplexArray]) -> list[tuple[Adjustable, ComplexArray]]:
+    """Return CG and inertia of bodies that move with some accelerations (F, 6), with their output spectra (F, ny)."""
     tolerances, known = view.settings.tolerances, view.plant.body_errors
     out: list[tuple[Adjustable, ComplexArray]] = []
 
@@ -254,11 +258,11 @@ def body_adjustables(view: RunView) -> list[tuple[Adjustable, ComplexArray]]:
         output = np.einsum("fij,fj->fi", view.response.output_from_wrench, wrench)
         out.append((Adjustable(kind, name, label, std, -known.get((kind, name, label), 0.0)), output))
 
-    for name in dict.fromkeys(b for b, _ in view.plant.coordinates):
-        body, a = view.plant.vehicle.bodies[name], balanced_acceleration(view, name)
+    for name, a in accelerations.items():
+        body = view.plant.vehicle.bodies[name]
         for i, axis in enumerate(AXES):
             std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
-            add("cg", name, axis, std, *cg_shift_wrench(view, name, np.eye(3)[i]))
+            add("cg", name, axis, std, *cg_shift_wrench(view, name, np.eye(3)[i], a))
         relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
         diagonal = np.sqrt(np.abs(np.diag(body.inertia)))
         for i in range(3):
@@ -272,9 +276,9 @@ def body_adjustables(view: RunView) -> list[tuple[Adjustable, ComplexArray]]:
     return out
 
 
-def body_columns(view: RunView) -> tuple[tuple[Adjustable, ...], Array]:
-    """Return CG and inertia of every body and their whitened rows (B, R, p)."""
-    pairs = body_adjustables(view)
+def balanced_columns(view: RunView, bodies: Collection[str]) -> tuple[tuple[Adjustable, ...], Array]:
+    """Return CG and inertia of some bodies and their whitened rows (B, R, p) along :func:`balanced_acceleration`."""
+    pairs = body_adjustables(view, {name: balanced_acceleration(view, name) for name in bodies})
     return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2))
 
 

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import Adjustable, body_columns, port_columns
+from ride_estimation.diagnosis.baseline import Adjustable, balanced_columns, port_columns
 from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, hold, rebalanced, step_factor, stepped
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
@@ -31,6 +31,7 @@ _TOLERATED = {
 _STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
 _SHARES = (1.0, 0.4, 0.15)  # of such a step that are tried: the edge of a contact is no straight line
 _CLOSE = 2  # best entries of a grid whose scales are varied before the best of all is chosen
+_MOVES = 0.03  # step of ln k or ln c from which a result is a linearisation of the model that it is a step to
 _RUNAWAY = 1e6  # energy of the residual over that of the calibrated model from which a trial model means nothing
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
@@ -132,6 +133,11 @@ def tolerance_of(hypothesis: Hypothesis) -> tuple[str, str, str]:
     """Return kind, place and axis of the tolerance that a hypothesis is a large value of, an empty kind where of none."""
     axis = {"roll": "x", "pitch": "y", "yaw": "z"}.get(hypothesis.axis, hypothesis.axis)
     return _TOLERATED.get(hypothesis.cause, ""), hypothesis.location, axis
+
+
+def _loaded(hypotheses: Iterable[Hypothesis]) -> list[str]:
+    """Return the bodies whose CG some hypotheses move."""
+    return [*dict.fromkeys(h.location for h in hypotheses if h.moves_cg)]
 
 
 def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Effect, ...]:
@@ -304,7 +310,6 @@ class FullFitter:
         self._dof = float(calibrated.view.block_dof[blocks].sum())
         self._prior = file_parameters(calibrated.view.plant)
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
-        self._bodies = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("cg", "inertia")]
 
     def _regression(
         self, view: RunView, residual: Array, temper: float, hypotheses: Sequence[Hypothesis]
@@ -320,12 +325,13 @@ class FullFitter:
         for i, a in zip(self._ports, adjustables):
             everything[i] = a
         replaced = {tolerance_of(h) for h in hypotheses}
-        index, loaded = self._ports, {h.location for h in hypotheses if h.moves_cg}
+        index, loaded = self._ports, _loaded(hypotheses)
         if loaded:
             # along another motion than that of the load they would tell the load from the CG that it moves
-            bodies, further = body_columns(view)
-            index, rows = [*index, *self._bodies], np.concatenate([rows, further], axis=2)
-            for i, a in zip(self._bodies, bodies):
+            bodies, further = balanced_columns(view, loaded)
+            places = [i for i, a in enumerate(everything) if a.kind in ("cg", "inertia") and a.place in loaded]
+            index, rows = [*index, *places], np.concatenate([rows, further], axis=2)
+            for i, a in zip(places, bodies):
                 everything[i] = a
         held = {i: v for i, v in cal.held.items() if everything[i].kind != "cg" or everything[i].place not in loaded}
         held |= {i: a.offset for i, a in enumerate(everything) if (a.kind, a.place, a.axis) in replaced}
@@ -344,7 +350,7 @@ class FullFitter:
         after
             A fit of similar hypotheses whose trajectory is the first estimate; that of the calibrated model where None.
         """
-        loaded = any(s.hypothesis.moves_cg for s in start)
+        loaded = _loaded(s.hypothesis for s in start)
         view = self._cal.view if after is None else after.view
         if not loaded and view.plant is not self._cal.view.plant:
             view = RunView(self._cal.view.data, view.state, self._cal.view.noise)
@@ -367,9 +373,9 @@ class FullFitter:
                 self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
             result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
-            settled = best is not None and iteration > 1 and moves < 0.03 and best.misfit - result.misfit < 2.0 * temper
+            settled = best is not None and iteration > 1 and moves < _MOVES and best.misfit - result.misfit < 2.0 * temper
             # a result whose stiffness and damping still move is a linearisation, not a model
-            if best is None or result.misfit < best.misfit or (best_moves > 0.1 and moves < best_moves):
+            if best is None or result.misfit < best.misfit or (best_moves > _MOVES and moves < best_moves):
                 best, best_moves = result, moves
             elif iteration > 2:
                 settled = True
@@ -378,8 +384,9 @@ class FullFitter:
             temper = temper_of(result.misfit / self._dof, view.inefficiency)
             data = self._cal.view.data
             if loaded:
-                values = result.coefficients[: regression.count]
-                data = data.with_plant(rebalanced(view.plant, adjustables, values, data.settings))
+                own = [i for i, a in enumerate(adjustables) if a.place in loaded]
+                moved = tuple(adjustables[i] for i in own)
+                data = data.with_plant(rebalanced(view.plant, moved, result.coefficients[own], data.settings))
             view = RunView(data, _advanced(view, result), self._cal.view.noise)
             if not float(np.sum(view.residual**2)) < _RUNAWAY * float(np.sum(self._cal.view.residual**2)):
                 break  # the step led where the motion of the model runs away: what was found before it stands

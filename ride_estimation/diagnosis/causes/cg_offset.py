@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.baseline import cg_shift_wrench
+from ride_estimation.diagnosis.baseline import body_spectra, cg_shift_wrench
 from ride_estimation.diagnosis.body_wrench import wrench_column
 from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.extension import move_cg
@@ -37,7 +37,7 @@ class CgOffset(Cause):
             for i, axis in enumerate(AXES):
 
                 def columns(view: RunView, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
-                    force, moment = cg_shift_wrench(view, b, np.eye(3)[i])
+                    force, moment = cg_shift_wrench(view, b, np.eye(3)[i], body_spectra(view, b)[1])
                     column = wrench_column(view, b, view.grid.signal(force), view.grid.signal(moment))
                     return [column] if column else []
 
