@@ -288,9 +288,13 @@ def calibrated_at(view: RunView, blocks: IntArray) -> Calibrated:
     return with_held_faults(Calibrated(view, table, adjustables, regression, fit, blocks))
 
 
+def explains(misfit: float) -> bool:
+    """Return whether a misfit per degree of freedom is so small that CG and inertia are those of the body, of no missing cause."""
+    return misfit < _EXPLAINED
+
+
 def _explains(calibrated: Calibrated) -> bool:
-    """Return whether so little is left that CG and inertia are those of the body and not of a missing cause."""
-    return _excess(calibrated) < _EXPLAINED - 1.0
+    return explains(1.0 + _excess(calibrated))
 
 
 def _excess(calibrated: Calibrated) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.calibration import Calibrated
+from ride_estimation.diagnosis.calibration import Calibrated, beyond_limits, explains
 from ride_estimation.diagnosis.candidates import (
     MOSTLY,
     Identity,
@@ -166,7 +166,13 @@ class Selector:
         accepted: FullFit | None = None
         contests: dict[Identity, Round] = {}
         for number in range(self._settings.maximum_causes):
-            current = self._round(accepted)
+            held, bounded = self._cal, self._bounded(accepted)
+            current = self._round(bounded)
+            if bounded is not accepted and not (current.candidates and self._worthwhile(current, bounded)):
+                self._hold(held)
+                current = self._round(accepted)
+            elif bounded is not accepted:
+                accepted = bounded
             record = self._recorded(current)
             self._progress((number + 1) / self._settings.maximum_causes)
             if not current.candidates:
@@ -191,6 +197,24 @@ class Selector:
         return Selection(
             accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._spent
         )
+
+    def _bounded(self, accepted: FullFit | None) -> FullFit | None:
+        """Return the accepted model with errors that no good installation has held where their causes count from.
+
+        What a cause left unseen the tolerances of the calibrated model were too wide for; a model that explains the run shows it.
+        """
+        if accepted is None or not explains(accepted.misfit / self._dof):
+            return accepted
+        count = len(accepted.adjustables)
+        beyond = beyond_limits(accepted.adjustables, accepted.coefficients[:count], accepted.covariance[:count, :count])
+        fresh = {i: value for i, value in beyond.items() if i not in self._cal.held}
+        if not fresh:
+            return accepted
+        self._hold(dataclasses.replace(self._cal, held={**self._cal.held, **fresh}))
+        return self._fitted([accepted.fitted], 2, accepted)[0]
+
+    def _hold(self, calibrated: Calibrated) -> None:
+        self._cal, self.fitter = calibrated, FullFitter(calibrated, self._splits)
 
     def better_law(self, accepted: FullFit | None) -> FreeLaw:
         """Return the law without a name that explains more than accepted causes; of causes that show in means only, none."""
@@ -336,7 +360,7 @@ class Selector:
         view, regression = self._residual_problem(accepted, place)
         projector = Projector(regression, self._blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
-        hypotheses = [h for h in self._build(view) if not taken(h, kept) and not (kept and h.only_alone)]
+        hypotheses = self._possible(view, kept)
         scores = screen(view, self._cal.table, projector, hypotheses, self._dof)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)
@@ -361,6 +385,15 @@ class Selector:
         if accepted is not None and place is not None:
             reference -= (accepted.misfit_without(place, self._blocks) - accepted.misfit) / (2.0 * temper)
         return Round(tuple(candidates), reference, temper, own)
+
+    def _possible(self, view: RunView, kept: Sequence[Fitted]) -> list[Hypothesis]:
+        """Return the hypotheses that may join accepted ones: of a load that nothing weighs, the CG must be off beyond its limit."""
+        everything = self._cal.adjustables
+        off = {everything[i].place for i in self._cal.held if everything[i].kind == "cg"}
+        return [
+            h for h in self._build(view)
+            if not taken(h, kept) and not (kept and h.only_alone and not (h.moves_cg and h.location in off))
+        ]
 
     def _own_share(
         self, view: RunView, projector: Projector, scores: Sequence[Score], kept: Sequence[Fitted], best: Candidate
@@ -442,8 +475,11 @@ class Selector:
         whole = its_own and removed > 1.0 - self._settings.unexplained and share_of_all > _LEAST
         least = _MINOR if its_own else self._settings.relevance
         # beside another cause, strained tolerances are evidence for errors of what is tolerated and for no law
-        hidden = best.hypothesis.shows_in_means or bool(tolerance_of(best.hypothesis)[0])
+        tolerated = best.hypothesis.moves_cg or bool(tolerance_of(best.hypothesis)[0])
+        hidden = best.hypothesis.shows_in_means or tolerated
         relieves = mean_only and (accepted is None or hidden)
+        # where errors are held at the limit of what a good installation has, what takes their place is a finding of its own
+        relieves |= hidden and its_own and bool(self._cal.held) and relieved > self._settings.significance
         return relieves or whole or (removed > self._settings.relevance and share_of_all > least)
 
     def _without_idle(self, fit: FullFit) -> FullFit:
