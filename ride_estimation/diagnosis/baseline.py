@@ -105,21 +105,21 @@ def mean_table(view: RunView) -> MeanTable:
     return MeanTable(tuple(rows), np.array(values) / std, std, gravity)
 
 
-def static_means(view: RunView, table: MeanTable, wrench: Array) -> dict[int, float]:
-    """Return what a constant wrench on the coordinates adds to the mean readings of transducers, row -> [m].
-
-    Parameters
-    ----------
-    wrench
-        Shape (n,).
-    """
+def static_shift(view: RunView, wrench: Array) -> Array:
+    """Return the coordinates at rest under a constant wrench, both of shape (n,)."""
     plant = view.plant
     spring = plant.port_map.T @ (view.state.stiffness[:, None] * plant.port_map) + plant.gravity_stiffness
-    shift = plant.out_displacement @ np.linalg.lstsq(spring, wrench, rcond=1e-9)[0]
+    return np.asarray(np.linalg.lstsq(spring, wrench, rcond=1e-9)[0])
+
+
+def static_means(view: RunView, table: MeanTable, shift: Array) -> dict[int, float]:
+    """Return what a shift of the coordinates at rest (n,) adds to the mean readings of transducers, row -> [m]."""
+    plant = view.plant
+    travel = plant.out_displacement @ shift
     return {
-        row: float(shift[i])
+        row: float(travel[i])
         for i, s in enumerate(plant.outputs)
-        if s.kind == "displacement" and (row := table.row(s.sensor, s.component)) is not None and shift[i] != 0.0
+        if s.kind == "displacement" and (row := table.row(s.sensor, s.component)) is not None and travel[i] != 0.0
     }
 
 

@@ -36,6 +36,10 @@ _RUNAWAY = 1e6  # energy of the residual over that of the calibrated model from 
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
 
 
+#: hypotheses with numbers and the effects that a model was simulated with
+Simulated = tuple[tuple[Fitted, tuple[Effect, ...]], ...]
+
+
 @dataclasses.dataclass(frozen=True)
 class FullFit:
     """A model extended by some hypotheses, fitted on some blocks.
@@ -64,6 +68,8 @@ class FullFit:
         Squared deviations from priors and mean readings.
     price
         Price of the hypotheses [nat].
+    simulated
+        What the model of the view was simulated with of hypotheses that say so, and with which numbers.
     """
 
     view: RunView
@@ -80,6 +86,7 @@ class FullFit:
     inefficiency: float
     penalty: float
     price: float
+    simulated: Simulated = ()
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
@@ -133,6 +140,22 @@ def tolerance_of(hypothesis: Hypothesis) -> tuple[str, str, str]:
     """Return kind, place and axis of the tolerance that a hypothesis is a large value of, an empty kind where of none."""
     axis = {"roll": "x", "pitch": "y", "yaw": "z"}.get(hypothesis.axis, hypothesis.axis)
     return _TOLERATED.get(hypothesis.cause, ""), hypothesis.location, axis
+
+
+def _simulated(view: RunView, fitted: Sequence[Fitted]) -> Simulated:
+    """Return what the next model is simulated with of hypotheses whose columns are others."""
+    return tuple(
+        (f, combined_effects(f.hypothesis.forces(view, f.shape), f.coefficients)) for f in fitted if f.hypothesis.simulated
+    )
+
+
+def _of_regression(view: RunView, simulated: Simulated) -> list[Effect]:
+    """Return what the columns of the regression give more than what a model was simulated with, for the same numbers."""
+    out: list[Effect] = []
+    for f, effects in simulated:
+        out += [dataclasses.replace(e, signal=-e.signal) for e in effects]
+        out += combined_effects(f.hypothesis.columns(view, f.shape), f.coefficients)
+    return out
 
 
 def _loaded(hypotheses: Iterable[Hypothesis]) -> list[str]:
@@ -258,7 +281,7 @@ def _advanced(view: RunView, result: FullFit) -> ModelState:
     What the limit of a step leaves of it stays a force, so that the trajectory is still the one that was fitted.
     """
     count = result.regression.count
-    columns = [c for f in result.fitted for c in f.hypothesis.columns(view, f.shape)]
+    columns = [c for f in result.fitted for c in f.hypothesis.forces(view, f.shape)]
     weights = [*result.coefficients[count:]]
     for a, value in zip(result.adjustables, result.coefficients):
         left = 1.0 + value - step_factor(value)
@@ -360,9 +383,10 @@ class FullFitter:
         temper = self._cal.regression.temper if after is None else temper_of(after.misfit / self._dof, view.inefficiency)
         best: FullFit | None = None
         best_moves = np.inf
+        simulated = after.simulated if after is not None and loaded else ()
         for iteration in range(iterations + 1):
             residual = view.residual
-            given = [*view.state.effects, *held_effects(view)]
+            given = [*view.state.effects, *held_effects(view), *_of_regression(view, simulated)]
             if given:
                 residual = residual + view.push([tuple(given)])[:, :, 0]
             adjustables, regression = self._regression(view, residual, temper, hypotheses)
@@ -372,6 +396,7 @@ class FullFitter:
             if iteration:
                 self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
             result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
+            result = dataclasses.replace(result, simulated=simulated)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
             settled = best is not None and iteration > 1 and moves < _MOVES and best.misfit - result.misfit < 2.0 * temper
             # a result whose stiffness and damping still move is a linearisation, not a model
@@ -382,6 +407,7 @@ class FullFitter:
             if settled or iteration == iterations:
                 break
             temper = temper_of(result.misfit / self._dof, view.inefficiency)
+            simulated = _simulated(view, result.fitted)
             data = self._cal.view.data
             if loaded:
                 own = [i for i, a in enumerate(adjustables) if a.place in loaded]

@@ -80,6 +80,9 @@ class Hypothesis:
         It is so like what calibration adjusts that beside another cause it is no explanation.
     moves_cg
         It moves the CG of its body, which then is that of the vehicle file within its tolerance.
+    simulated
+        Columns that the model is simulated with, where they are not those of the regression: the noise of the base sensors
+        moves a simulated load, but tells nothing of its size.
     """
 
     cause: str
@@ -99,6 +102,11 @@ class Hypothesis:
     shows_in_means: bool = False
     only_alone: bool = False
     moves_cg: bool = False
+    simulated: Callable[[RunView, Shapes], list[Column]] | None = None
+
+    def forces(self, view: RunView, shape: Shapes) -> list[Column]:
+        """Return the columns that the model is simulated with."""
+        return (self.simulated or self.columns)(view, shape)
 
     def meaningful(self, coefficients: Array) -> bool:
         """Return whether every essential column is used and the coefficients have sizes that they can have."""

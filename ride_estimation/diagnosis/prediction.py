@@ -137,7 +137,7 @@ def _settled(
     stop on a rougher road) Newton steps are taken; the view whose effects were nearest to its laws is returned.
     """
     def laws(at: RunView) -> tuple[Effect, ...]:
-        columns = [c for f in fitted for c in f.hypothesis.columns(at, f.shape)]
+        columns = [c for f in fitted for c in f.hypothesis.forces(at, f.shape)]
         return combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
 
     before: tuple[Effect, ...] = ()

@@ -387,12 +387,14 @@ class Selector:
         return Round(tuple(candidates), reference, temper, own)
 
     def _possible(self, view: RunView, kept: Sequence[Fitted]) -> list[Hypothesis]:
-        """Return the hypotheses that may join accepted ones: of a load that nothing weighs, the CG must be off beyond its limit."""
+        """Return the hypotheses that may join accepted ones: a load that nothing weighs if the CG is off beyond its limit."""
         everything = self._cal.adjustables
         off = {everything[i].place for i in self._cal.held if everything[i].kind == "cg"}
+        moved = {f.hypothesis.location for f in kept if f.hypothesis.moves_cg}
         return [
             h for h in self._build(view)
             if not taken(h, kept) and not (kept and h.only_alone and not (h.moves_cg and h.location in off))
+            and not (tolerance_of(h)[0] == "cg" and h.location in moved)
         ]
 
     def _own_share(

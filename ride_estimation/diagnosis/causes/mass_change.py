@@ -10,7 +10,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import balanced_acceleration, mean_table, static_means
+from ride_estimation.diagnosis.baseline import (
+    balanced_acceleration,
+    mean_table,
+    sensor_error_spectra,
+    static_means,
+    static_shift,
+)
 from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -21,6 +27,7 @@ from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 _UP = np.array([0.0, 0.0, 1.0])
 #: instants on the grid, and distance of two of them over which more are tried around the best
@@ -59,7 +66,11 @@ class MassChange(Cause):
                 return [column for column in columns if column]
 
             def constant(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
-                return [column for column in _with_sag(view, b, _constant_load(view, b)) if column]
+                moving = view.grid.signal(balanced_acceleration(view, b))
+                return [column for column in _at_rest(view, b, _constant_load(view, b, moving)) if column]
+
+            def carried(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
+                return [column for column in _at_rest(view, b, _constant_load(view, b, six_of(view, b)[1])) if column]
 
             mass = view.plant.vehicle.bodies[body].mass
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
@@ -71,7 +82,7 @@ class MassChange(Cause):
 
             out.append(Hypothesis(
                 self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
-                shows_in_means=sinks, only_alone=not sinks, moves_cg=True,
+                shows_in_means=sinks, only_alone=not sinks, moves_cg=True, simulated=carried,
             ))
         return out
 
@@ -108,13 +119,14 @@ class MassChange(Cause):
 
 def _moments(view: RunView, fitted: Fitted) -> list[int]:
     """Return the axes of the first moments among the coefficients, in order."""
-    columns = _constant_load(view, fitted.hypothesis.location)
+    body = fitted.hypothesis.location
+    columns = _constant_load(view, body, six_of(view, body)[1])
     return [axis for axis, column in enumerate(columns[1:]) if column]
 
 
-def _constant_load(view: RunView, body: str) -> list[Column]:
+def _constant_load(view: RunView, body: str, moving: Array) -> list[Column]:
     # the weight of a load that is always there has no part in the band, and its edges must not leak into it
-    columns = _load(view, body, np.ones(len(view.data.time_s)), view.grid.signal(balanced_acceleration(view, body)), 0.0)
+    columns = _load(view, body, np.ones(len(view.data.time_s)), moving, 0.0)
     turned = _turned_weights(view, body)
     return [
         (*column, *(Effect(Where.WRENCH, i, signal[:, i]) for i in range(signal.shape[1]) if np.any(signal[:, i])))
@@ -185,13 +197,45 @@ def _inertia(view: RunView, body: str, window: Array) -> list[Column]:
     return out
 
 
-def _with_sag(view: RunView, body: str, columns: list[Column]) -> list[Column]:
-    """Return the columns of a load with what its weight does to the mean readings of transducers."""
+def _at_rest(view: RunView, body: str, columns: list[Column]) -> list[Column]:
+    """Return the columns of a load with what its weight does at rest: mean readings of transducers, turned bodies."""
     table, gravity = mean_table(view), view.plant.vehicle.gravity
     weight = [np.concatenate([-gravity * _UP, np.zeros(3)])]
     weight += [np.concatenate([np.zeros(3), -gravity * np.cross(np.eye(3)[i], _UP)]) for i in range(3)]
     out = []
     for column, six in zip(columns, weight):
-        sag = static_means(view, table, six @ view.plant.body_map(body))
-        out.append((*column, *(Effect(Where.MEAN, row, np.array([value])) for row, value in sag.items())) if column else ())
+        shift = static_shift(view, six @ view.plant.body_map(body))
+        sag = [Effect(Where.MEAN, row, np.array([value])) for row, value in static_means(view, table, shift).items()]
+        out.append((*column, *sag, *_turned(view, shift)) if column else ())
     return out
+
+
+def _turned(view: RunView, shift: Array) -> list[Effect]:
+    """Return what changes when the bodies rest turned by a shift of the coordinates (n,), to first order.
+
+    In axes of the body its sensors, its CG and its mounts stay where they were; the readings of its bases and the axes of its
+    mounts are turned back: a mount whose body is turned by phi against its base has the further tension
+    ``K (phi x d) - phi x (K d)`` along a deflection d, and alike of its rate.
+    """
+    plant, vehicle = view.plant, view.plant.vehicle
+    turns = {body: (plant.body_map(body) @ shift)[3:] for body in dict.fromkeys(b for b, _ in plant.coordinates)}
+    modulus = np.stack(view.state.linear)
+    wrench = np.zeros((len(view.data.time_s), len(plant.coordinates)))
+    for mount in (vehicle.mounts[name] for name in plant.mounts):
+        turn = turns[mount.body] - turns.get(mount.base, np.zeros(3))
+        ports = {AXES.index(p.axis): i for i, p in enumerate(plant.ports) if p.mount == mount.name}
+        axes, rows = [*ports], [*ports.values()]
+        for motion, own in zip((view.deflection, view.deflection_rate), modulus[:, rows]):
+            d, force = np.zeros((2, len(motion), 3))
+            d[:, axes], force[:, axes] = motion[:, rows], own * motion[:, rows]
+            further = own * np.cross(turn, d)[:, axes] - np.cross(turn, force)[:, axes]
+            wrench -= further @ plant.port_map[rows]
+    out = [Effect(Where.WRENCH, i, wrench[:, i]) for i in range(wrench.shape[1]) if np.any(wrench[:, i])]
+    total: dict[int, ComplexArray] = {}
+    for name in dict.fromkeys(s.sensor for s in plant.inputs):
+        sensor = vehicle.sensors[name]
+        carried = next(m.body for m in vehicle.mounts.values() if sensor.mount in (m.name, None) and m.base == sensor.body)
+        for component, angle in enumerate(-sensor.rotation.T @ turns.get(carried, np.zeros(3))):
+            for i, spectrum in sensor_error_spectra(view, name, "misalignment", component)[0].items():
+                total[i] = total.get(i, 0.0) - angle * spectrum
+    return out + [Effect(Where.INPUT, i, view.grid.signal(spectrum)) for i, spectrum in total.items()]
