@@ -1,0 +1,100 @@
+# Copyright 2026 ride_estimation contributors
+"""A load that the vehicle file does not know: what a run tells of its mass, and beside another cause."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from worlds.adapters import believed_vehicle, uniform_run
+from worlds.cab import CabVehicle, measure, random_sensors, random_vehicle, simulate
+from worlds.effects import Reference, plant
+from worlds.roads import Road, base_motion
+from worlds.vehicle_text import Belief
+
+from ride_estimation.diagnosis.baseline import balanced_columns, port_columns
+from ride_estimation.diagnosis.calibration import calibrate, file_parameters
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.effect import Where
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.settings import Settings
+
+SECONDS, RATE_HZ, STEP = 30.0, 100.0, 1e-3
+SITTING = np.array([0.15, 0.25, 0.0])
+#: the load comes at once at the start; the run is read from where the cab has settled
+SETTLED = 6.0
+
+
+def loaded(vehicle: CabVehicle, share: float, place: np.ndarray) -> CabVehicle:
+    """Return a vehicle that takes on a load of a share of its mass, at a place from its CG, before the run is read."""
+    load = share * vehicle.mass
+    mass, cg = vehicle.mass + load, vehicle.cg + load / (vehicle.mass + load) * place
+    apart = vehicle.mass * load / mass * (place @ place * np.eye(3) - np.outer(place, place))
+    return dataclasses.replace(
+        vehicle, hidden=dataclasses.replace(vehicle.hidden, mass_after=(STEP, mass, cg, vehicle.inertia + apart))
+    )
+
+
+def runs_of(seed: int, share: float, place: np.ndarray, transducers: bool, fault: str | None = None):
+    """Return the file's vehicle and two runs, on two roads, of the cab with the load and with a fault of one sensor."""
+    rng = np.random.default_rng(seed)
+    vehicle = random_vehicle(rng, "air")
+    travel = tuple((name, "z") for name in vehicle.mount_names) if transducers else ()
+    sensors = random_sensors(vehicle, rng, displacement=travel)
+    roads = [base_motion(Road.random(rng, "rough"), vehicle.mounts, SECONDS, STEP, seed + i) for i in range(2)]
+    driven = vehicle
+    if fault is not None:
+        reference = Reference(vehicle, sensors, simulate(vehicle, roads[0]))
+        effect = plant(fault, reference, np.random.default_rng([seed, 1]), sensor=sensors[0].name)
+        driven, sensors, _ = effect.apply(0.3)
+    driven = loaded(driven, share, place)
+    runs = [measure(simulate(driven, road), sensors, RATE_HZ, seed + i, noise_share=0.01) for i, road in enumerate(roads)]
+    file = believed_vehicle(runs[0], Belief(cg_std=0.0075), seed, vehicle)
+    return vehicle, file, [uniform_run(run, f"run_{i}", from_s=SETTLED) for i, run in enumerate(runs)]
+
+
+def test_a_run_without_travel_does_not_tell_a_mass():
+    _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
+    plant_ = build_plant(file, dict.fromkeys(file.sensors, 3), 0.3, 0.5)
+    view = calibrate(RunData(plant_, measurement(plant_, run), Settings())).view
+    load = next(h for h in library()["mass_change"].hypotheses(view) if h.moves_cg)
+    mass = view.plant.vehicle.bodies["cab"].mass.value
+    forces = tuple(e for e in load.columns(view, {})[0] if e.where is Where.WRENCH)
+    heavier = mass * view.push([forces])[:, :, 0]
+    _, ports = port_columns(view, file_parameters(view.plant))
+    adjustables, body = balanced_columns(view, ["cab"])
+    inertia = view.plant.vehicle.bodies["cab"].inertia
+    size = np.sqrt(np.diag(inertia))
+    relative = inertia / np.outer(size, size)
+    weights = [relative["xyz".index(a.axis[1]), "xyz".index(a.axis[2])] if a.kind == "inertia" else 0.0 for a in adjustables]
+    # all masses, stiffness and damping scaled together move as before; the rotation at rest is not scaled
+    together = heavier + ports.sum(axis=2) + body @ np.array(weights)
+    assert np.sqrt(np.mean(together**2)) < 0.03 * np.sqrt(np.mean(heavier**2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [9211, 9212, 9213])
+def test_static_travel_tells_a_load_with_its_place(seed):
+    vehicle, file, (run, other) = runs_of(seed, 0.1, SITTING, transducers=True)
+    answer = diagnose(file, run, [other])
+    assert answer.verdict == "explained"
+    assert [(c.id, c.location) for c in answer.causes] == [("mass_change", "cab")], answer.sentence
+    found = {p.name: p for p in answer.causes[0].parameters}
+    mass = found["added mass"]
+    assert abs(mass.value - 0.1 * vehicle.mass) < 2.5 * mass.std
+    assert mass.std < 0.25 * mass.value
+    for axis, true in zip("xy", SITTING):
+        place = found[f"place from the CG {axis}"]
+        assert abs(place.value - true) < 2.5 * place.std + 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [9221, 9222])
+def test_a_load_beside_another_cause_is_no_calibration_of_the_cg(seed):
+    _, file, (run, other) = runs_of(seed, 0.15, SITTING, transducers=False, fault="sensor_delay")
+    answer = diagnose(file, run, [other])
+    assert {c.id for c in answer.causes} == {"mass_change", "sensor_delay"}, answer.sentence
