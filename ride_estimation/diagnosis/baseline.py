@@ -239,7 +239,8 @@ def cg_shift_wrench(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return force and moment spectra of a CG that lies ``shift`` from where the model has it, (F, 3) each.
 
-    ``acceleration`` is that of the six coordinates of the body, shape (F, 6). About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``.
+    About the model's CG: ``force = -m alpha x d``, ``moment = -m d x a - m g (theta x d) x e_z``, with the acceleration of the
+    six coordinates of the body, shape (F, 6).
     """
     mass, gravity = view.plant.vehicle.bodies[body].mass.value, view.plant.vehicle.gravity
     q, a = body_spectra(view, body)[0], acceleration

@@ -289,7 +289,7 @@ def calibrated_at(view: RunView, blocks: IntArray) -> Calibrated:
 
 
 def explains(misfit: float) -> bool:
-    """Return whether a misfit per degree of freedom is so small that CG and inertia are those of the body, of no missing cause."""
+    """Return whether so small a misfit per degree of freedom is left that CG and inertia are those of the body."""
     return misfit < _EXPLAINED
 
 

@@ -73,4 +73,5 @@ class Work:
         if fit is None:
             return self.baseline
         state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
-        return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.view.scales, fit.view.plant)
+        coefficients = fit.coefficients[: fit.regression.count]
+        return Model(state, fit.adjustables, coefficients, fit.fitted, fit.view.scales, fit.view.plant)

@@ -40,6 +40,7 @@ def test_no_cause_is_named_on_a_healthy_vehicle(diagnosis, name):
         ("cab_02", "sensor_clipping", "cab_fl", "clipping level", 12.888),  # m/s^2, on the validation run alone
         ("cab_03", "coulomb_friction", "rear", "friction level rl", 464.1),  # N
         ("planar_16", "coulomb_friction", "seat_suspension", "friction level", 16.9),  # N
+        ("cab_06", "mass_change", "cab", "added mass", 135.3),  # kg, by the travel of the mounts
         ("planar_17", "mass_change", "seat", "added mass", 11.09),  # kg, by the travel of the seat
         ("quarter_20", "mass_change", "body", "added mass", 274.3),  # kg
     ],
@@ -50,6 +51,11 @@ def test_the_hidden_effect_is_named_alone_with_its_place_and_size(diagnosis, nam
     assert [(c["id"], c["location"]) for c in answer["causes"]] == [(cause, location)]
     stated = next(p for p in answer["causes"][0]["parameters"] if p["name"] == number)
     assert stated["value"] == pytest.approx(value, rel=0.15)
+
+
+def test_a_load_is_named_beside_a_damper_that_pulls_one_way(diagnosis):
+    causes = {c["id"]: c["location"] for c in diagnosis("cab_13")["causes"]}
+    assert causes == {"damping_nonlinearity": "fl", "mass_change": "cab"}
 
 
 def test_a_trial_model_that_runs_away_ends_no_diagnosis(diagnosis):
