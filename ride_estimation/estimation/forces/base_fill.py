@@ -64,13 +64,6 @@ class BaseFill:
         self._square, self._rate_square = np.zeros((count, 3)), np.zeros((count, 3))
         self._force, self._force_square = np.zeros((count, 3)), np.zeros((count, 3))
         self._age = 0.0
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin a new time base: no base motion is a guess any more; sizes stay."""
-        count = len(self._place)
-        self._doubt = np.zeros(count)
-        self._wrong, self._now_square = 0.0, np.zeros((count, 3))
         #: means of the sensors while all speak, 0 until they are known: those that count, the next ones, the sum and time of now
         self._mean, self._next = np.zeros((count, 3)), np.zeros((count, 3))
         self._sum, self._heard = np.zeros((count, 3)), 0.0
@@ -80,6 +73,13 @@ class BaseFill:
         self._away, self._back, self._excess = np.zeros(count), np.full(count, math.inf), np.zeros((count, 3))
         #: mounts whose sensor is used again since the last block, after a long absence
         self.returned: tuple[int, ...] = ()
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new time base: no base motion is a guess any more; sizes stay, and offsets, which are those of the sensors."""
+        count = len(self._place)
+        self._doubt = np.zeros(count)
+        self._wrong, self._now_square = 0.0, np.zeros((count, 3))
 
     def _map(self, there: BoolArray) -> Array:
         """Return weights of the axes (M, 3) that speak on the same axis of every mount, shape (3, M, M).

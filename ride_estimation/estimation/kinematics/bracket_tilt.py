@@ -46,8 +46,9 @@ _SETTLED, _LEAST, _EVERY = 1.5 / _BAND[0], 5.0, 1.0
 _STAGES, _HIGH_PASS = 8, 4
 #: slopes that are looked at: twist, roll and pitch of the frame, roll and pitch of the frame against the body
 _SLOPES = 5
-#: levelled share that is acted on, and by how many standard deviations it must be known
-_LEVELLED, _CERTAIN = 0.3, 4.0
+#: levelled share that is acted on, and how many standard deviations it must be: brackets tilt with their frame or they do not;
+#: a share nearer to none than to all is an error that does not average out (sensors, a drive that is played again and again)
+_LEVELLED, _CERTAIN = 0.5, 4.0
 #: memory of the mean of angular accelerations [s], noise of the angle [rad] its leak is chosen for and bounds of that corner [Hz]
 _MEMORY, _ANGLE_NOISE, _CORNERS = 30.0, 5e-3, (0.04, 0.25)
 #: time over which the swing sets in [s]: a step would ring in every double integration
@@ -227,13 +228,16 @@ class BracketTilt:
         self._moments = np.zeros((size, size))
         #: time that was added, and that times its ticks [s^2]
         self._time, self._noisy, self._next = 0.0, 0.0, _LEAST
+        #: mean, rate, angle, age of the roll and pitch of the frame
+        self._angle = np.zeros((2, 4))
         self.restart()
         self._conclude()
 
     def restart(self) -> None:
         """Begin a new time base: the filters start again, what was learned stays."""
         self._state = np.zeros((2 * _SLOPES + len(self._pattern), _STAGES))
-        self._angle = np.zeros((2, 4))
+        # what sensors read of a frame at rest is no matter of time: the mean of a moment, integrated twice, is degrees
+        self._angle[:, 1:3] = 0.0
         self._started = 0.0
         self._offset: Array | None = None
         self._applied = np.zeros(2)
