@@ -157,6 +157,10 @@ def _mechanisms() -> dict[str, Mechanism]:
         "equilibrium of deflections": Mechanism(
             "forces.mount_forces", "MountForceEstimator.equilibrium", returns(None), "slow deflections from the loads of the body"
         ),
+        "contradicted deflections": Mechanism(
+            "kinematics.deflection", "DeflectionEstimator._astray", returns(False),
+            "deflections that equilibrium contradicts begin anew",
+        ),
         "strain covariance": Mechanism(
             "forces.mount_forces", "MountForceEstimator._strain_covariance", returns(0.0), "finite rotations strain the mounts"
         ),

@@ -397,6 +397,10 @@ class Pipeline:
         expected, rest = np.zeros((count, 3)), self._forces.equilibrium(support)
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
         found = self._deflection.observe(motion, base, base_ok, spoke, *self._layout.travels(block, count), expected, dt, rest)
+        if self._deflection.began_anew:
+            self._restarts["forces on the body contradicted the deflections"] += 1
+            self._forces.renew_gains()
+            self._parameters.restart()
         return self._fill.widen(found, ticks * dt)
 
     def _settle(self) -> None:

@@ -180,6 +180,31 @@ def test_equilibrium_a_block_late_never_drives_the_deflections_apart(silent: str
     assert max(sizes[-50:]) < 1e-4
 
 
+def test_a_rotation_that_feeds_itself_begins_anew_where_equilibrium_contradicts_it():
+    """A body at rest, taken to have rolled by a quarter of a radian and to be sure of it."""
+    a = geometry_of(load_vehicle("truck_cab"))
+    count, ticks, dt = len(a.mounts), 10, 0.002
+    estimator = DeflectionEstimator(a, BracketTilt(a))
+    still = np.tile([0.0, 0.0, 9.80665, 0.0, 0.0, 0.0], (ticks, 1))
+    motion = MotionBlock(
+        still, 1e-4 * np.eye(6), np.zeros((ticks, 3)), np.zeros((ticks, 3)), 0.0, np.zeros((ticks, 0)), np.ones(ticks, dtype=bool)
+    )
+    base, none = np.tile([0.0, 0.0, 9.80665], (ticks, count, 1)), np.zeros((ticks, count, 3))
+    spoke = np.ones((ticks, count), dtype=bool)
+    square, lag, missing, sizes, anew = np.full((count, 3), 0.005**2), np.full((count, 3), 0.06), np.zeros((count, 3)), [], []
+    for block in range(1000):
+        if block == 500:
+            estimator._state[0, :, 2] = 0.25 * a.arms[:, 1]
+            missing = -estimator._state[0]
+        rest = Equilibrium(none, lag, missing)
+        found = estimator.observe(motion, base, spoke, spoke.all(axis=1), none, none > 0.0, square, dt, rest)
+        missing = -np.mean(found.deflection + lag[None] * found.rate, axis=0)
+        sizes.append(float(np.abs(found.deflection).max()))
+        anew.append(estimator.began_anew)
+    assert np.flatnonzero(anew).tolist() == [500]
+    assert max(sizes) < 1e-3
+
+
 @pytest.mark.parametrize("missing", ["body", "base"])
 def test_a_mount_that_nothing_tells_comes_to_rest_and_says_how_little_it_knows(missing: str):
     a = geometry_of(load_vehicle("truck_cab"))

@@ -205,6 +205,10 @@ class MountForceEstimator:
         if self._frame is not None:
             self._frame.take_tilt()
 
+    def renew_gains(self) -> None:
+        """Let the next block have gains of its own: the deflections are suddenly known less well."""
+        self._until = self._time
+
     def reset(self) -> None:
         """Forget running statistics and what the elements remember."""
         count = self._count

@@ -44,6 +44,9 @@ _MARGIN = np.array([0.2, 0.2, 0.05])
 _LEAST = np.array([1e-4, 1e-4, 2e-4])
 #: largest deflection of a mount [m]: no suspension of a cab, seat or axle travels a metre
 LARGEST_TRAVEL = 1.0
+#: rigid deflection that equilibrium misses over what all the forces on the body deflect and the stated error, from which on the
+#: integrals went astray: a file whose stiffness is off by half leaves two or three
+_ASTRAY = 5.0
 #: corner of the filter times how late the equilibrium of the last block is, up to which it may be fed back: the loop stays stable
 #: to three times that for any ratio of damping to stiffness, and for a law twice as stiff as its tangent
 _FED_BACK = 1.0
@@ -119,6 +122,8 @@ class DeflectionEstimator:
         for i, a, variance in self._slots:
             self._transducer_variance[i, a] = variance
             self.has_transducer[i, a] = True
+        #: whether the deflections of the last block began from rest because equilibrium contradicted them
+        self.began_anew = False
         self.reset()
 
     @property
@@ -133,13 +138,16 @@ class DeflectionEstimator:
 
     def restart(self) -> None:
         """Start again from rest; deflections may be as large as they were."""
+        self._lasting = LastingAcceleration()
+        self._begin_from_rest()
+
+    def _begin_from_rest(self) -> None:
         m = self._count
         self._state = np.zeros((4, m, 3))
         square = np.maximum(_DEFLECTION_STD**2, self._mean_square / _MARGIN)
         self._p = np.zeros((m, 3, 3, 3))
         self._p[:, :, 0, 0], self._p[:, :, 1, 1], self._p[:, :, 2, 2] = square, _RATE_RATIO**2 * square, _BIAS_STD**2
         self._started = False
-        self._lasting = LastingAcceleration()
         self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 5))
 
     def forget_bias(self, mounts: Sequence[int]) -> None:
@@ -180,6 +188,10 @@ class DeflectionEstimator:
         """
         ticks = len(base)
         shape = (ticks, self._count, 3)
+        self.began_anew = equilibrium is not None and self._astray(equilibrium, expected_square)
+        if self.began_anew:
+            self._begin_from_rest()
+            equilibrium = None
         deflection, rate, relative, turn = (np.zeros(shape) for _ in range(4))
         if not self._started:
             self._begin(motion, base)
@@ -198,6 +210,16 @@ class DeflectionEstimator:
         self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
         return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
+
+    def _astray(self, equilibrium: Equilibrium, expected_square: Array) -> bool:
+        """Return whether equilibrium contradicts the deflections beyond any error of the mount law.
+
+        A rotation theta turns gravity into a relative acceleration ``g theta^2 / 2``, which deflects the mounts and turns the
+        body on: from some tenths of a radian on the integrals feed their own error faster than equilibrium draws them back, and
+        their covariance, that of small rotations, does not tell.
+        """
+        size = np.maximum(np.maximum(self._mean_square / _MARGIN, expected_square), _LEAST**2)
+        return bool((equilibrium.missing**2 > _ASTRAY**2 * (size + self._p[:, :, 0, 0])).any())
 
     def _drawn(
         self, equilibrium: Equilibrium | None, noise: Array, whole: bool, ticks: int, dt: float
