@@ -56,3 +56,20 @@ def point_motion_matrix(offset: ArrayLike) -> Array:
         Point minus reference, shape (3,) [m].
     """
     return np.hstack([np.eye(3), -skew(offset)])
+
+
+def rotation_matrices(angle: Array) -> Array:
+    """Return the rotation matrices exp([angle]x) of rotation vectors (Rodrigues), shape (N, 3, 3).
+
+    Parameters
+    ----------
+    angle
+        Rotation vectors, shape (N, 3) [rad].
+    """
+    size = np.linalg.norm(angle, axis=1)
+    a = np.where(size > 1e-8, np.sin(size) / np.maximum(size, 1e-8), 1.0)[:, None, None]
+    b = np.where(size > 1e-8, (1.0 - np.cos(size)) / np.maximum(size, 1e-8) ** 2, 0.5)[:, None, None]
+    x, y, z = angle.T
+    zero = np.zeros_like(x)
+    s = np.stack([np.stack([zero, -z, y], 1), np.stack([z, zero, -x], 1), np.stack([-y, x, zero], 1)], axis=1)
+    return np.asarray(np.eye(3) + a * s + b * (s @ s))

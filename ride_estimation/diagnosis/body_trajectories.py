@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.plant import Plant
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, rotation_matrices
 from ride_estimation.vehicles.guided import carrier_of, own_mass_matrix
 
 Array = NDArray[np.float64]
@@ -27,17 +27,6 @@ class BodyMotion:
     position: Array
     velocity: Array
     acceleration: Array
-
-
-def rotation_matrices(angle: Array) -> Array:
-    """Return exp([angle]x) for rotation vectors, shape (N, 3) -> (N, 3, 3) (Rodrigues)."""
-    size = np.linalg.norm(angle, axis=1)
-    a = np.where(size > 1e-8, np.sin(size) / np.maximum(size, 1e-8), 1.0)[:, None, None]
-    b = np.where(size > 1e-8, (1.0 - np.cos(size)) / np.maximum(size, 1e-8) ** 2, 0.5)[:, None, None]
-    x, y, z = angle.T
-    zero = np.zeros_like(x)
-    s = np.stack([np.stack([zero, -z, y], 1), np.stack([z, zero, -x], 1), np.stack([-y, x, zero], 1)], axis=1)
-    return np.asarray(np.eye(3) + a * s + b * (s @ s))
 
 
 class Trajectory:

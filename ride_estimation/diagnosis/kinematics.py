@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories, rotation_matrices
+from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
 from ride_estimation.diagnosis.plant import Plant, vertical_row
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, rotation_matrices
 
 Array = NDArray[np.float64]
 

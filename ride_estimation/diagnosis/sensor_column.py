@@ -6,10 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra
-from ride_estimation.diagnosis.body_trajectories import rotation_matrices
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, rotation_matrices
 
 _NO_ANGLE = 1e-6  # reference that stands for the derivative at no rotation [rad]
 

@@ -7,10 +7,9 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.frames import AXES
+from ride_estimation.frames import AXES, rotation_matrices
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.simulation.base_motion import BaseMotion
 from ride_estimation.vehicles.assembly import Assembly, sensor_offset
@@ -108,12 +107,12 @@ class Response:
 
         Equations of motion may be those of small rotations, a sensor turns and is flung about by all of them.
         """
-        turn = Rotation.from_rotvec(self.body_motion(sensor.body, "coordinates")[:, 3:])
+        turn = rotation_matrices(self.body_motion(sensor.body, "coordinates")[:, 3:])
         rate, motion = self.body_motion(sensor.body, "rates")[:, 3:], self.body_motion(sensor.body)
-        arm = turn.apply(sensor_offset(self.assembly.vehicle, sensor))
+        arm = turn @ sensor_offset(self.assembly.vehicle, sensor)
         felt = motion[:, :3] + np.cross(motion[:, 3:], arm) + np.cross(rate, np.cross(rate, arm))
         felt[:, 2] += self.assembly.vehicle.gravity
-        return turn.apply(felt, inverse=True), turn.apply(rate, inverse=True)
+        return np.einsum("nji,nj->ni", turn, felt), np.einsum("nji,nj->ni", turn, rate)
 
     def _on_base(self, sensor: Sensor) -> tuple[Array, Array]:
         """Return specific force and angular rate where a sensor sits on a prescribed base, axes of that, shape (N, 3) each."""

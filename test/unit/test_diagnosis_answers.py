@@ -15,7 +15,6 @@ from ride_estimation.diagnosis.baseline import mean_table
 from ride_estimation.diagnosis.calibration import file_parameters
 from ride_estimation.diagnosis.diagnose import diagnose, form_variance
 from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.kinematics import rotation_matrices
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import missing_forces
@@ -35,6 +34,7 @@ from ride_estimation.diagnosis.sensor_column import turned_column
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.verdict import gained_nothing, left_elsewhere, proven, unexplained_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.frames import rotation_matrices
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.vehicle import Vehicle

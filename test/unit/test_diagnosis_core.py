@@ -21,7 +21,6 @@ from ride_estimation.diagnosis.calibration import (
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.hypothesis import Sign
-from ride_estimation.diagnosis.kinematics import rotation_matrices
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import noise_scale, temper_of
@@ -39,6 +38,7 @@ from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
 from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, shows_elsewhere, within_library
+from ride_estimation.frames import rotation_matrices
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.signals.recording import UniformRun
 
