@@ -19,9 +19,12 @@ from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 
 SECONDS, RATE_HZ, STEP = 30.0, 100.0, 1e-3
 SITTING = np.array([0.15, 0.25, 0.0])
@@ -74,6 +77,21 @@ def test_a_run_without_travel_does_not_tell_a_mass():
     # all masses, stiffness and damping scaled together move as before; the rotation at rest is not scaled
     together = heavier + ports.sum(axis=2) + body @ np.array(weights)
     assert np.sqrt(np.mean(together**2)) < 0.03 * np.sqrt(np.mean(heavier**2))
+
+
+def test_mounts_with_rotational_stiffness_can_carry_a_load():
+    _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
+    stiff = {
+        name: dataclasses.replace(m, elements={**m.elements, "roll": KelvinVoigt(stiffness=2e3, damping=20.0)})
+        for name, m in file.mounts.items()
+    }
+    turning = dataclasses.replace(file, mounts=stiff)
+    plant_ = build_plant(turning, dict.fromkeys(turning.sensors, 3), 0.3, 0.5)
+    assert any(p.axis == "roll" for p in plant_.ports)
+    view = RunView(RunData(plant_, measurement(plant_, run), Settings()), ModelState(*file_parameters(plant_)))
+    load = next(h for h in library()["mass_change"].hypotheses(view) if h.moves_cg)
+    columns = load.columns(view, {})
+    assert len(columns) == 4 and all(np.all(np.isfinite(e.signal)) for column in columns for e in column)
 
 
 @pytest.mark.slow

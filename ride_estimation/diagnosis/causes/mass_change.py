@@ -215,7 +215,7 @@ def _turned(view: RunView, shift: Array) -> list[Effect]:
 
     In axes of the body its sensors, its CG and its mounts stay where they were; the readings of its bases and the axes of its
     mounts are turned back: a mount whose body is turned by phi against its base has the further tension
-    ``K (phi x d) - phi x (K d)`` along a deflection d, and alike of its rate.
+    ``K (phi x d) - phi x (K d)`` along a deflection d, and alike of its rate. Rotational stiffness counts as that of a sphere.
     """
     plant, vehicle = view.plant, view.plant.vehicle
     turns = {body: (plant.body_map(body) @ shift)[3:] for body in dict.fromkeys(b for b, _ in plant.coordinates)}
@@ -223,7 +223,7 @@ def _turned(view: RunView, shift: Array) -> list[Effect]:
     wrench = np.zeros((len(view.data.time_s), len(plant.coordinates)))
     for mount in (vehicle.mounts[name] for name in plant.mounts):
         turn = turns[mount.body] - turns.get(mount.base, np.zeros(3))
-        ports = {AXES.index(p.axis): i for i, p in enumerate(plant.ports) if p.mount == mount.name}
+        ports = {AXES.index(p.axis): i for i, p in enumerate(plant.ports) if p.mount == mount.name and p.axis in AXES}
         axes, rows = [*ports], [*ports.values()]
         for motion, own in zip((view.deflection, view.deflection_rate), modulus[:, rows]):
             d, force = np.zeros((2, len(motion), 3))
@@ -234,8 +234,9 @@ def _turned(view: RunView, shift: Array) -> list[Effect]:
     total: dict[int, ComplexArray] = {}
     for name in dict.fromkeys(s.sensor for s in plant.inputs):
         sensor = vehicle.sensors[name]
-        carried = next(m.body for m in vehicle.mounts.values() if sensor.mount in (m.name, None) and m.base == sensor.body)
-        for component, angle in enumerate(-sensor.rotation.T @ turns.get(carried, np.zeros(3))):
+        carried = [m.body for m in vehicle.mounts.values() if sensor.mount in (m.name, None) and m.base == sensor.body]
+        turn = turns.get(carried[0], np.zeros(3)) if carried else np.zeros(3)
+        for component, angle in enumerate(-sensor.rotation.T @ turn):
             for i, spectrum in sensor_error_spectra(view, name, "misalignment", component)[0].items():
                 total[i] = total.get(i, 0.0) - angle * spectrum
     return out + [Effect(Where.INPUT, i, view.grid.signal(spectrum)) for i, spectrum in total.items()]
