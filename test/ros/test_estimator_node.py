@@ -311,6 +311,7 @@ def test_second_publisher_of_another_type_is_said_and_changes_nothing(ros_single
     driver.publish_to(node)
     Driver(ros_single, IMU).seen_by(node)
     driver.publish_to(node)
+    node.look()  # a participant that is announced late was waited for in silence
     level, message = node.session.states[VICTIM].verdict()
     assert level == DiagnosticStatus.WARN
     assert f"a publisher of {IMU} is not read" in message
