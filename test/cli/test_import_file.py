@@ -6,6 +6,7 @@ MDF4, TDMS, RPC III and Parquet need the extra ``files``; without it only CSV is
 
 from __future__ import annotations
 
+import datetime
 import sys
 from pathlib import Path
 
@@ -63,7 +64,7 @@ def test_export_and_import_give_the_recording_back(suffix: str, bag: Path, recor
         # the time base of a table may begin a few samples late; interpolating at a sample gives the sample up to rounding
         shifts = range(len(channel.stamp_ns) - n + 1)
         assert any(np.allclose(other.values, channel.values[k : k + n], rtol=0.0, atol=1e-9) for k in shifts), name
-        assert np.array_equal(np.diff(other.stamp_ns), np.diff(channel.stamp_ns)[:n - 1])
+        assert np.array_equal(np.diff(other.stamp_ns), np.diff(channel.stamp_ns)[: n - 1])
     if suffix == ".mf4":
         assert back.channels[name].stamp_ns[0] == recording.channels[name].stamp_ns[0]  # MDF knows when it was
 
@@ -116,7 +117,8 @@ def test_tdms_and_rpc_files_of_their_own_libraries(tmp_path: Path) -> None:
         ("time,a,timestamp,b\n0,1,0,1\n1,1,2,1\n2,1,5,1\n", "two clocks in one table ('time', 'timestamp')"),
         ("time,a,timestamp,b\n0,1,0,1\n1,1,2,1\n2,1,4,1\n", "two clocks in one table ('time', 'timestamp')"),
         ("time,a\n0,1\n1,1\n,1\n,1\n", "the time 'time' has 2 values, other columns have 4"),
-        ("time,a,time2,b\n0,1,0,1\n1,1,2,1\n2,1,,\n", "two clocks in one table ('time', 'time2')"),
+        ("time,a,time2,b\n0,1,0,1\n1,1,,1\n2,1,,1\n", "'time2' has no value in rows where a column beside it has"),
+        ("a,time,b,time2,c\n1,0,1,0,1\n1,1,1,2,1\n1,2,1,,\n", "and a column before the first"),
         ("time,a\n", "two rows"),
         ("", "empty"),
         ("time,cab_front_left.x [N],cab_front_left.y [N],cab_front_left.z [N]\n0,1,2,3\n1,2,3,4\n", "unit 'N'"),
@@ -264,6 +266,32 @@ def test_columns_of_text_units_with_gaps_and_a_second_clock_column_do_not_stop_a
     assert "column status: holds text (row 3: 'ok 0' is not a number)" in capsys.readouterr().out
     first = next(iter(iterate_messages(tmp_path / "bag")))[3].linear_acceleration
     assert (first.x, first.y, first.z) == pytest.approx((9.80665, -2 * 9.80665, 3 * 0.3048))
+
+
+def test_two_clocks_side_by_side_are_each_the_time_of_the_columns_on_their_right(tmp_path: Path) -> None:
+    rows = [f"{0.01 * k:.2f},{k}," + (f"{20 * k},{3 * k},ok" if k < 6 else ",,late") for k in range(11)]
+    (tmp_path / "run.csv").write_text("Time,a,Time_ms,b,note\n" + "\n".join(rows) + "\n")
+    file = read_measurement_file(tmp_path / "run.csv")
+    first, second = file.channels
+    assert (first.name, second.name) == ("a", "b") and file.events == ((0.0, "ok"), (0.06, "late"))
+    assert first.time_s == pytest.approx(0.01 * np.arange(11)) and first.values.tolist() == list(range(11))
+    assert second.time_s == pytest.approx(0.02 * np.arange(6)) and second.values.tolist() == [3 * k for k in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("heading", "texts"),
+    [
+        ("DateTime", ["2026-03-12T23:59:59.990", "2026-03-13 00:00:00", "2026-03-13T00:00:00.010"]),
+        ("Zeit", ["12.03.2026 23:59:59,990", "13.03.2026 00:00:00", "13.03.2026 00:00:00,010"]),
+        ("Time [HH:MM:SS]", ["23:59:59.990", "0:00:00", "00:00:00.010"]),
+    ],
+)
+def test_a_time_may_be_dates_or_times_of_day(heading: str, texts: list[str], tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text(f"{heading};a\n" + "".join(f"{text};1\n" for text in texts))
+    (channel,) = read_measurement_file(tmp_path / "run.csv").channels
+    assert np.diff(channel.time_s) == pytest.approx([0.01, 0.01], abs=1e-6)
+    if "2026" in texts[0]:
+        assert channel.time_s[1] == datetime.datetime(2026, 3, 13, tzinfo=datetime.UTC).timestamp()
 
 
 def test_units_of_test_rigs_abroad() -> None:

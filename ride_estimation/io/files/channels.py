@@ -36,7 +36,9 @@ _OF_FILES = {
     "dan": ("N", 10.0), "psi": ("Pa", 6894.757293168), "kpa": ("Pa", 1e3), "mpa": ("Pa", 1e6), "mbar": ("Pa", 100.0),
     "mv": ("V", 1e-3), "v": ("V", 1.0),
 }  # fmt: skip
-_TIME_NAMES = ("time", "t", "timestamp", "stamp", "zeit", "timestamps", "x_value")
+_TIME_NAMES = (
+    "time", "t", "timestamp", "stamp", "zeit", "timestamps", "x_value", "datetime", "date_time", "date time", "zeitstempel",
+)  # fmt: skip
 _TIME_FACTORS = {
     "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
@@ -44,6 +46,8 @@ _TIME_FACTORS = {
 _LONGEST_S = 3.2e9
 #: units a time may be in
 TIME_UNITS = tuple(unit for unit in _TIME_FACTORS if unit)
+#: what to do with a table whose columns belong to clocks that cannot be told apart
+_SPLIT_IT = "make a file of each, with its own columns"
 #: share of the steps between stamps that may be zero because the file rounds them
 _MOST_ROUNDED = 0.9
 
@@ -148,7 +152,10 @@ def split_heading(heading: str) -> tuple[str, str]:
 def table_channels(
     path: Path, headings: list[tuple[str, str]], columns: list[Array], time: TimeSource
 ) -> tuple[FileChannel, ...]:
-    """Return the channels of a table whose columns share one time base.
+    """Return the channels of a table.
+
+    Two columns of time with different numbers of values are two clocks side by side: every column belongs to the one on its
+    left, and both begin together.
 
     Parameters
     ----------
@@ -175,6 +182,16 @@ def table_channels(
         found = [i for i, heading in enumerate(headings) if _time_unit(*heading) is not None]
     if not found and time.channel:
         raise InputDataError(f"{path}: no column {time.channel!r} for the time; it has {', '.join(names)}")
+    clocks = _clocks_side_by_side(path, headings, columns, found)
+    if clocks:
+        return tuple(
+            channel
+            for first, beyond, count in clocks
+            for channel in table_channels(
+                path, headings[first:beyond], [column[:count] for column in columns[first:beyond]],
+                dataclasses.replace(time, channel=names[first]),
+            )
+        )  # fmt: skip
     if found:
         place = found[0]
         seconds = _seconds(path, headings[place], columns[place], time.unit)
@@ -230,20 +247,47 @@ def _seconds(path: Path, heading: tuple[str, str], values: Array, said: str) -> 
     return even if np.max(np.abs(even - seconds)) <= resolution else seconds
 
 
+def _clocks_side_by_side(
+    path: Path, headings: list[tuple[str, str]], columns: list[Array], found: list[int]
+) -> list[tuple[int, int, int]]:
+    """Return the parts of a table that has several clocks, none where it has one: first column (the time), end, number of rows.
+
+    Loggers that sample two groups at two rates write them side by side and leave the rest of the shorter one empty. Times of
+    equal length that run differently may belong to any column: these are refused elsewhere.
+    """
+    filled = [_filled(column) for column in columns]
+    if len({filled[place] for place in found}) < 2:
+        return []
+    what = f"{path}: two clocks in one table ({headings[found[0]][0]!r}, {headings[found[1]][0]!r})"
+    if found[0] > 0:
+        raise InputDataError(f"{what}, and a column before the first; {_SPLIT_IT}")
+    parts = list(zip(found, [*found[1:], len(columns)]))
+    for first, beyond in parts:
+        longest = max(filled[first:beyond])
+        if not np.all(np.isfinite(columns[first][: filled[first]])) or longest > filled[first]:
+            raise InputDataError(f"{what}; {headings[first][0]!r} has no value in rows where a column beside it has; {_SPLIT_IT}")
+    return [(first, beyond, filled[first]) for first, beyond in parts]
+
+
+def _filled(column: Array) -> int:
+    """Return how many rows a column has up to its last value."""
+    there = np.flatnonzero(np.isfinite(column))
+    return int(there[-1]) + 1 if there.size else 0
+
+
 def _check_one_clock(path: Path, headings: list[tuple[str, str]], columns: list[Array], found: list[int]) -> None:
     """Refuse a table whose columns belong to several clocks: other time columns run differently, or the time ends early."""
     first = columns[found[0]]
     there = int(np.sum(np.isfinite(first)))
     what = f"{path}: two clocks in one table"
-    todo = "make a file of each, with its own columns"
     for place in found[1:]:
         both = np.isfinite(first) & np.isfinite(columns[place])
         if int(np.sum(both)) != there or not _same_clock(first[both], columns[place][both]):
-            raise InputDataError(f"{what} ({headings[found[0]][0]!r}, {headings[place][0]!r}); {todo}")
+            raise InputDataError(f"{what} ({headings[found[0]][0]!r}, {headings[place][0]!r}); {_SPLIT_IT}")
     longest = max(int(np.sum(np.isfinite(column))) for column in columns)
     if 2 <= there < longest and np.all(np.isfinite(first[:there])):
         raise InputDataError(
-            f"{what}: the time {headings[found[0]][0]!r} has {there} values, other columns have {longest}; {todo}"
+            f"{what}: the time {headings[found[0]][0]!r} has {there} values, other columns have {longest}; {_SPLIT_IT}"
         )
 
 
