@@ -81,6 +81,7 @@ class _Kernel:
         import numba
         from numba.core import config
 
+        _watch_compiler()
         before = config.CACHE_DIR
         config.CACHE_DIR = str(cache_folder(_folder_of(self._function)))
         try:
@@ -95,6 +96,30 @@ class _Kernel:
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self._dispatcher, name)
+
+
+#: kernels being compiled now, the outermost first
+_compiled_now: list[Any] = []
+
+
+def compiling() -> bool:
+    """Return whether a kernel is being compiled at this moment, for whoever shows what takes the time."""
+    return bool(_compiled_now)
+
+
+@functools.cache
+def _watch_compiler() -> None:
+    """Have numba say when it begins and ends to compile."""
+    events = _numba("core.event")
+
+    class Watch(events.Listener):  # type: ignore[misc, name-defined]  # numba has no types
+        def on_start(self, event: Any) -> None:
+            _compiled_now.append(event)
+
+        def on_end(self, event: Any) -> None:
+            _compiled_now.pop()
+
+    events.register("numba:compile", Watch())
 
 
 def _compile(function: F, **options: Any) -> F:

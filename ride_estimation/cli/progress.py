@@ -1,8 +1,9 @@
 # Copyright 2026 ride_estimation contributors
 """How far a long job is, on stderr: which stage, percent of the whole, seconds; never silent for more than five seconds.
 
+Whatever the stage, it says when kernels are being compiled, which happens once on a machine and is no part of any usual share.
 On a terminal one line per stage is drawn anew as it goes on; in a log, a notebook or a pipe a line is written when a stage begins
-and every five seconds.
+and every four seconds.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ import time
 from collections.abc import Mapping
 from types import TracebackType
 
+from ride_estimation.jit import compiling
+
 #: time between two looks at the clock [s]: a terminal is drawn anew, a log gets a line
-_REDRAW_S, _LINE_S = 0.2, 5.0
+_REDRAW_S, _LINE_S = 0.2, 4.0
 _WIDTH = 30
 
 
@@ -84,6 +87,8 @@ class Progress:
         within = min(self._done / max(self._total, 1e-12), 1.0)
         share = min(self._before + self._shares.get(self._stage, 0.0) * within, 1.0)
         words = f"{100 * share:3.0f} %  {time.monotonic() - self._started:4.0f} s  {self._stage}".rstrip()
+        if compiling():
+            words += " (compiling for this machine, once)"
         if not self._terminal:
             print(f"{self._label}: {words}", file=self._stream, flush=True)
             return

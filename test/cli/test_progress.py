@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import sys
 import time
 
 import pytest
 
+from ride_estimation import jit
 from ride_estimation.cli import progress
 from ride_estimation.cli.progress import Progress
 
@@ -55,3 +57,40 @@ def test_what_fails_does_not_end_at_all_of_it(monkeypatch: pytest.MonkeyPatch) -
         shown.begin("reading")
         raise ValueError
     assert "100 %" not in screen.getvalue() and screen.getvalue().endswith("\n")
+
+
+def test_it_says_when_kernels_are_compiled_and_not_when_they_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not jit.COMPILED:
+        pytest.skip("without numba nothing is compiled")
+    log = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", log)
+    seen: list[bool] = []
+    with Progress("replay", shares={"reading": 1.0}) as shown:
+        kernel = jit.compile_kernel(_halved)
+        assert not kernel.signatures
+        kernel._dispatcher._cache = importlib.import_module("numba.core.caching").NullCache()
+        events = importlib.import_module("numba.core.event")
+
+        class Look(events.Listener):
+            def on_start(self, event: object) -> None:
+                seen.append(jit.compiling())
+                shown.begin("within")
+
+            def on_end(self, event: object) -> None: ...
+
+        look = Look()
+        events.register("numba:compile", look)
+        try:
+            assert kernel(3.0) == 1.5
+        finally:
+            events.unregister("numba:compile", look)
+        assert kernel(5.0) == 2.5
+        shown.begin("after")
+    lines = log.getvalue().splitlines()
+    assert seen == [True] and not jit.compiling()
+    assert next(line for line in lines if "within" in line).endswith("within (compiling for this machine, once)")
+    assert next(line for line in lines if "after" in line).endswith("after")
+
+
+def _halved(value: float) -> float:
+    return 0.5 * value
