@@ -112,7 +112,7 @@ def _quality(page: Page, vehicle: Vehicle, run: OfflineRun, quality: Mapping[str
             q.clipped, q.spikes, f"{alike(q.mean[:3])}{own}", f"{alike(q.std[:3])}{own}", "; ".join(q.findings) or "fine",
         ])  # fmt: skip
     page.table([
-        "sensor", "samples", "used", "rejected", "overtaken", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped",
+        "sensor", "samples", "used", "rejected", "out of order", "rate [Hz]", "jitter [ms]", "gaps", "longest [ms]", "clipped",
         "spikes", f"mean [{shared}]" if shared else "mean", f"std [{shared}]" if shared else "std", "findings",
     ], rows)  # fmt: skip
     page.text("Mean of an accelerometer in sensor axes; a specific force of +9.81 m/s² points up at rest.")

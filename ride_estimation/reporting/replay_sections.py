@@ -159,12 +159,12 @@ def comfort(page: Page, assessment: RunAssessment) -> None:
     hours = assessment.daily_exposure_s / 3600.0
     page.text(
         f"Wd on x and y, Wk on z. A(8) and VDV are for {hours:g} h a day of this vibration, dominant axis of 1.4 x, 1.4 y, z. "
-        f"Action value A(8) {ACTION_VALUE_A8} m/s² or VDV {ACTION_VALUE_VDV} m/s^1.75, limit {LIMIT_VALUE_A8} m/s² or "
-        f"{LIMIT_VALUE_VDV:g} m/s^1.75."
+        f"Action value A(8) {ACTION_VALUE_A8} m/s² or VDV {ACTION_VALUE_VDV} m/s¹·⁷⁵, limit {LIMIT_VALUE_A8} m/s² or "
+        f"{LIMIT_VALUE_VDV:g} m/s¹·⁷⁵."
     )
     page.table(
         [
-            "place", "A(8) [m/s²]", "A(8) to action [min]", "A(8) to limit [min]", "VDV day [m/s^1.75]", "VDV to action [min]",
+            "place", "A(8) [m/s²]", "A(8) to action [min]", "A(8) to limit [min]", "VDV day [m/s¹·⁷⁵]", "VDV to action [min]",
             "VDV to limit [min]", "a_v [m/s²]",
         ],
         [
@@ -177,7 +177,7 @@ def comfort(page: Page, assessment: RunAssessment) -> None:
         ],
     )  # fmt: skip
     page.table(
-        ["place", "axis", "a_w [m/s²]", "VDV of the run [m/s^1.75]", "MTVV [m/s²]", "crest factor [-]"],
+        ["place", "axis", "a_w [m/s²]", "VDV of the run [m/s¹·⁷⁵]", "MTVV [m/s²]", "crest factor [-]"],
         [
             [
                 e.location, name,

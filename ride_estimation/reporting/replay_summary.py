@@ -60,7 +60,7 @@ def summary(
             for m in found[:_MOST_MODES]
         ])  # fmt: skip
     if assessment.exposures:
-        parts["Ride comfort"] = (("place", "a_w,z [m/s²]", "A(8) [m/s²]", "VDV day [m/s^1.75]"), [
+        parts["Ride comfort"] = (("place", "a_w,z [m/s²]", "A(8) [m/s²]", "VDV day [m/s¹·⁷⁵]"), [
             [e.location, *(Digits(plain(v, 3)) for v in (e.axes[2].weighted_rms, e.a8, e.dose))] for e in assessment.exposures
         ])  # fmt: skip
     page.beside(parts)
@@ -91,7 +91,7 @@ def verdict(run: OfflineRun, result: Mapping[str, Any], assessment: RunAssessmen
         words.append(f"vertical stiffness of {len(sure)} of {len(stiff)} mounts is known {known}".rstrip())
     if assessment.exposures:
         most = max(assessment.exposures, key=lambda e: e.a8)
-        words.append(f"A(8) is {plain(most.a8, 3)} m/s² at {most.location}")
+        words.append(f"A(8) is {plain(most.a8, 3)} m/s² ({most.location})")
     count = len(result["warnings"])
     words.append(f"{100.0 * run.valid.mean():.3g} % of {run.time_s[-1]:.3g} s is usable")
     words.append(f"{count} warning{'s' * (count != 1)}" if count else "no warnings")
