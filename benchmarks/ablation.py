@@ -106,7 +106,7 @@ def _mechanisms() -> dict[str, Mechanism]:
     from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 
     zero6 = np.zeros((6, 6))
-    no_swing = lambda self, base, told, dt: (np.zeros((len(base), 3)), np.zeros((len(base), 3)))  # noqa: E731
+    no_frame_turn = lambda self, base, told, dt: (np.zeros((len(base), 3)), np.zeros((len(base), 3)))  # noqa: E731
     no_std = lambda self, stiffness, damping, prior: np.zeros_like(prior)  # noqa: E731
     return {
         "nothing": Mechanism("pipeline", "_LOOK", importlib.import_module("ride_estimation.estimation.pipeline")._LOOK, ""),
@@ -151,8 +151,8 @@ def _mechanisms() -> dict[str, Mechanism]:
             "kinematics.bracket_tilt", "BracketTilt.__init__", _without_tilt(BracketTilt.__init__),
             "learns how brackets tilt with the base",
         ),
-        "swing of brackets": Mechanism(
-            "kinematics.bracket_tilt", "BracketTilt.swing", no_swing, "rotation of a levelled base between its mounts"
+        "rotation of a levelled frame": Mechanism(
+            "kinematics.bracket_tilt", "BracketTilt.frame_turn", no_frame_turn, "rotation of a levelled base between its mounts"
         ),
         "equilibrium of deflections": Mechanism(
             "forces.mount_forces", "MountForceEstimator.equilibrium", returns(None), "slow deflections from the loads of the body"

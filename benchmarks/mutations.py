@@ -63,7 +63,7 @@ MUTATIONS = (
         "uncertain tilt in the CG acceleration",
     ),
     Mutation(
-        "motion/cg_motion.py", "return weights.covariance + self._rate_doubt(weights, rate, use_gyro)",
+        "motion/cg_motion.py", "return weights.covariance + self._rate_contribution(weights, rate, use_gyro)",
         "return weights.covariance", "uncertain angular rate in the CG motion",
     ),
     Mutation(
@@ -142,7 +142,7 @@ MUTATIONS = (
         "return math.exp(mean), 1.0 / math.sqrt(float(np.sum(weights)))", "force references that contradict each other",
     ),
     Mutation(
-        "pipeline.py", "excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))",
+        "pipeline.py", "excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _EXCESS_FADES))",
         "excess = 1.0", "sensors that contradict each other in the motion",
     ),
 )  # fmt: skip

@@ -123,14 +123,16 @@ def _print(options: argparse.Namespace, model: BenchModel, values: NDArray[np.fl
     print(f"{model.name}, load cell noise {options.force_noise_n:g} N: standard deviations to be expected")
     for quantity, value, std, wanted in zip(model.quantities, values, design.std, design.wanted, strict=True):
         percent = 100.0 * std / abs(value)
-        told = f"{percent:8.2g} %" if np.isfinite(percent) else "  untold"
+        stated = f"{percent:8.2g} %" if np.isfinite(percent) else "  -"
         short = "" if std <= 1.001 * wanted else "  not as well as wanted"
-        print(f"  {quantity.name:<18}{value:>12.5g} {quantity.unit:<7}{told} (wanted {100.0 * wanted / abs(value):.2g} %){short}")
+        print(
+            f"  {quantity.name:<18}{value:>12.5g} {quantity.unit:<7}{stated} (wanted {100.0 * wanted / abs(value):.2g} %){short}"
+        )
     for said in design.left_out:
         print(f"left out {said}")
-    if design.untold:
+    if design.not_identifiable:
         limits = f"{options.longest_s:g} s, {options.stroke_mm:g} mm and {options.speed_m_per_s:g} m/s"
-        print(f"cannot be identified to the wanted accuracy within {limits}: {', '.join(design.untold)}")
+        print(f"cannot be identified to the wanted accuracy within {limits}: {', '.join(design.not_identifiable)}")
     print(
         f"not covered by any such test: forces beyond {options.stroke_mm:g} mm and {options.highest_hz:g} Hz, another preload or "
         "temperature, ageing, and a force law the model does not have (the validation records V1 to V3 show that)"

@@ -210,9 +210,11 @@ def _modes(options: argparse.Namespace) -> None:
             raise InputDataError(f"--measured {item!r}: give MODE=HZ, for example bounce=2.6") from error
     fit = modal_stiffness.fit_stiffness(vehicle, measured, front_rear=options.front_rear)
     for group, factor in fit.factors.items():
-        untold = "as in the vehicle file: these modes do not depend on it"
+        unchanged = "as in the vehicle file: these modes do not depend on it"
         place = "about" if group in ("roll", "pitch", "yaw") else "along"
-        print(f"stiffness {place} {group}: {untold if group in fit.untold else f'{factor:.3g} times the vehicle file'}")
+        print(
+            f"stiffness {place} {group}: {unchanged if group in fit.not_identifiable else f'{factor:.3g} times the vehicle file'}"
+        )
     print(f"{'mode':<10}{'measured Hz':>14}{'model Hz':>12}{'error %':>10}")
     for row in fit.modes:
         print(f"{row.name:<10}{row.measured_hz:>14.4g}{row.model_hz:>12.4g}{row.error_percent:>+10.1f}")
@@ -253,8 +255,8 @@ def _closed_form(vehicle: Vehicle, measured: dict[str, float]) -> None:
     closed = modal_stiffness.closed_form_modes(vehicle)
     listed = ", ".join(f"{name} {frequency:.4g}" for name, frequency in closed.frequency_hz.items())
     print(f"closed form of the vehicle file, uncoupled [Hz]: {listed}")
-    for doubt in closed.doubts:
-        print(f"warning: the closed form does not hold: {doubt}")
+    for limitation in closed.limitations:
+        print(f"warning: the closed form does not hold: {limitation}")
     (body,) = vehicle.bodies.values()
     for name in set(measured) & {"fore-aft", "lateral", "bounce"}:
         rate = modal_stiffness.equivalent_stiffness(measured[name], body.mass.value, len(vehicle.mounts))

@@ -94,7 +94,7 @@ def _band_fit(options: argparse.Namespace, found: nonparametric_damping.Measured
     for (name, value), std, unit in zip(dataclasses.asdict(fit.band).items(), fit.std, units, strict=True):
         told = "" if std < 0.5 * value else "  not identifiable from this run"
         print(f"  {name:<12}{value:>12.5g} +- {std:<10.2g}{unit}{told}")
-    if not fit.filter_told:
+    if not fit.filter_identifiable:
         k, c = fit.plain
         print(f"a spring of {k:.5g} N/m and a damper of {c:.4g} N s/m explain as much: the filter is not identifiable")
     print(f"chi-square a degree {fit.chi_square:.3g}" + (": the band law is not all of it" if fit.chi_square > 2.0 else ""))

@@ -471,7 +471,7 @@ class Selector:
             return False
         # a second cause of a few per cent may be the part of the first that its law describes badly
         share_of_all = (before - best.fit.misfit) / max(self.base_misfit - floor, 1e-9)
-        apart = accepted is None or all(_told_apart(best.hypothesis, f.hypothesis) for f in accepted.fitted)
+        apart = accepted is None or all(_distinguished(best.hypothesis, f.hypothesis) for f in accepted.fitted)
         its_own = apart and current.own > _OWN
         # what a badly described law leaves is not explained down to the noise by a cause at another place
         whole = its_own and removed > 1.0 - self._settings.unexplained and share_of_all > _LEAST
@@ -522,7 +522,7 @@ class Selector:
         return fit
 
 
-def _told_apart(a: Hypothesis, b: Hypothesis) -> bool:
+def _distinguished(a: Hypothesis, b: Hypothesis) -> bool:
     """Return whether two causes sit at different places or are laws of one mount that depend on different things."""
     laws = [library()[h.cause].LAW for h in (a, b)]
     return not same_place(a, b) or (None not in laws and laws[0] is not laws[1])

@@ -57,8 +57,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: time in which the doubt about the motion fades [s]
-_DOUBT_FADES = 1.0
+#: time in which the excess covariance of the motion fades [s]
+_EXCESS_FADES = 1.0
 #: disagreement of the body sensors, in units of their tolerance, from which on nothing learned is called valid
 _CONTRADICTION = 4.0
 #: time between two looks at how much they disagree [s]
@@ -268,8 +268,8 @@ class Pipeline:
         measured = np.take(block.values, layout.body_columns, axis=1)
         gyro = np.take(block.values, layout.gyro_columns, axis=1)
         there = np.take(block.valid, layout.body_streams, axis=1)
-        self._motion.doubted = bool(verdict.suspects)
-        motion = self._doubted(self._motion.observe(measured, gyro, there, dt, layout.speed_of(block)), verdict, ticks * dt)
+        self._motion.inconsistent = bool(verdict.suspects)
+        motion = self._widened(self._motion.observe(measured, gyro, there, dt, layout.speed_of(block)), verdict, ticks * dt)
         self._rate, self._force = motion.rate[-1], motion.motion[:, :3].mean(axis=0)
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
@@ -321,7 +321,7 @@ class Pipeline:
 
     def _load_covariance(self, motion: MotionBlock) -> Array:
         """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
-        # an error of the mass scales all forces alike and is no reason to doubt equilibrium
+        # an error of the mass scales all forces alike and is no evidence against equilibrium
         whole = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
         own = whole
         if self._constant.any():
@@ -331,13 +331,13 @@ class Pipeline:
         self._forces.constant_load, self._forces.turning = whole - own + still, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + moving + self._factor**2 * self._carried.covariance)
 
-    def _doubted(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
+    def _widened(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
         if self._run_time >= self._next_look:
             self._next_look = self._run_time + _LOOK
             self._disagreement = self._motion.disagreement(self._dt)
         lasting, added, self._constant = self._disagreement
-        excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _DOUBT_FADES))
+        excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _EXCESS_FADES))
         self._excess = excess if excess >= 1.01 else 1.0
         if self._excess == 1.0 and not self._constant.any():
             return motion
@@ -388,8 +388,8 @@ class Pipeline:
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         self._deflection.forget_bias(self._fill.returned)
-        if self._checks.bases_in_doubt or self._parameters.bases_doubted:
-            self._fill.doubt()
+        if self._checks.bases_inconsistent or self._parameters.bases_suspect:
+            self._fill.suspect()
         if self.tilting.learns:
             body = force_at(motion.motion, motion.rate, self.geometry.arms)
             if self.tilting.observe(base, body, measured, dt):
@@ -416,7 +416,7 @@ class Pipeline:
     ) -> None:  # fmt: skip
         data = BalanceInput(
             support / self._factor, deflection.relative, deflection.deflection, deflection.rate, deflection.turn,
-            turn_rate, self._forces.shared(support) / self._factor, deflection.swing, deflection.base,
+            turn_rate, self._forces.shared(support) / self._factor, deflection.frame_turn, deflection.base,
         )  # fmt: skip
         self._run_time += len(support) * dt
         p = self._parameters
@@ -476,7 +476,7 @@ class Pipeline:
         a, self._forces.mass = self.geometry, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
         self._forces.cg_offset = cg_offset
-        self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.doubt
+        self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.load_std
         self._forces.parameter_std = self._parameters.stds()
 
     # -- results ----------------------------------------------------------------------------------------------------------
@@ -490,9 +490,9 @@ class Pipeline:
         """Return the mass and every stiffness and damping with standard deviation, status and reason."""
         self._settle()
         sensor = self._motion.contradicting(_CONTRADICTION**2)
-        doubt = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.doubt
-        doubt = doubt or self._mass_reference.load_doubt
-        return (self._mass_reference.mass(self._stamp), *self._mass_reference.absolute(self._parameters.estimates(), doubt))
+        suspicion = f"the sensors of the body contradict each other ({sensor} most)" if sensor else self._checks.suspicion
+        suspicion = suspicion or self._mass_reference.load_suspicion
+        return (self._mass_reference.mass(self._stamp), *self._mass_reference.absolute(self._parameters.estimates(), suspicion))
 
     def seen(self) -> dict[tuple[str, str], DataRange | None]:
         """Return the motion and preload that the data showed of every mount axis since the start, None where none yet."""

@@ -123,9 +123,9 @@ def _widened(found: _Judged, information: Array, std: Array) -> Identifiability:
     size = len(found.result.names)
     cross, own = information[:size, size:], information[size:, size:]
     lean = found.covariance @ cross
-    told = own - cross.T @ lean
-    values, vectors = np.linalg.eigh(0.5 * (told + told.T))
-    # rounding must not turn "nothing is told" into less than nothing
+    information = own - cross.T @ lean
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    # rounding must not turn no information into less than nothing
     rest = (vectors * np.maximum(values, 0.0)) @ vectors.T + np.diag(1.0 / std**2)
     covariance = found.covariance + lean @ np.linalg.solve(rest, lean.T)
     bound = np.sqrt(np.maximum(np.diag(covariance), 0.0))

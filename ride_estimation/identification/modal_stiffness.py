@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: a mode that misses its measured frequency by more than this after the fit is "not reachable"
 REACHED = 0.01
-#: change of log frequency per log stiffness below which an axis is not told: 10 % of stiffness would be 1 % of frequency
+#: change of log frequency per log stiffness below which an axis is not observable: 10 % of stiffness would be 1 % of frequency
 LEAST_SLOPE = 0.1
 #: frequency [Hz] and amplitude [m] at which elements that depend on them count, those of the eigenvalue problem
 _AT_HZ, _AT_AMPLITUDE = 2.0, 1.0e-3
@@ -45,12 +45,12 @@ class UncoupledModes:
     ----------
     frequency_hz
         By mode name: fore-aft, lateral, bounce, roll, pitch, yaw.
-    doubts
+    limitations
         Conditions of the closed form the layout breaks; empty where it is exact up to gravity.
     """
 
     frequency_hz: dict[str, float]
-    doubts: tuple[str, ...]
+    limitations: tuple[str, ...]
 
 
 def uncoupled_modes(mass: float, inertia: ArrayLike, arms: ArrayLike, stiffness: ArrayLike) -> UncoupledModes:
@@ -82,16 +82,16 @@ def uncoupled_modes(mass: float, inertia: ArrayLike, arms: ArrayLike, stiffness:
     )
     squared = np.concatenate([k.sum(axis=0) / mass, rotational])
     names = ("fore-aft", "lateral", "bounce", "roll", "pitch", "yaw")
-    doubts = []
+    limitations = []
     span = float(np.max(np.abs(a[:, :2])))
     height = float(np.max(np.abs(a[:, 2])))
     if height > 0.01 * span:
-        doubts.append(f"mounts lie up to {height:.3g} m off the CG plane: roll and pitch couple with lateral and fore-aft")
+        limitations.append(f"mounts lie up to {height:.3g} m off the CG plane: roll and pitch couple with lateral and fore-aft")
     for axis, plane in ((2, 0), (2, 1), (0, 1), (1, 0)):
         centre = float(np.sum(k[:, axis] * a[:, plane]) / np.sum(k[:, axis]))
         if abs(centre) > 0.01 * span:
-            doubts.append(f"the centre of k_{AXES[axis]} lies {centre:.3g} m off the CG along {AXES[plane]}: modes couple")
-    return UncoupledModes(dict(zip(names, (np.sqrt(squared) / (2.0 * math.pi)).tolist())), tuple(doubts))
+            limitations.append(f"the centre of k_{AXES[axis]} lies {centre:.3g} m off the CG along {AXES[plane]}: modes couple")
+    return UncoupledModes(dict(zip(names, (np.sqrt(squared) / (2.0 * math.pi)).tolist())), tuple(limitations))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,7 +136,7 @@ class StiffnessFit:
     factors
         Group (an axis; with ``front_rear`` ``<axis> front`` and ``<axis> rear``) -> factor on the stiffness of its mounts;
         1 where the measured modes do not tell it.
-    untold
+    not_identifiable
         Groups whose factor the measured modes do not tell.
     modes
         Comparison after the fit.
@@ -147,7 +147,7 @@ class StiffnessFit:
     """
 
     factors: dict[str, float]
-    untold: tuple[str, ...]
+    not_identifiable: tuple[str, ...]
     modes: tuple[ModeRow, ...]
     reachable: bool
     statement: str
@@ -200,14 +200,14 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float], *, front_r
         steps = 1e-3 * np.eye(len(axes))
         return np.stack([(misfit(log_factors + s) - misfit(log_factors - s)) / 2e-3 for s in steps], axis=1)
 
-    free = _told(slopes(np.zeros(len(axes))))
+    free = _observable(slopes(np.zeros(len(axes))))
     if not np.any(free):
         raise InputDataError(f"the modes {', '.join(measured_hz)} depend on the stiffness of no axis")
 
     found = _searched(misfit, free)
     lost = free & (np.linalg.norm(slopes(found), axis=0) < LEAST_SLOPE)
     if np.any(lost) and not np.all(lost[free]):
-        # stiffness that has run to where no mode depends on it brings them no nearer: it is not told either
+        # stiffness that has run to where no mode depends on it brings them no nearer: it is not observable either
         free &= ~lost
         found = _searched(misfit, free)
     factors = dict(zip(axes, np.exp(found).tolist()))
@@ -222,8 +222,8 @@ def fit_stiffness(vehicle: Vehicle, measured_hz: Mapping[str, float], *, front_r
         )
     else:
         statement = f"all measured modes ({len(rows)}) are met within {100 * REACHED:.0f} %"
-    untold = tuple(axis for axis, told in zip(axes, free) if not told)
-    return StiffnessFit(factors, untold, rows, not missed, statement)
+    not_identifiable = tuple(axis for axis, seen in zip(axes, free) if not seen)
+    return StiffnessFit(factors, not_identifiable, rows, not missed, statement)
 
 
 def _searched(misfit: Callable[[Array], Array], free: NDArray[np.bool_]) -> Array:
@@ -244,22 +244,22 @@ def _searched(misfit: Callable[[Array], Array], free: NDArray[np.bool_]) -> Arra
     return spread(min(fits, key=lambda r: float(r.cost)).x)
 
 
-def _told(slopes: Array) -> NDArray[np.bool_]:
+def _observable(slopes: Array) -> NDArray[np.bool_]:
     """Return which axes the modes tell: taken one after the other, those that move a mode in a way the others do not.
 
     ``slopes`` (modes, axes) are changes of log frequency per log stiffness; half where one axis alone carries a mode.
     """
-    told = np.zeros(slopes.shape[1], dtype=bool)
+    observable = np.zeros(slopes.shape[1], dtype=bool)
     rest = slopes.copy()
     for _ in range(min(slopes.shape)):
         size = np.linalg.norm(rest, axis=0)
         place = int(np.argmax(size))
         if size[place] < LEAST_SLOPE:
             break
-        told[place] = True
+        observable[place] = True
         direction = rest[:, place] / size[place]
         rest = rest - np.outer(direction, direction @ rest)
-    return told
+    return observable
 
 
 def _scaled(vehicle: Vehicle, groups: Mapping[str, list[tuple[str, str]]], factors: Mapping[str, float]) -> Vehicle:
@@ -273,7 +273,7 @@ def _scaled(vehicle: Vehicle, groups: Mapping[str, list[tuple[str, str]]], facto
 
 
 def closed_form_modes(vehicle: Vehicle) -> UncoupledModes:
-    """Return the closed-form modes of a one-body vehicle, with what makes them doubtful.
+    """Return the closed-form modes of a one-body vehicle, with what limits them.
 
     Raises
     ------

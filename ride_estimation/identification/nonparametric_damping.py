@@ -151,7 +151,7 @@ class BandFit:
         Squared misfit over its variance, a degree of freedom: one where the law is the right one.
     plain
         (stiffness [N/m], damping [N s/m]) of the best spring and damper without filter.
-    filter_told
+    filter_identifiable
         Whether the filter explains more than three further numbers would by chance (Schwarz' criterion).
     """
 
@@ -159,7 +159,7 @@ class BandFit:
     std: tuple[float, ...]
     chi_square: float
     plain: tuple[float, float]
-    filter_told: bool
+    filter_identifiable: bool
 
 
 def fit_band_damping(

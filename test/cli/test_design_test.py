@@ -75,7 +75,7 @@ def test_the_accuracy_that_is_promised_is_the_one_of_the_fit():
     model, values = model_by_name("modified_berg"), np.array([127.1e3, -0.116e9, 6.285e3, 1.555e3, 20e3, 159.0, 81.73, 0.766e-3])
     signals = candidate_signals(10e-3, 20.0, 200.0)
     design = design_tests(model, values, 0.03 * np.abs(values), signals, force_noise=10.0)
-    assert design.untold == () and np.all(design.std <= 1.001 * design.wanted)
+    assert design.not_identifiable == () and np.all(design.std <= 1.001 * design.wanted)
     assert design.duration_s < 600.0  # the DMA plan alone takes 1488 s
     theta, coefficients = model.searched(values)
     rng = np.random.default_rng(2)

@@ -49,7 +49,7 @@ def test_joint_fit_recovers_all_five_parameters():
         found, wanted = (np.array(dataclasses.astuple(band)) for band in (fit.band, BAND))
         assert np.all(np.abs(found / wanted - 1) < 0.005), found / wanted
         assert np.all(np.abs(found - wanted) < 4 * np.array(fit.std))
-        assert 0.6 < fit.chi_square < 1.5 and fit.filter_told
+        assert 0.6 < fit.chi_square < 1.5 and fit.filter_identifiable
 
 
 def test_a_run_without_the_filter_does_not_tell_its_numbers():
@@ -60,7 +60,7 @@ def test_a_run_without_the_filter_does_not_tell_its_numbers():
     noise = std * (rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size))
     target = body_motion(plain.impedance(OMEGA)) + noise
     fit = npd.fit_band_damping(OMEGA, MASS, target, np.full(OMEGA.size, 1 / std), npd.BandDamping(K, 600.0, 150.0, 9.0, 0.8))
-    assert not fit.filter_told
+    assert not fit.filter_identifiable
     assert fit.plain == pytest.approx((K, 900.0), rel=0.01)
     assert fit.chi_square == pytest.approx(1.0, abs=0.2)
 

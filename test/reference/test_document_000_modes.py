@@ -53,7 +53,7 @@ def test_equivalent_stiffness_inverts_its_own_modes():
 def test_closed_form_equals_the_eigenvalue_problem_for_level_symmetric_mounts():
     k = np.array([[7976e3, 4600e3, 46.9e3]] * 4)
     closed = ms.uncoupled_modes(MASS, INERTIA, arms(0.0), k)
-    assert closed.doubts == ()
+    assert closed.limitations == ()
     full = ms.labelled_frequencies(cab(0.0, k))
     for name, value in closed.frequency_hz.items():
         assert full[name] == pytest.approx(value, rel=1e-6)
@@ -64,7 +64,7 @@ def test_closed_form_equals_the_eigenvalue_problem_for_level_symmetric_mounts():
 
 def test_mounts_below_the_cg_are_doubted_and_the_eigenvalue_problem_differs():
     closed = ms.uncoupled_modes(MASS, INERTIA, arms(-0.7), TABLE_4)
-    assert any("off the CG plane" in doubt for doubt in closed.doubts)
+    assert any("off the CG plane" in limitation for limitation in closed.limitations)
     assert closed.frequency_hz["roll"] == pytest.approx(17.7, abs=0.1)
     values = sorted(ms.labelled_frequencies(cab(-0.7, TABLE_4)).values())
     assert values[0] == pytest.approx(0.95, abs=0.02)
@@ -92,7 +92,7 @@ def test_an_axis_that_no_measured_mode_depends_on_keeps_its_stiffness():
     # m (2 pi f)^2 = sum of k_z: fore-aft and lateral stiffness are in no vertical equation
     factor = 900.0 * (2.0 * np.pi * 2.5) ** 2 / k[:, 2].sum()
     assert fit.factors["z"] == pytest.approx(factor * cab(0.0, k).bodies["cab"].mass.value / 900.0, rel=1e-4)
-    assert fit.untold == ("x", "y") and fit.factors["x"] == fit.factors["y"] == 1.0
+    assert fit.not_identifiable == ("x", "y") and fit.factors["x"] == fit.factors["y"] == 1.0
 
 
 def test_table_3_is_reported_as_not_reachable():
@@ -115,6 +115,6 @@ def test_an_axis_that_runs_off_is_not_told():
     vehicle = cab(-0.45, np.array([[4e5, 3e5, 5e4]] * 4))
     own = ms.labelled_frequencies(vehicle)
     fit = ms.fit_stiffness(vehicle, {"bounce": own["bounce"], "roll": 1.6 * own["roll"]})
-    assert "y" in fit.untold
+    assert "y" in fit.not_identifiable
     assert fit.factors["y"] == 1.0
     assert not fit.reachable

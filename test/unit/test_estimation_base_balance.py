@@ -157,11 +157,11 @@ def test_parameters_that_change_leave_open_for_a_while_whether_a_sensor_is_wrong
     load, body, base, _, _ = ride(3, LAW.stiffness[:, 2], LAW.damping[:, 2])
     base, most = noisy(base, 3), slice(0, 300)
     found = balance_of(base[most], load[most], body[most])
-    assert not found.in_doubt
+    assert not found.inconsistent
     found.follow_changes(1)
-    assert found.undecided and found.in_doubt
+    assert found.undecided and found.inconsistent
     found.follow_changes(1)
     balance_of(base[most], load[most], body[most], given=found)
     assert found.undecided
     balance_of(base[most], load[most], body[most], given=found)
-    assert not found.undecided and not found.in_doubt
+    assert not found.undecided and not found.inconsistent

@@ -74,13 +74,16 @@ def test_gross_fault_from_the_start_is_left_out(mix: list[int] | None, changes: 
     (message,) = watch.messages()
     assert message.startswith(f"{VICTIM} is not used")
     assert words in message
-    assert not watch.doubt
+    assert not watch.suspicion
 
 
 def test_gain_and_tilt_need_both_witnesses() -> None:
     turned = np.eye(3) @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
-    assert f"{VICTIM}: its mean and its motion both look misaligned by 3.0 deg" in watched("any", 611, true_rotation=turned).doubt
-    assert f"{VICTIM}: its mean and its motion are both +10 % too large" in watched("any", 611, gain=1.1).doubt
+    assert (
+        f"{VICTIM}: its mean and its motion both look misaligned by 3.0 deg"
+        in watched("any", 611, true_rotation=turned).suspicion
+    )
+    assert f"{VICTIM}: its mean and its motion are both +10 % too large" in watched("any", 611, gain=1.1).suspicion
 
 
 def test_a_mean_alone_is_said_and_doubts_nothing() -> None:
@@ -88,7 +91,7 @@ def test_a_mean_alone_is_said_and_doubts_nothing() -> None:
     watch = watched("any", 611, bias=np.array([0.0, GRAVITY * np.sin(np.radians(3.0)), 0.0]))
     (message,) = watch.messages()
     assert message.startswith(f"{VICTIM} at the mount base: its mean looks misaligned by 3.0 deg, or is a bias of 0.5")
-    assert not watch.doubt
+    assert not watch.suspicion
     assert not watch.refused
 
 

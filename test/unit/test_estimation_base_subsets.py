@@ -43,12 +43,12 @@ def vehicle_with(bases, axes="xyz"):
 
 
 def test_sideways_takes_all_bases():
-    assert geometry_of(vehicle_with(MOUNTS)).base_told.all()
+    assert geometry_of(vehicle_with(MOUNTS)).base_observable.all()
     three = geometry_of(vehicle_with(MOUNTS[:3]))
     assert three.base_seen.all(axis=1).tolist() == [True, True, True, False]
-    assert three.base_told.tolist() == [[False, False, True]] * 3 + [[False] * 3]
+    assert three.base_observable.tolist() == [[False, False, True]] * 3 + [[False] * 3]
     upright = geometry_of(vehicle_with(MOUNTS, "z"))
-    assert upright.base_told.tolist() == [[False, False, True]] * 4
+    assert upright.base_observable.tolist() == [[False, False, True]] * 4
 
 
 def test_a_missing_base_moves_as_the_others_of_a_rigid_frame():

@@ -154,7 +154,7 @@ def test_a_planar_body_keeps_its_attitude_and_its_forces_live_and_smoothed():
     assert np.std(smoothed - live) < 0.1 * np.std(live)
 
 
-@pytest.mark.parametrize("silent", ["bases", "body in doubt"])
+@pytest.mark.parametrize("silent", ["bases", "body inconsistent"])
 def test_equilibrium_a_block_late_never_drives_the_deflections_apart(silent: str):
     a = geometry_of(load_vehicle("truck_cab"))
     count, ticks, dt = len(a.mounts), 10, 0.002

@@ -116,7 +116,7 @@ def test_after_a_restart_the_rotation_of_a_translating_rig_starts_from_what_its_
     for k in range(0, len(level), 100):
         if k == len(level) // 2:
             tilt.restart()
-        found.append(tilt.swing(level[k : k + 100], ALL, 1.0 / RATE)[0])
+        found.append(tilt.frame_turn(level[k : k + 100], ALL, 1.0 / RATE)[0])
     angle = np.abs(np.concatenate(found))
     half = len(level) // 2
     # the true rotation comes to 0.02; its rate at the restart is open. With the mean of the first moments 0.15
@@ -128,7 +128,7 @@ def test_swing_is_the_rotation_the_brackets_of_a_translating_rig_do_not_make():
     tilting, _ = readings((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 6)
     tilt = learned(level, body)
     tilt.restart()
-    blocks = [tilt.swing(level[k : k + 100], ALL, 1.0 / RATE) for k in range(0, len(level), 100)]
+    blocks = [tilt.frame_turn(level[k : k + 100], ALL, 1.0 / RATE) for k in range(0, len(level), 100)]
     angle, rate = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     # what tilting brackets would read of gravity: g phi in y, -g theta in x, the same at every bracket
     gravity = (tilting - level).mean(axis=1)
@@ -148,7 +148,7 @@ def test_without_excitation_the_prior_stays_and_a_tilting_frame_is_left_alone():
     still = GRAVITY * np.array([0.0, 0.0, 1.0]) + NOISE * rng.standard_normal((12000, 4, 3))
     tilt = learned(still, GRAVITY * np.array([0.0, 0.0, 1.0]) + rigid_noise(rng, 12000))
     assert np.all(np.abs(tilt.shares[:4] - USUAL_SHARES) < 3.0 * np.sqrt(np.diag(tilt.covariance)[:4]))
-    assert not tilt.levelled.any() and not np.any(tilt.swing(still[:100], ALL, 1.0 / RATE))
+    assert not tilt.levelled.any() and not np.any(tilt.frame_turn(still[:100], ALL, 1.0 / RATE))
 
 
 def test_a_saved_state_continues_alike():

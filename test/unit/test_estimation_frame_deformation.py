@@ -23,7 +23,7 @@ SIGMA = 0.01
 
 def known_tilt(maps: np.ndarray) -> SimpleNamespace:
     """Brackets of which is known how they tilt."""
-    return SimpleNamespace(maps=maps, doubt=np.zeros((1, *maps.shape)))
+    return SimpleNamespace(maps=maps, spread=np.zeros((1, *maps.shape)))
 
 
 def make() -> FrameDeformation:

@@ -21,9 +21,9 @@ PRIOR = np.full((2, 4, 3), 0.3)
 
 def stated(x: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Standard deviations for deflections and rates (K, 4, 3)."""
-    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-    doubt.observe(x.reshape(len(x), 12), rate.reshape(len(x), 12), DT)
-    return doubt.std(K, C, PRIOR)
+    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty.observe(x.reshape(len(x), 12), rate.reshape(len(x), 12), DT)
+    return uncertainty.std(K, C, PRIOR)
 
 
 def motion(rng: np.random.Generator, deformation: float, vertical: float = 5e-3, rigid: float = 3e-4) -> np.ndarray:
@@ -64,12 +64,12 @@ def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
     body[:, :, 1] = np.radians(0.5) * 9.80665
     found = []
     for relative in (ticks, one, body):
-        doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-        doubt.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
-        doubt.weigh(relative, np.zeros(len(relative)), DT)
-        found.append(doubt.std(K, C, PRIOR))
+        uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+        uncertainty.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
+        uncertainty.weigh(relative, np.zeros(len(relative)), DT)
+        found.append(uncertainty.std(K, C, PRIOR))
         again = InstallationUncertainty(ARRANGEMENT, CORNER)
-        again.load(doubt.save())
+        again.load(uncertainty.save())
         assert np.array_equal(again.std(K, C, PRIOR), found[-1])
     assert np.array_equal(found[0], usual)
     # by hand: less their mean they lean by 0.375 and three times 0.125 degrees, rms 0.2165; the mean of four against that of four
@@ -89,11 +89,11 @@ def test_the_angle_between_body_and_bases_is_what_the_sensors_of_both_leave():
     vertical, rigid, _ = (np.sqrt(np.mean(p**2)) for p in _parts(x))
     angle = np.radians(0.1)
     leans = angle * (rng.standard_normal((4000, 4)).mean(axis=1) - rng.standard_normal((4000, 4)).mean(axis=1))
-    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-    doubt.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
-    own, together = doubt._angles()
+    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
+    own, together = uncertainty._angles()
     assert np.allclose(own, angle) and np.allclose(together, leans.std(), rtol=0.05)
-    assert np.all(doubt.std(K, C, PRIOR)[0, :, 1] > leans.std() * vertical / rigid)
+    assert np.all(uncertainty.std(K, C, PRIOR)[0, :, 1] > leans.std() * vertical / rigid)
 
 
 def _parts(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -104,11 +104,11 @@ def _parts(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_before_any_motion_the_split_is_as_uncertain_as_in_the_file():
-    doubt = InstallationUncertainty(ARRANGEMENT, CORNER).std(K, C, PRIOR)
-    assert np.all(doubt[:, :, :2] == PRIOR[:, :, :2]) and np.all(doubt[:, :, 2] == 0.0)
+    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER).std(K, C, PRIOR)
+    assert np.all(uncertainty[:, :, :2] == PRIOR[:, :, :2]) and np.all(uncertainty[:, :, 2] == 0.0)
 
 
-def test_less_deformation_leaves_more_doubt_and_vertical_parameters_have_none():
+def test_less_deformation_leaves_more_uncertainty_and_vertical_parameters_have_none():
     less, more = (stated(x, x) for x in (motion(np.random.default_rng(2), deformation) for deformation in (1e-4, 1e-3)))
     assert np.all(less[:, :, 1] > 2.0 * more[:, :, 1])
     assert np.all(more[:, :, 2] == 0.0) and np.all(np.isfinite(less))
@@ -121,15 +121,15 @@ def test_gains_matter_more_where_body_and_base_move_far_more_than_the_mount_give
     relative[:, :, 2] = 0.02 * rng.standard_normal((len(x), 4))
     stds = []
     for lifted in (0.01 * common, common):
-        doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-        doubt.observe(x, 30.0 * x, DT)
-        doubt.weigh(relative, lifted, DT)
-        stds.append(doubt.std(K, C, PRIOR)[0, :, 2])
+        uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+        uncertainty.observe(x, 30.0 * x, DT)
+        uncertainty.weigh(relative, lifted, DT)
+        stds.append(uncertainty.std(K, C, PRIOR)[0, :, 2])
     # a base that reads g too much makes a deflection of g times its motion: fifty times that of the mount
     np.testing.assert_allclose(stds[1] / stds[0], 50.0, rtol=0.05)
 
 
-def test_a_split_that_only_noise_tells_is_as_doubtful_as_the_vehicle_file():
+def test_a_split_that_only_noise_tells_is_as_uncertain_as_the_vehicle_file():
     # relative acceleration that is nothing but noise of the base sensors, through the filters of the force balance
     rng = np.random.default_rng(4)
     noise = np.array([s.noise_std for s in ARRANGEMENT.base_sensors])
@@ -137,27 +137,27 @@ def test_a_split_that_only_noise_tells_is_as_doubtful_as_the_vehicle_file():
     passed, x, v = (np.empty_like(relative) for _ in range(3))
     high_pass_block(relative, CORNER, DT, np.zeros((3, 12)), passed)
     integrate_block(passed, CORNER, DT, np.zeros((9, 12)), x, v)
-    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-    doubt.observe(x, v, DT)
+    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty.observe(x, v, DT)
     # 200 s at 0.4 Hz and above hold about a hundred independent values of every mount
-    assert np.all(doubt.std(K, C, PRIOR)[:, :, :2] > 0.8 * 0.3)
+    assert np.all(uncertainty.std(K, C, PRIOR)[:, :, :2] > 0.8 * 0.3)
 
 
 def test_a_chance_course_of_vertical_motion_is_worse_for_the_damping_of_stiff_mounts():
     x = motion(np.random.default_rng(5), 1e-4)
-    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
-    doubt.observe(x.reshape(len(x), 12), 10.0 * x.reshape(len(x), 12), 30.0 / len(x))
-    soft, stiff = doubt.std(0.0 * K, C, PRIOR), doubt.std(100.0 * K, C, PRIOR)
+    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty.observe(x.reshape(len(x), 12), 10.0 * x.reshape(len(x), 12), 30.0 / len(x))
+    soft, stiff = uncertainty.std(0.0 * K, C, PRIOR), uncertainty.std(100.0 * K, C, PRIOR)
     assert np.all(stiff[1, :, 1] > 3.0 * soft[1, :, 1]) and np.array_equal(stiff[0], soft[0])
 
 
 def test_a_saved_state_continues_alike():
-    doubt = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
     x = motion(np.random.default_rng(3), 1e-4).reshape(-1, 12)
-    doubt.observe(x, x, DT)
+    uncertainty.observe(x, x, DT)
     other = InstallationUncertainty(ARRANGEMENT, CORNER)
-    other.load(doubt.save())
-    assert np.array_equal(other.std(K, C, PRIOR), doubt.std(K, C, PRIOR))
+    other.load(uncertainty.save())
+    assert np.array_equal(other.std(K, C, PRIOR), uncertainty.std(K, C, PRIOR))
 
 
 def test_six_mounts_leave_a_vertical_split_that_only_the_deformation_tells():
@@ -175,9 +175,9 @@ def test_six_mounts_leave_a_vertical_split_that_only_the_deformation_tells():
     bend = 0.1 * heave * np.array([x * x for x, _ in place])
     x = np.zeros((20000, 6, 3))
     x[:, :, 2] = heave + bend
-    doubt = InstallationUncertainty(six, CORNER)
-    doubt.observe(x.reshape(len(x), 18), 30.0 * x.reshape(len(x), 18), DT)
-    found = doubt.std(np.full((6, 3), 3e5), np.full((6, 3), 1e4), np.full((2, 6, 3), 0.3))[0, :, 2]
+    uncertainty = InstallationUncertainty(six, CORNER)
+    uncertainty.observe(x.reshape(len(x), 18), 30.0 * x.reshape(len(x), 18), DT)
+    found = uncertainty.std(np.full((6, 3), 3e5), np.full((6, 3), 1e4), np.full((2, 6, 3), 0.3))[0, :, 2]
     # by hand: y (1, -2, 1) is orthogonal to 1, x, y, x^2, x y (y^2 is constant); its shares are 1 / sqrt(12) and 2 / sqrt(12)
     assert np.allclose(found / found[0], [1.0, 1.0, 2.0, 2.0, 1.0, 1.0])
     # drawn errors of angle and gain in the roll equation, against what the split u = y (1, -2, 1) does there

@@ -119,8 +119,8 @@ def test_one_of_what_is_considered_is_told_from_the_others_with_its_standard_dev
 def test_a_base_sensor_that_reads_too_much_is_named_until_it_does_no_longer():
     gains = BaseGains(geometry_of(load_vehicle("truck_cab")), True)
     wrong, less, right = (np.where(np.arange(len(gains.places)) == 3, gain, 0.0) for gain in (0.3, 0.05, 0.0))
-    for gain, doubted in ((less, set()), (wrong, {1}), (less, {1}), (right, set())):
+    for gain, suspects in ((less, set()), (wrong, {1}), (less, {1}), (right, set())):
         gains.judge(memory(0.05, gain), np.zeros(3), PRIOR, 0)
-        assert set(gains.doubted) == doubted
-        assert all(words.startswith("chassis_front_right reads 1.") and " along y" in words for words in gains.doubted.values())
-    assert "chassis_front_right" not in str(gains.doubted)
+        assert set(gains.suspects) == suspects
+        assert all(words.startswith("chassis_front_right reads 1.") and " along y" in words for words in gains.suspects.values())
+    assert "chassis_front_right" not in str(gains.suspects)

@@ -84,25 +84,25 @@ def test_strain_of_a_finite_rotation_is_the_second_order_of_a_rotation_matrix(rn
     def theta(t):
         return size * axis * np.sin(3.0 * t)
 
-    def second_order(t):
+    def by_rodrigues(t):
         w = theta(t)
         return np.array([0.5 * np.cross(w, np.cross(w, r)) for r in arms])
 
     t = 0.4
     omega = (theta(t + step) - theta(t - step)) / (2.0 * step)
     spin = (theta(t + step) - 2.0 * theta(t) + theta(t - step)) / step**2
-    flat, bent, bent_rate = np.empty((3, 1, 3 * M))
+    flat, second_order, second_order_rate = np.empty((3, 1, 3 * M))
     # the map takes the angular acceleration out of a relative acceleration that holds it in its first entry
     turn_map = np.zeros((3, 3 * M))
     turn_map[:, 0] = spin
     relative = np.zeros((1, M, 3))
     relative[0, 0, 0] = 1.0
-    straighten(relative, theta(t)[None], omega[None], turn_map, arms, flat, bent, bent_rate)
-    rate = (second_order(t + step) - second_order(t - step)) / (2.0 * step)
-    accel = (second_order(t + step) - 2.0 * second_order(t) + second_order(t - step)) / step**2
+    straighten(relative, theta(t)[None], omega[None], turn_map, arms, flat, second_order, second_order_rate)
+    rate = (by_rodrigues(t + step) - by_rodrigues(t - step)) / (2.0 * step)
+    accel = (by_rodrigues(t + step) - 2.0 * by_rodrigues(t) + by_rodrigues(t - step)) / step**2
     tolerance = (3.0 * step) ** 2 * size**2 * 10.0  # of the differences, of quantities of order size^2 times 3^2
-    np.testing.assert_allclose(bent.reshape(M, 3), -second_order(t), atol=1e-15)
-    np.testing.assert_allclose(bent_rate.reshape(M, 3), -rate, atol=tolerance)
+    np.testing.assert_allclose(second_order.reshape(M, 3), -by_rodrigues(t), atol=1e-15)
+    np.testing.assert_allclose(second_order_rate.reshape(M, 3), -rate, atol=tolerance)
     np.testing.assert_allclose(relative[0] - flat.reshape(M, 3), -accel, atol=3.0 * tolerance)
 
 
@@ -215,7 +215,7 @@ def test_sums_of_the_check_of_the_bases(rng, ticks):
 def test_deformation_of_a_block_is_that_of_its_steps(rng, trust):
     n = 3 * M
     relative, turn, turn_rate = rng.normal(size=(3, K, M, 3))
-    swing, swing_rate = rng.normal(size=(2, K, 3))
+    frame_turn, frame_turn_rate = rng.normal(size=(2, K, 3))
     turn_map, arms = rng.normal(size=(3, n)), rng.normal(size=(M, 3))
     projector, tilt = rng.normal(size=(n, n)), rng.normal(size=(n, M))
     filters = 0.3 * rng.normal(size=(3, 4, 4)), rng.normal(size=(3, 4)), rng.normal(size=(3, 4))
@@ -223,12 +223,12 @@ def test_deformation_of_a_block_is_that_of_its_steps(rng, trust):
     wanted_state = state.copy()
     flat, value, rate = np.empty((3, K, n))
     frame_block(
-        relative, turn, turn_rate, swing, swing_rate, turn_map, arms, projector, tilt, trust, 0.01, 0.2, *filters, state, flat,
-        value, rate,
+        relative, turn, turn_rate, frame_turn, frame_turn_rate, turn_map, arms, projector, tilt, trust, 0.01, 0.2, *filters,
+        state, flat, value, rate,
     )  # fmt: skip
-    straight, bent, bent_rate = np.empty((3, K, n))
-    mean, mean_rate = turn.mean(axis=1) - swing, turn_rate.mean(axis=1) - swing_rate
-    straighten(relative, mean, mean_rate, turn_map, arms, straight, bent, bent_rate)
+    straight, second_order, second_order_rate = np.empty((3, K, n))
+    mean, mean_rate = turn.mean(axis=1) - frame_turn, turn_rate.mean(axis=1) - frame_turn_rate
+    straighten(relative, mean, mean_rate, turn_map, arms, straight, second_order, second_order_rate)
     wanted = straight @ projector.T
     own, own_rate = np.zeros((2, K, n))
     for axis in (2, 0, 1):
@@ -236,7 +236,10 @@ def test_deformation_of_a_block_is_that_of_its_steps(rng, trust):
             wanted += trust * own[:, 2::3] @ tilt.T
         deformation_block(wanted, axis, 3, 0.01, 0.2, *(part[axis] for part in filters), wanted_state, own, own_rate)
     for found, right in (
-        (flat, wanted), (state, wanted_state), (value, (own + bent) @ projector.T), (rate, (own_rate + bent_rate) @ projector.T)
+        (flat, wanted),
+        (state, wanted_state),
+        (value, (own + second_order) @ projector.T),
+        (rate, (own_rate + second_order_rate) @ projector.T),
     ):
         np.testing.assert_allclose(found, right, rtol=ROUNDING, atol=ROUNDING * np.abs(right).max())
 

@@ -85,7 +85,7 @@ def test_good_sensors_are_all_used(seed):
     pipeline, _ = clean(seed)
     text = " ".join(pipeline.health().messages)
     assert "not used" not in text
-    assert "doubt" not in text
+    assert "contradicted" not in text
     assert "rolled back" not in text
 
 
@@ -163,7 +163,7 @@ def test_a_body_sensor_that_runs_late_stops_learning():
     pipeline = Pipeline(vehicle)
     run(pipeline, broken(data, "cab_rear_right", "late"))
     text = " ".join(pipeline.health().messages)
-    assert "in doubt" in text or "cab_rear_right was not used" in text
+    assert "contradicted each other" in text or "cab_rear_right was not used" in text
     assert "rolled back" in text
 
 

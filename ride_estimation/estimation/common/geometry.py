@@ -105,7 +105,7 @@ class Geometry:
         return seen
 
     @property
-    def base_told(self) -> NDArray[np.bool_]:
+    def base_observable(self) -> NDArray[np.bool_]:
         """Return along which axes base sensors tell the deflection of a mount well enough for its law, shape (M, 3).
 
         Sideways only where every base is measured in all axes: mounts are stiff there, hundredths of a millimetre are forces, and

@@ -51,13 +51,13 @@ _HINT, _NEW, _NEW_HINT = 1.4, 1.5, 1.25
 _SHOWS = 1.3
 #: time without a sign of an error before one that comes is known to have come while driving [s]
 _PROVEN = 10.0
-#: rise of the residual above that of the run that is a doubt, and time over which the run's may change [s]
+#: rise of the residual above that of the run that is suspicious, and time over which the run's may change [s]
 _RISE, _RUN = 4.0, 30.0
 #: looks in a row that must agree, and looks in a row after which a sensor is used again
 _AGREE, _RECOVER = 2, 4
 #: least singular value of the places of bases, in units of their spread, that make a plane
 _PLANE = 0.1
-#: least squared residual, as a share of the squared load, that is a doubt, and that an error is looked for in: a gain of 1.2 of
+#: least squared residual, as a share of the squared load, that is suspicious, and in which an error is sought: a gain of 1.2 of
 #: one base, fitted by softer mounts, leaves no more than that
 _MATTERS, _TELLS = 0.002, 0.0005
 #: least motion of the body, root mean square of the filtered vertical load over the weight
@@ -101,7 +101,7 @@ class BaseBalance:
         self.refused: dict[int, str] = {}
         #: two mounts whose sensors are exchanged, found just now
         self.exchanged: tuple[int, int] | None = None
-        self._told: frozenset[int] = frozenset()
+        self._said: frozenset[int] = frozenset()
         if not self.possible:
             return
         self._names = tuple(s.name for s in sensors)
@@ -185,14 +185,14 @@ class BaseBalance:
         streams
             Of the base sensors.
         """
-        new = [int(streams[m]) for m in self.refused if m not in self._told]
-        self._told = frozenset(self.refused)
+        new = [int(streams[m]) for m in self.refused if m not in self._said]
+        self._said = frozenset(self.refused)
         if self.unusual:
             verdict = dataclasses.replace(verdict, unusual=True)
         return verdict.with_refused([int(streams[m]) for m in self.refused], new, self.suspicious + 2.0 * _MEMORY)
 
     @property
-    def in_doubt(self) -> bool:
+    def inconsistent(self) -> bool:
         """Return whether one of the sensors may be wrong though nothing tells which: forces are less certain."""
         return self.unusual or self.rises or self.undecided
 
@@ -202,7 +202,7 @@ class BaseBalance:
         return self._open > 0.0 and not self.refused
 
     def follow_changes(self, count: int) -> None:
-        """Take how often parameters changed faster than driving explains: until it is told, a sensor may be why."""
+        """Take how often parameters changed faster than driving explains: until the cause is known, a sensor may be why."""
         if count > self._changes:
             self._open = 2.0 * _MEMORY
         self._changes = count
@@ -370,4 +370,4 @@ class BaseBalance:
         """Continue from :meth:`save`."""
         if self.possible:
             self.refused = {int(m): str(words) for m, words in saved.items()}
-            self._told = frozenset(self.refused)
+            self._said = frozenset(self.refused)

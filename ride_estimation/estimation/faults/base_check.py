@@ -31,7 +31,7 @@ DISAGREES = "disagrees with the other sensors at the mount bases"
 _CORNER_HZ = 2.0
 #: memory of the residual now and over the run [s], time before anything is judged [s]
 _NOW, _RUN, _LEAST = 0.5, 30.0, 5.0
-#: root mean square relative residual now over that of the run: doubt begins and ends
+#: root mean square relative residual now over that of the run: inconsistency begins and ends
 _BEGINS, _ENDS = 2.2, 1.5
 #: share of the motion that frames bend anyway, least relative residual that matters, motion it needs [m/s^2]
 _SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
@@ -43,7 +43,7 @@ _EXPLAINED, _RIVAL = 0.7, 0.9
 _FOLLOWS = 0.7
 #: how much earlier that may be [s]: between and a little beyond, two samples of a motion of a few hertz tell the others
 _EARLIER = 0.02
-#: longest doubt without a culprit: what stays as it is belongs to this vehicle and its road [s]
+#: longest inconsistency without a culprit: what stays as it is belongs to this vehicle and its road [s]
 _LONGEST = 60.0
 
 
@@ -95,12 +95,12 @@ class BaseCheck:
         self._size, self._moments = 0.0, np.zeros_like(self._project)
         #: products of rigid motion now and earlier and of the residual, (6 N, 6 N), and the last rigid motion
         self._joint, self._before = np.zeros((3 * len(self._project), 3 * len(self._project))), np.zeros((0, 0))
-        self._run, self._age, self._doubted = 0.0, 0.0, 0.0
+        self._run, self._age, self._inconsistent_s = 0.0, 0.0, 0.0
         self.refused: int | None = None
         self.unusual = False
 
     @property
-    def in_doubt(self) -> bool:
+    def inconsistent(self) -> bool:
         """Return whether the sensors disagree and nothing tells which is wrong."""
         return self.unusual and self.refused is None
 
@@ -151,13 +151,13 @@ class BaseCheck:
         if self._age < _LEAST:
             return
         over = math.sqrt(ratio / max(self._run, 1e-12))
-        self._doubted = self._doubted + duration if self.unusual else 0.0
+        self._inconsistent_s = self._inconsistent_s + duration if self.unusual else 0.0
         was = self.unusual
         self.unusual = bool(over > (_ENDS if was else _BEGINS) and ratio > _MATTERS**2 * (_ENDS / _BEGINS if was else 1.0))
         # what was there before follows from nothing
         needed = _FOLLOWS * (1.0 - 1.0 / max(over, 1.0) ** 2)
         self.unusual = self.unusual and (was or self._following()[1] > needed)
-        if self._doubted > _LONGEST and self.refused is None:
+        if self._inconsistent_s > _LONGEST and self.refused is None:
             self._run, self.unusual = ratio, False
         if not self.unusual:
             self.refused = None
@@ -206,6 +206,6 @@ class BaseCheck:
         for n, ticks in sorted(self.ticks.items()):
             now = " (now)" if n == self.refused else ""
             found.append(f"{self._sensors[n].name} was not used{now}: {ticks} ticks {DISAGREES}")
-        if self.in_doubt:
+        if self.inconsistent:
             found.append("the sensors at the mount bases disagree clearly more than before: parameters are not updated meanwhile")
         return found

@@ -5,7 +5,7 @@ The readings at the bases belong to one frame: six rigid accelerations and, with
 left is judged by the score test of :mod:`sensor_faults` between 2 Hz, above which tilting brackets no longer turn gravity into
 horizontal readings, and 10 Hz, below which a frame is hardly anything but rigid and twisted. As frames do bend with their motion,
 only what is far beyond that counts as an error of a sensor (:data:`_FRAME`); such a sensor is treated as missing. A place that
-is off is not told at all: brackets of a frame that twists and bends move sideways as if they stood a metre away.
+is off is not determined at all: brackets of a frame that twists and bends move sideways as if they stood a metre away.
 
 Axes that are exchanged or inverted are looked for directly. With ``P = I - H H^+`` the spare equations of such a frame and C
 the moments of the readings the squared misfit is ``tr(P C)``; with other axes of one sensor, a signed permutation S that fits
@@ -100,7 +100,7 @@ class BaseFaults:
         self._dc = np.array([s.coupling == "dc" for s in sensors], dtype=bool)
         #: sensors that are left out, and what is said about them; what is said about sensors that are used
         self.refused: dict[int, str] = {}
-        self.doubted: dict[str, str] = {}
+        self.suspects: dict[str, str] = {}
         if not self.possible:
             return
         middle = np.mean([s.position for s in sensors], axis=0)
@@ -197,8 +197,8 @@ class BaseFaults:
     # -- result -----------------------------------------------------------------------------------------------------------
 
     def _judge(self) -> None:
-        before, doubted = self.refused, self.doubted
-        self.refused, self.doubted = {}, {}
+        before, suspects = self.refused, self.suspects
+        self.refused, self.suspects = {}, {}
         mixed = self._mixed_axes(before)
         if mixed is not None:
             self.refused[mixed[0]] = mixed[1]
@@ -217,12 +217,12 @@ class BaseFaults:
                 return
         # what every sensor would explain is how the frame bends: brackets of a twisting frame move sideways too
         if fault is not None and len(fault.rivals) < len(self._sensors) - 1 and fault.explained > _ONE_OF_FEW:
-            self.doubted[fault.sensor] = _ambiguous(fault)
+            self.suspects[fault.sensor] = _ambiguous(fault)
             return
         for i, sensor in enumerate(self._sensors):
-            words = self._agreeing(i, _AGREE / (_KEEPS if sensor.name in doubted else 1.0))
+            words = self._agreeing(i, _AGREE / (_KEEPS if sensor.name in suspects else 1.0))
             if words:
-                self.doubted[sensor.name] = words
+                self.suspects[sensor.name] = words
 
     def _mixed_axes(self, before: dict[int, str]) -> tuple[int, str] | None:
         """Return a sensor whose readings fit those of the others with other axes, and words; None where there is none.
@@ -294,20 +294,20 @@ class BaseFaults:
         return ""
 
     @property
-    def doubt(self) -> str:
+    def suspicion(self) -> str:
         """Return why nothing learned is called valid, empty where nothing speaks against it."""
-        return "; ".join(f"{name}: {words}" for name, words in self.doubted.items())
+        return "; ".join(f"{name}: {words}" for name, words in self.suspects.items())
 
     def messages(self) -> list[str]:
-        """Return one sentence per sensor that is left out or in doubt."""
+        """Return one sentence per sensor that is left out or suspect."""
         found = [
             f"{self._sensors[i].name} is not used: it disagrees with the other sensors at the mount bases {words}: check its "
             "rotation, gain, delay and fixing"
             for i, words in sorted(self.refused.items())
         ]
-        found += [f"{name} at the mount base may be wrong: {words}" for name, words in self.doubted.items()]
+        found += [f"{name} at the mount base may be wrong: {words}" for name, words in self.suspects.items()]
         if self.possible:
-            unsaid = [i for i, s in enumerate(self._sensors) if i not in self.refused and s.name not in self.doubted]
+            unsaid = [i for i, s in enumerate(self._sensors) if i not in self.refused and s.name not in self.suspects]
             alone = [(self._sensors[i].name, self._mean_alone(i)) for i in unsaid]
             found += [f"{name} at the mount base: {words}; its motion does not show which" for name, words in alone if words]
         return found
@@ -318,7 +318,7 @@ class BaseFaults:
             return {}
         return {
             "test": self._test.save(), "mean": self._mean.tolist(), "mean_time": self._mean_time, "chunks": self._chunks,
-            "refused": {str(i): words for i, words in self.refused.items()}, "doubted": dict(self.doubted),
+            "refused": {str(i): words for i, words in self.refused.items()}, "suspects": dict(self.suspects),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -330,7 +330,7 @@ class BaseFaults:
         self._mean = np.array(saved["mean"], dtype=float).reshape(self._mean.shape)
         self._mean_time, self._chunks = float(saved["mean_time"]), int(saved["chunks"])
         self.refused = {int(i): str(words) for i, words in saved["refused"].items()}
-        self.doubted = {str(name): str(words) for name, words in saved["doubted"].items()}
+        self.suspects = {str(name): str(words) for name, words in saved["suspects"].items()}
 
 
 def _ambiguous(fault: Fault) -> str:

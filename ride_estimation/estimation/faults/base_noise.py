@@ -51,7 +51,7 @@ class BaseNoise:
         #: sensors that are left out, with what is said of each; lines of the others
         self.refused: dict[int, str] = {}
         self.lines: dict[int, str] = {}
-        self._told: frozenset[int] = frozenset()
+        self._said: frozenset[int] = frozenset()
         self.reset()
 
     def reset(self) -> None:
@@ -63,7 +63,7 @@ class BaseNoise:
         self._noisy, self._quiet, self._lined = (np.zeros(count, dtype=np.int64) for _ in range(3))
 
     @property
-    def in_doubt(self) -> bool:
+    def inconsistent(self) -> bool:
         """Return whether a sensor may have become noisy."""
         return bool((self._noisy > 0).any()) and not self.refused
 
@@ -77,8 +77,8 @@ class BaseNoise:
         streams
             Of the base sensors.
         """
-        new = [int(streams[n]) for n in self.refused if n not in self._told]
-        self._told = frozenset(self.refused)
+        new = [int(streams[n]) for n in self.refused if n not in self._said]
+        self._said = frozenset(self.refused)
         return verdict.with_refused([int(streams[n]) for n in self.refused], new, _MEMORY)
 
     def interrupt(self) -> None:

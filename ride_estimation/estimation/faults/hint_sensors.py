@@ -105,7 +105,7 @@ class SensorHints:
         self._chunks.append((normal, right))
 
     def hints(self) -> tuple[Hint, ...]:
-        """Return the suspicion about the sensor that explains the residual best, if it is beyond doubt."""
+        """Return the suspicion about the sensor that explains the residual best, if it is significant."""
         count = len(self._chunks)
         if count < _LEAST_CHUNKS:
             return ()

@@ -48,7 +48,7 @@ class HintBlock:
     support, missing
         What the mounts together carry, and the part of it their model does not explain, shape (K, 6) [N, N m].
     usable
-        Whether every sensor contributed and nothing is in doubt.
+        Whether every sensor contributed and none is suspect.
     """
 
     measured: Array

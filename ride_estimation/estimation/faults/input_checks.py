@@ -192,17 +192,17 @@ class InputChecks:
             self._balance.gather(load, horizontal, body, *self._readings)
 
     @property
-    def bases_in_doubt(self) -> bool:
+    def bases_inconsistent(self) -> bool:
         """Return whether one of the base sensors is wrong though nothing tells which."""
-        weighed = self._balance.possible and self._balance.in_doubt
-        return self._bases.in_doubt or self._noise.in_doubt or weighed
+        weighed = self._balance.possible and self._balance.inconsistent
+        return self._bases.inconsistent or self._noise.inconsistent or weighed
 
     @property
-    def doubt(self) -> str:
+    def suspicion(self) -> str:
         """Return why nothing learned is called valid, empty where nothing speaks against it."""
         if self._balance.possible and self._balance.undecided:
             return "they changed just now: changed mounts and a wrong base sensor cannot be distinguished yet"
-        return self._base_faults.doubt
+        return self._base_faults.suspicion
 
     def follow_changes(self, count: int) -> None:
         """Take how often parameters changed faster than driving explains: a sensor that went wrong has them change too."""

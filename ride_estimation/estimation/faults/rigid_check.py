@@ -2,7 +2,7 @@
 """Gross faults of body sensors from the spare equations of the rigid body, block by block.
 
 With unit weights the residual is ``P y``, ``P = I - H H^+``. A fault of sensor s explains ``(P y)_s^T (P_ss)^+ (P y)_s`` of
-``|P y|^2``; it can be told from other faults when spare equations are left without that sensor.
+``|P y|^2``; it can be distinguished from other faults when spare equations are left without that sensor.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ _LEAN = 2.5
 _RECOVERY = 0.5
 #: time after which a sensor that was refused is above suspicion again [s]
 _BLAME = 3.0
-#: residual of the rigid body now over that of the run: doubt begins and ends; memories [s]; motion it needs [m/s^2]
+#: residual of the rigid body now over that of the run: inconsistency begins and ends; memories [s]; motion it needs [m/s^2]
 _UNUSUAL, _USUAL, _NOW, _RUN, _EXCITED = 2.2, 1.5, 0.7, 30.0, 0.3
 #: smallest residual that matters, in units of the tolerance
 _MATTERS = 0.35
@@ -86,11 +86,11 @@ class GateVerdict:
     newly_refused
         Streams refused for such a fault just now.
     suspects
-        Sensors one of which is wrong though nothing tells which; empty where there is no such doubt.
+        Sensors one of which is wrong and cannot be distinguished; empty where they agree.
     unusual
         Whether the sensors of the body disagree clearly more than before: nothing is to be learned.
     excess
-        Factor on the standard deviation of the body's motion, 1 without such doubt.
+        Factor on the standard deviation of the body's motion, 1 where the sensors agree.
     spoiled
         Time for which what was learned is spoiled where a fault began, beyond the second or two it always is [s].
     """
@@ -179,7 +179,7 @@ class SensorGate:
         self.refused: dict[int, Counter[str]] = {}
         #: stream -> reason it is refused for now
         self.active: dict[int, str] = {}
-        self.doubtful_ticks = 0
+        self.inconsistent_ticks = 0
         self.reset()
 
     def reset(self) -> None:
@@ -256,7 +256,7 @@ class SensorGate:
         if reasons:
             self._blame[refused.any(axis=0)] = 0.0
         if self.suspects or self.unusual:
-            self.doubtful_ticks += len(values)
+            self.inconsistent_ticks += len(values)
         return GateVerdict(result, began, new, self.suspects, self.unusual, excess)
 
     def _scan(self, values: Array, valid: BoolArray) -> Scan:
@@ -439,8 +439,10 @@ class SensorGate:
             found.append(f"{self._sensors[stream].name} was not used{now}: {text}")
         if self.unusual:
             found.append("the sensors of the body disagree clearly more than before: parameters are not updated meanwhile")
-        elif self.doubtful_ticks:
-            found.append(f"the sensors of the body were in doubt for {self.doubtful_ticks} ticks; parameters were not updated")
+        elif self.inconsistent_ticks:
+            found.append(
+                f"sensors of the body contradicted each other for {self.inconsistent_ticks} ticks: parameters not updated"
+            )
         if self.suspects:
             found.append(
                 f"one of {', '.join(self.suspects)} is wrong and cannot be isolated: parameters are held, uncertainty is larger"
@@ -454,7 +456,7 @@ class SensorGate:
             "latched": {str(a): reason for a, reason in self._latched.items()}, "well": self._well.tolist(),
             "blame": np.minimum(self._blame, 2.0 * _BLAME).tolist(), "varied": self._stuck.save(),
             "mean": self._mean.tolist(), "square": self._square.tolist(), "step_square": self._step_square.tolist(),
-            "slow": self._slow.tolist(), "age": self._age, "doubtful_ticks": self.doubtful_ticks, "unusual": self.unusual,
+            "slow": self._slow.tolist(), "age": self._age, "inconsistent_ticks": self.inconsistent_ticks, "unusual": self.unusual,
             "ratio": [self._ratio_now, self._ratio_run, self._ratio_age],
         }  # fmt: skip
 
@@ -467,6 +469,6 @@ class SensorGate:
             own = getattr(self, f"_{name}")
             setattr(self, f"_{name}", np.array(saved[name], dtype=own.dtype).reshape(own.shape))
         self._stuck.load(saved["varied"])
-        self._age, self.doubtful_ticks = float(saved["age"]), int(saved["doubtful_ticks"])
+        self._age, self.inconsistent_ticks = float(saved["age"]), int(saved["inconsistent_ticks"])
         self.unusual = bool(saved["unusual"])
         self._ratio_now, self._ratio_run, self._ratio_age = (float(v) for v in saved["ratio"])

@@ -6,7 +6,7 @@ squared residual is ``tr(P C)``; with readings i and j exchanged it is ``tr(P X 
 tilt) are no part of a covariance. An exchange with a sensor on a mount base puts its reading into the spare equations of the
 body; the reading it takes must then also fit better among the other bases, moving as a rigid frame, than the one it gives.
 
-What is found is put right: the readings are used where they belong, and a person is told.
+What is found is put right: the readings are used where they belong, and it is reported.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ BoolArray = NDArray[np.bool_]
 
 #: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
 _UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
-#: doubt where a sensor that is used may be wrong: its error adds to what is unknown without it; memory of the size of the forces
+#: factor where a sensor that is used may be wrong: its error adds to what is unknown without it; memory of the size of the forces
 #: meanwhile, which are mostly that error [s]
 _WRONG, _NOW = 2.0, 0.3
 #: what a bracket moves on its own over what a slope of the frame moves it, lever too short for any slope [m]
@@ -78,7 +78,7 @@ class BaseFill:
     def restart(self) -> None:
         """Begin a new time base: no base motion is a guess any more; sizes stay, and offsets, which are those of the sensors."""
         count = len(self._place)
-        self._doubt = np.zeros(count)
+        self._unknown = np.zeros(count)
         self._wrong, self._now_square = 0.0, np.zeros((count, 3))
 
     def _map(self, there: BoolArray) -> Array:
@@ -112,7 +112,7 @@ class BaseFill:
         return np.asarray(base.reshape(len(base), -1) @ self._transport.T).reshape(base.shape), ok
 
     def _filled(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
-        self._doubt *= math.exp(-duration / _FADES)
+        self._unknown *= math.exp(-duration / _FADES)
         self._wrong *= math.exp(-duration / _FADES)
         gone: BoolArray = np.logical_and(self._has, ~np.asarray(ok.all(axis=0)))
         settling = self._settling(gone, duration)
@@ -132,7 +132,7 @@ class BaseFill:
                 self._excess[m] += duration / _SETTLES * (base[:, m] - estimate).mean(axis=0)
             filled[lost, m] = estimate[lost]
             filled_ok[lost, m] = True
-            self._doubt[m] = 1.0
+            self._unknown[m] = 1.0
         for m in np.flatnonzero(self._made_up.any(axis=1)):
             estimate = np.einsum("aj,kja->ka", self._map(there)[:, m], base)
             filled[:, m, self._made_up[m]] = estimate[:, self._made_up[m]]
@@ -162,18 +162,18 @@ class BaseFill:
         self._back[settling] += duration
         return settling
 
-    def doubt(self) -> None:
+    def suspect(self) -> None:
         """Say that the base motion of any mount may be wrong."""
-        self._doubt[:], self._wrong = _WRONG, 1.0
+        self._unknown[:], self._wrong = _WRONG, 1.0
 
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
-        gain = np.where(self._doubt < 0.05, min(duration / _MEMORY, 1.0), 0.0)
+        gain = np.where(self._unknown < 0.05, min(duration / _MEMORY, 1.0), 0.0)
         follow_squares(block.deflection, gain, self._square)
         follow_squares(block.rate, gain, self._rate_square)
-        if self._doubt.max(initial=0.0) < 0.05:
+        if self._unknown.max(initial=0.0) < 0.05:
             return block
-        share = (_UNKNOWN_SHARE * self._doubt)[:, None]
+        share = (_UNKNOWN_SHARE * self._unknown)[:, None]
         return dataclasses.replace(
             block,
             std=np.hypot(block.std, share * np.sqrt(self._square)),
@@ -182,16 +182,16 @@ class BaseFill:
 
     def widen_forces(self, block: ForceBlock, duration: float) -> ForceBlock:
         """Return the forces with what a guessed base motion leaves open added to the part of the mount model."""
-        doubt = float(self._doubt.max(initial=0.0))
+        unknown = float(self._unknown.max(initial=0.0))
         # a missing sensor leaves the size of the forces to be seen, also where it is missing from the start; a wrong one does not
         if self._wrong < 0.05:
             self._age += duration
             gain = duration / min(max(self._age, duration), _MEMORY)
             follow_scatter(block.force, gain, self._force, self._force_square)
-        if doubt < 0.05:
+        if unknown < 0.05:
             return block
         now = np.mean((block.force - self._force) ** 2, axis=0)
         self._now_square += min(duration / _NOW, 1.0) * (now - self._now_square)
-        open_square = (_UNKNOWN_FORCE * doubt) ** 2 * self._force_square + self._wrong * self._now_square
+        open_square = (_UNKNOWN_FORCE * unknown) ** 2 * self._force_square + self._wrong * self._now_square
         model = np.sqrt(block.std_model**2 + open_square)
         return dataclasses.replace(block, std_model=model, std=np.sqrt(block.std_equilibrium**2 + model**2))

@@ -50,7 +50,7 @@ class CarriedBodies:
 
     Every number that the file states with a standard deviation (for stiffness and damping of a mount also without one) is moved
     by it in a copy of the model that runs beside; variances of the differences add up to the covariance. Their constant part, a
-    mass that is off, is that of the static load: it moves all forces alike and is no reason to doubt equilibrium.
+    mass that is off, is that of the static load: it moves all forces alike and is no evidence against equilibrium.
 
     Parameters
     ----------

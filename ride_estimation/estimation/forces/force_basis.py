@@ -54,7 +54,7 @@ class ForceBasis:
     load_covariance, constant_load
         Of the wrench that the mounts carry, (6, 6) each: what equilibrium is judged by, and a constant error.
     complete
-        Whether every sensor the deflections rest on was there and none in doubt.
+        Whether every sensor the deflections rest on was there and none suspect.
     model
         Parameters of the time.
     """

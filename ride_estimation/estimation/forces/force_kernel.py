@@ -93,7 +93,7 @@ def follow_scaled(signals: Array, scale: Array, gain: float, square: Array) -> N
 
 @compile_kernel
 def balanced_forces(
-    tension: Array, turn: Array, follow: float, static: Array, support: Array, told: BoolArray, wrench: Array, gain: Array,
+    tension: Array, turn: Array, follow: float, static: Array, support: Array, measured: BoolArray, wrench: Array, gain: Array,
     gain_slow: Array, share: float, slow: Array, square: Array, missing: Array, force: Array,
 ) -> None:  # fmt: skip
     """Correct the forces of the mount law by equilibrium.
@@ -108,7 +108,7 @@ def balanced_forces(
         Static force on the body, shape (M, 3) [N].
     support
         Wrench the mounts together carry, shape (K, 6).
-    told
+    measured
         Whether the wrench is more than a guess, shape (K,); forces stay those of the law and of the slow residual where not.
     wrench
         Wrench of unit forces, shape (6, 3 M).
@@ -142,7 +142,7 @@ def balanced_forces(
                 for r in range(6):
                     missing[k, r] -= wrench[r, 3 * i + a] * force[k, i, a]
         for r in range(6):
-            if not told[k]:
+            if not measured[k]:
                 missing[k, r], fast[r] = 0.0, 0.0
                 continue
             square[r] += missing[k, r] * missing[k, r]

@@ -175,7 +175,9 @@ class MountForceEstimator:
         self.follow = 1.0
         count = len(geometry.mounts)
         self._count, self._ones, self._all_known = count, np.ones((count, 3)), bool(known.all())
-        self._of_file = None if geometry.base_told.all() or not geometry.base_told.any() else law.stiffness.ravel().copy()
+        self._of_file = (
+            None if geometry.base_observable.all() or not geometry.base_observable.any() else law.stiffness.ravel().copy()
+        )
         #: axes whose deflection is that of a rigid frame only: what the frame twists there is open
         self._made_up = known & ~geometry.base_seen
         for sensor in geometry.transducers:
@@ -185,7 +187,7 @@ class MountForceEstimator:
         free = geometry.free
         self._g = geometry.wrench[free]
         self._free = free
-        # where every bracket is measured, deformation of the frame is told apart from rigid motion
+        # where every bracket is measured, deformation of the frame is distinguished from rigid motion
         self._frame: FrameDeformation | None = None
         self._transducer = np.zeros(3 * count, dtype=bool)
         for sensor in geometry.transducers:
@@ -264,7 +266,7 @@ class MountForceEstimator:
         self,
         deflection: DeflectionBlock,
         support: Array,
-        told: NDArray[np.bool_],
+        measured: NDArray[np.bool_],
         load_covariance: Array,
         turn_rate: Array,
         dt: float,
@@ -277,7 +279,7 @@ class MountForceEstimator:
             From the deflection estimator, cab axes.
         support
             Wrench the mounts together carry, shape (K, 6) [N, N m].
-        told
+        measured
             Whether it is more than a guess, shape (K,).
         load_covariance
             Of the wrench for the given mass, shape (6, 6).
@@ -292,16 +294,16 @@ class MountForceEstimator:
         turned_motion(value, rate, deflection.turn, turn_rate, self.follow, self.known, x, v)
         tension = self.law.tension(x, v, dt)
         static_force = self.static_force
-        if told.all():
+        if measured.all():
             self._watch(x, v, support, dt)
         if self._time >= self._until:
             self._update_gains(deflection, load_covariance)
         force, self.missing = np.empty_like(tension), np.empty((ticks, 6))
         balanced_forces(
-            tension, deflection.turn, self.follow, static_force, support, told, self.geometry.wrench, self._gain,
+            tension, deflection.turn, self.follow, static_force, support, measured, self.geometry.wrench, self._gain,
             self._gain_slow, 1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
         )  # fmt: skip
-        self._count_square += int(np.count_nonzero(told))
+        self._count_square += int(np.count_nonzero(measured))
         std, spread = np.broadcast_to(self._std[:, None], (3, ticks, count, 3)), deflection.std
         if not self._all_known:
             x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
@@ -313,8 +315,8 @@ class MountForceEstimator:
         if self._frame is None:
             return deflection.deflection, deflection.rate
         own = self._frame.observe(
-            deflection.relative, deflection.turn, turn_rate, deflection.swing, deflection.swing_rate, self.law.stiffness,
-            self.law.damping, dt,
+            deflection.relative, deflection.turn, turn_rate, deflection.frame_turn, deflection.frame_turn_rate,
+            self.law.stiffness, self.law.damping, dt,
         )  # fmt: skip
         value, rate = np.empty_like(own[0]), np.empty_like(own[1])
         with_deformation(deflection.deflection, self._frame.projector, own[0], self._transducer, value)
@@ -449,9 +451,9 @@ class MountForceEstimator:
         turned = maps.mean(axis=0) ** 2 @ deflection.std.ravel() ** 2
         rate, rate_variance = self.turning
         theta = deflection.turn[-1].mean(axis=0)
-        bent = 0.5 * frame.projector @ double_cross_gradient(theta, arms)
+        second_order = 0.5 * frame.projector @ double_cross_gradient(theta, arms)
         thrown = np.sqrt(np.tile(frame.static_gain, self._count))[:, None] * (frame.projector @ double_cross_gradient(rate, arms))
-        return np.asarray((bent * turned) @ bent.T + (thrown * rate_variance) @ thrown.T)
+        return np.asarray((second_order * turned) @ second_order.T + (thrown * rate_variance) @ thrown.T)
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

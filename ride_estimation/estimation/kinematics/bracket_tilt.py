@@ -51,7 +51,7 @@ _SLOPES = 5
 _LEVELLED, _CERTAIN = 0.5, 4.0
 #: memory of the mean of angular accelerations [s], noise of the angle [rad] its leak is chosen for and bounds of that corner [Hz]
 _MEMORY, _ANGLE_NOISE, _CORNERS = 30.0, 5e-3, (0.04, 0.25)
-#: time over which the swing sets in [s]: a step would ring in every double integration
+#: time over which the rotation sets in [s]: a step would ring in every double integration
 _FADE = 3.0
 
 
@@ -164,20 +164,20 @@ def take_readings(base: Array, body: Array, fit: Array, slopes: Array, horizonta
 
 @compile_kernel
 def integrate_slope(
-    slopes: Array, told: BoolArray, corner: float, memory: float, dt: float, state: Array, angle: Array, rate: Array
+    slopes: Array, measured: BoolArray, corner: float, memory: float, dt: float, state: Array, angle: Array, rate: Array
 ) -> None:
     """Integrate angular accelerations (K, 2) twice without their running mean, leaking at ``corner`` [rad/s].
 
-    They count as their mean where nothing tells them, ``told`` (K,). ``state`` (2, 4): mean over ``memory`` [s], rate, angle,
-    age; in place. ``angle``, ``rate`` (K, 2) out.
+    They count as their mean where nothing measures them, ``measured`` (K,). ``state`` (2, 4): mean over ``memory`` [s], rate,
+    angle, age; in place. ``angle``, ``rate`` (K, 2) out.
     """
     leak = np.exp(-corner * dt)
     for n in range(len(slopes)):
         for i in range(2):
-            if told[n]:
+            if measured[n]:
                 state[i, 3] += dt
                 state[i, 0] += min(1.0, dt / min(memory, state[i, 3])) * (slopes[n, i] - state[i, 0])
-            push = slopes[n, i] - state[i, 0] if told[n] else 0.0
+            push = slopes[n, i] - state[i, 0] if measured[n] else 0.0
             # leap frog: the rate is kept half a tick late
             early = state[i, 1]
             state[i, 2] = leak * state[i, 2] + dt * early
@@ -250,7 +250,7 @@ class BracketTilt:
         self.levelled = np.where((share > _LEVELLED) & (share > _CERTAIN * std), share, 0.0)
 
     @property
-    def doubt(self) -> Array:
+    def spread(self) -> Array:
         """Return maps like :attr:`maps` of one standard deviation of every independent error of the shares, (4, M, 3, 3 M)."""
         values, vectors = np.linalg.eigh(self.covariance[:4, :4])
         return np.tensordot((vectors * np.sqrt(np.maximum(values, 0.0))).T, self._per_share, 1)
@@ -290,14 +290,14 @@ class BracketTilt:
         self._next = self._time + _EVERY
         return self._learn()
 
-    def swing(self, base: Array, told: BoolArray, dt: float) -> tuple[Array, Array]:
+    def frame_turn(self, base: Array, measured: BoolArray, dt: float) -> tuple[Array, Array]:
         """Return the rotation of the frame that its brackets do not make, and its rate, shape (K, 3) each [rad, rad/s].
 
         Parameters
         ----------
         base
             Specific force of the brackets, shape (K, M, 3).
-        told
+        measured
             Whether all of them were measured, shape (K,).
         dt
             Tick [s].
@@ -310,7 +310,7 @@ class BracketTilt:
         corner = (self._slope_variance * dt / (4.0 * _ANGLE_NOISE**2)) ** (1.0 / 3.0)
         corner = min(max(corner, 2.0 * np.pi * _CORNERS[0]), 2.0 * np.pi * _CORNERS[1])
         whole, whole_rate = np.empty_like(plane), np.empty_like(plane)
-        integrate_slope(plane, told, corner, _MEMORY, dt, self._angle, whole, whole_rate)
+        integrate_slope(plane, measured, corner, _MEMORY, dt, self._angle, whole, whole_rate)
         if not (self.levelled.any() or self._applied.any()):
             return angle, rate
         fade = np.exp(-dt / _FADE * np.arange(1, len(base) + 1))[:, None]

@@ -81,8 +81,8 @@ class DeflectionBlock:
     rate: Array
     relative: Array
     turn: Array
-    swing: Array
-    swing_rate: Array
+    frame_turn: Array
+    frame_turn_rate: Array
     std: Array
     rate_std: Array
     base: Array
@@ -107,8 +107,8 @@ class DeflectionEstimator:
         self._tilting = tilting
         self._count = len(geometry.mounts)
         seen = geometry.base_seen
-        #: axes along which the base of a mount is told or follows from others as that of a rigid frame, shape (M, 3)
-        self.has_base = np.tile(geometry.base_told.any(axis=0), (self._count, 1))
+        #: axes along which the base of a mount is measured or follows from others as that of a rigid frame, shape (M, 3)
+        self.has_base = np.tile(geometry.base_observable.any(axis=0), (self._count, 1))
         own = np.array([s.noise_std if s is not None else 0.0 for s in geometry.base_sensors]) ** 2
         self._base_variance = np.where(seen, own[:, None], _UNKNOWN_RELATIVE**2)
         wrench = geometry.wrench[geometry.free]
@@ -198,18 +198,18 @@ class DeflectionEstimator:
         if not self._sized:
             self._mean_square, self._sized = _MARGIN * expected_square, True
         self._lasting.observe(motion.motion[:, :3], ticks * dt)
-        swing, swing_rate = self._tilting.swing(base, measured, dt)
+        frame_turn, frame_turn_rate = self._tilting.frame_turn(base, measured, dt)
         noise = self._noise_now(motion.covariance, ticks, dt)
         drawn, lag = self._drawn(equilibrium, noise, bool(base_ok[:, self.has_base.any(axis=1)].all()), ticks, dt)
         deflection_block(
             motion.motion, motion.rate, motion.valid, np.ascontiguousarray(base), base_ok, self.geometry.arms,
-            self._tilting.maps, swing, self.geometry.vehicle.gravity, dt, self._state, self._p, noise,
+            self._tilting.maps, frame_turn, self.geometry.vehicle.gravity, dt, self._state, self._p, noise,
             displaced, displaced_ok, self._transducer_variance, drawn, lag, LARGEST_TRAVEL, math.exp(-dt / _COASTS), _RATE_RATIO,
             deflection, rate, relative, turn,
         )  # fmt: skip
         self._follow_size(_MARGIN * expected_square, ticks * dt)
         std, rate_std = np.sqrt(self._p[:, :, 0, 0]), np.sqrt(self._p[:, :, 1, 1])
-        return DeflectionBlock(deflection, rate, relative, turn, swing, swing_rate, std, rate_std, base)
+        return DeflectionBlock(deflection, rate, relative, turn, frame_turn, frame_turn_rate, std, rate_std, base)
 
     def _astray(self, equilibrium: Equilibrium, expected_square: Array) -> bool:
         """Return whether equilibrium contradicts the deflections beyond any error of the mount law.
@@ -248,7 +248,7 @@ class DeflectionEstimator:
         """Return the rate of the rotation of the body against each bracket, shape (K, M, 3) [rad/s]."""
         flat = block.rate.reshape(len(block.rate), 3 * self._count)
         relative = (flat @ self._tilting.maps.reshape(3 * self._count, 3 * self._count).T).reshape(block.rate.shape)
-        return np.asarray(relative + block.swing_rate[:, None])
+        return np.asarray(relative + block.frame_turn_rate[:, None])
 
     def _begin(self, motion: MotionBlock, base: Array) -> None:
         """Take the first relative acceleration as bias in x and y: it is mostly tilt of the sensors."""

@@ -48,7 +48,7 @@ def advance_with_lag(
 
 @compile_kernel
 def come_to_rest(state: Array, p: Array, left: float, square: float, rate_ratio: float) -> None:
-    """Let value and rate go on where nothing tells them: a damped motion comes to rest, what was known of it is lost.
+    """Let value and rate go on where nothing measures them: a damped motion comes to rest, what was known of it is lost.
 
     Integrated, the rate of the last moment would carry a mount out of its travel within a second.
 
@@ -76,12 +76,12 @@ def come_to_rest(state: Array, p: Array, left: float, square: float, rate_ratio:
 
 
 @compile_kernel
-def _turn_against_brackets(state: Array, dt: float, tilt_maps: Array, swing: Array, turn: Array) -> None:
+def _turn_against_brackets(state: Array, dt: float, tilt_maps: Array, frame_turn: Array, turn: Array) -> None:
     """Write the rotation of the body against every bracket at the next tick (M, 3), from where the deflections go."""
     mounts = tilt_maps.shape[0]
     for i in range(mounts):
         for a in range(3):
-            total = swing[a]
+            total = frame_turn[a]
             for j in range(mounts):
                 for b in range(3):
                     total += tilt_maps[i, a, 3 * j + b] * (state[0, j, b] + dt * state[1, j, b])
@@ -121,7 +121,7 @@ def _relative_acceleration(
 @compile_kernel
 def deflection_block(
     motion: Array, rate: Array, body_ok: NDArray[np.bool_], base: Array, base_ok: NDArray[np.bool_], arms: Array,
-    tilt_maps: Array, swing: Array, gravity: float, dt: float, state: Array, p: Array, noise: Array, displaced: Array,
+    tilt_maps: Array, frame_turn: Array, gravity: float, dt: float, state: Array, p: Array, noise: Array, displaced: Array,
     displaced_ok: NDArray[np.bool_],
     displaced_variance: Array, drawn: Array, lag: Array, travel: float, rests: float, rate_ratio: float,
     deflection: Array, speed: Array, relative: Array, turn: Array,
@@ -141,7 +141,7 @@ def deflection_block(
         Specific force of the brackets in bracket axes (K, M, 3); a bracket without sample (K, M) coasts with its own variance.
     arms, tilt_maps, gravity
         (M, 3), (M, 3, 3 M), [m/s^2].
-    swing
+    frame_turn
         Rotation of the frame that the brackets do not make, shape (K, 3) [rad].
     state, p
         In place: value, rate, bias, last relative acceleration (4, M, 3); covariance per channel (M, 3, 3, 3).
@@ -163,14 +163,14 @@ def deflection_block(
     gain, first_order, u = np.zeros(3), np.zeros(3), np.zeros(3)
     fastest = travel / SHORTEST_TRAVEL
     for k in range(motion.shape[0]):
-        _turn_against_brackets(state, dt, tilt_maps, swing[k], turn[k])
+        _turn_against_brackets(state, dt, tilt_maps, frame_turn[k], turn[k])
         # what a guess of the motion of the body does is rigid: where all bases speak the deformation of the frame goes on
-        told = body_ok[k] or base_ok[k].all()
+        measured = body_ok[k] or base_ok[k].all()
         for i in range(arms.shape[0]):
             _relative_acceleration(motion[k], rate[k], arms[i], turn[k, i], base[k, i], state[0, i], state[1, i], u)
             first_order[0], first_order[1] = turn[k, i, 1] * gravity, -turn[k, i, 0] * gravity
             for a in range(3):
-                relative[k, i, a] = u[a] - first_order[a] if told and base_ok[k, i] else 0.0
+                relative[k, i, a] = u[a] - first_order[a] if measured and base_ok[k, i] else 0.0
             for a in range(3):
                 accel_variance, target, target_variance = noise[i, a, 0], drawn[k, i, a], noise[i, a, 2]
                 late = lag[i, a]

@@ -90,12 +90,12 @@ class FrameDeformation:
         self.variance, self.rate_variance = np.full(3, _UNKNOWN**2), np.full(3, _UNKNOWN_RATE**2)
 
     def take_tilt(self) -> None:
-        """Take over how the brackets tilt: the maps of the twist, and what its doubts leave."""
+        """Take over how the brackets tilt: the maps of the twist, and the spread of its shares."""
         self._turn_map = self._tilting.maps.mean(axis=0)
         self.tilt = self._gravity_map(self._tilting.maps)
         self.tilt_square = self._square(self.tilt)
         #: variance of what a unit of vertical deformation wrongly adds because the shares are uncertain, per axis
-        self.doubt_square = np.sum([self._square(self._gravity_map(maps)) for maps in self._tilting.doubt], axis=0)
+        self.spread_square = np.sum([self._square(self._gravity_map(maps)) for maps in self._tilting.spread], axis=0)
 
     def _gravity_map(self, tilt_maps: Array) -> Array:
         """Return what gravity adds to the projected relative acceleration through tilt, from vertical deformations, (3 M, M)."""
@@ -112,8 +112,8 @@ class FrameDeformation:
         return np.asarray(square.reshape(self._count, 3).sum(axis=0) / np.maximum(self._freedom, 1e-9))
 
     def observe(
-        self, relative: Array, turn: Array, turn_rate: Array, swing: Array, swing_rate: Array, stiffness: Array, damping: Array,
-        dt: float,
+        self, relative: Array, turn: Array, turn_rate: Array, frame_turn: Array, frame_turn_rate: Array, stiffness: Array,
+        damping: Array, dt: float,
     ) -> tuple[Array, Array]:  # fmt: skip
         """Return deformation and its rate at the ticks of a block, shape (K, M, 3) each.
 
@@ -123,7 +123,7 @@ class FrameDeformation:
             Relative acceleration of body and bracket without what gravity adds through tilt, shape (K, M, 3) [m/s^2].
         turn, turn_rate
             Rotation of the body against the brackets and its rate, shape (K, M, 3).
-        swing, swing_rate
+        frame_turn, frame_turn_rate
             Rotation of the frame that the brackets do not make and its rate, shape (K, 3).
         stiffness, damping
             Tangents of the mounts, shape (M, 3): what an error of value and rate costs.
@@ -139,8 +139,8 @@ class FrameDeformation:
         value, rate = np.empty_like(flat), np.empty_like(flat)
         forget = 1.0 - math.exp(-dt / min(_BIAS_MEMORY, self._age))
         frame_block(
-            relative, turn, turn_rate, swing, swing_rate, self._turn_map, self._arms, self.projector, self.tilt, self._trust, dt,
-            forget, *self._filters, self._state, flat, value, rate,
+            relative, turn, turn_rate, frame_turn, frame_turn_rate, self._turn_map, self._arms, self.projector, self.tilt,
+            self._trust, dt, forget, *self._filters, self._state, flat, value, rate,
         )  # fmt: skip
         self._trust = min(max(self._trust + (1.0 if self._trusted else -1.0) * ticks * dt / _FADE, 0.0), 1.0)
         if self.learns and self._spectrum.add(flat):
@@ -183,7 +183,7 @@ class FrameDeformation:
         tilt = whole = np.zeros(len(self._spectrum.frequencies))
         for axis in (2, 0, 1):
             if self._freedom[axis] > 1e-6:
-                noise = tilt * self.tilt_square[axis] + whole * self.doubt_square[axis]
+                noise = tilt * self.tilt_square[axis] + whole * self.spread_square[axis]
                 left, bend = self._choose_axis(axis, k2[axis], c2[axis], noise)
                 if axis == 2:
                     tilt, whole = left, bend

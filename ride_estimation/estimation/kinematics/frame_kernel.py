@@ -13,7 +13,14 @@ Array = NDArray[np.float64]
 
 @compile_kernel
 def straighten(
-    relative: Array, turn: Array, turn_rate: Array, turn_map: Array, arms: Array, flat: Array, bent: Array, bent_rate: Array
+    relative: Array,
+    turn: Array,
+    turn_rate: Array,
+    turn_map: Array,
+    arms: Array,
+    flat: Array,
+    second_order: Array,
+    second_order_rate: Array,
 ) -> None:
     """Take what a finite rotation strains out of the relative acceleration.
 
@@ -31,7 +38,7 @@ def straighten(
         r, shape (M, 3).
     flat
         Output, relative acceleration without that strain, shape (K, 3 M).
-    bent, bent_rate
+    second_order, second_order_rate
         Outputs, the strain and its rate, shape (K, 3 M).
     """
     spin, across, across_rate, round_arm = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -49,8 +56,8 @@ def straighten(
             for a in range(3):
                 b, c = (a + 1) % 3, (a + 2) % 3
                 n = 3 * i + a
-                bent[k, n] = -0.5 * (turn[k, b] * across[c] - turn[k, c] * across[b])
-                bent_rate[k, n] = -0.5 * (
+                second_order[k, n] = -0.5 * (turn[k, b] * across[c] - turn[k, c] * across[b])
+                second_order_rate[k, n] = -0.5 * (
                     turn_rate[k, b] * across[c] - turn_rate[k, c] * across[b]
                     + turn[k, b] * across_rate[c] - turn[k, c] * across_rate[b]
                 )  # fmt: skip
@@ -133,7 +140,7 @@ def _project(rows: Array, projector: Array, out: Array) -> None:
 
 @compile_kernel
 def frame_block(
-    relative: Array, turn: Array, turn_rate: Array, swing: Array, swing_rate: Array, turn_map: Array, arms: Array,
+    relative: Array, turn: Array, turn_rate: Array, frame_turn: Array, frame_turn_rate: Array, turn_map: Array, arms: Array,
     projector: Array, tilt: Array, trust: float, dt: float, forget: float, transition: Array, old_share: Array, new_share: Array,
     state: Array, flat: Array, value: Array, rate: Array,
 ) -> None:  # fmt: skip
@@ -145,7 +152,7 @@ def frame_block(
         Relative acceleration of body and bracket without what gravity adds through tilt, shape (K, M, 3) [m/s^2].
     turn, turn_rate
         Rotation of the body against the brackets and its rate, shape (K, M, 3).
-    swing, swing_rate
+    frame_turn, frame_turn_rate
         Rotation of the frame that the brackets do not make and its rate, shape (K, 3).
     turn_map, arms
         As for :func:`straighten`.
@@ -173,9 +180,9 @@ def frame_block(
             for i in range(mounts):
                 total += turn[k, i, a]
                 total_rate += turn_rate[k, i, a]
-            mean[k, a], mean_rate[k, a] = total / mounts - swing[k, a], total_rate / mounts - swing_rate[k, a]
-    raw, bent, bent_rate = np.empty((ticks, size)), np.empty((ticks, size)), np.empty((ticks, size))
-    straighten(relative, mean, mean_rate, turn_map, arms, raw, bent, bent_rate)
+            mean[k, a], mean_rate[k, a] = total / mounts - frame_turn[k, a], total_rate / mounts - frame_turn_rate[k, a]
+    raw, second_order, second_order_rate = np.empty((ticks, size)), np.empty((ticks, size)), np.empty((ticks, size))
+    straighten(relative, mean, mean_rate, turn_map, arms, raw, second_order, second_order_rate)
     _project(raw, projector, flat)
     own, own_rate = np.zeros((ticks, size)), np.zeros((ticks, size))
     for step in range(3):
@@ -193,7 +200,7 @@ def frame_block(
     # bias and rounding leave the range of the projector only through the axes having filters of their own
     for k in range(ticks):
         for n in range(size):
-            own[k, n] += bent[k, n]
-            own_rate[k, n] += bent_rate[k, n]
+            own[k, n] += second_order[k, n]
+            own_rate[k, n] += second_order_rate[k, n]
     _project(own, projector, value)
     _project(own_rate, projector, rate)

@@ -140,12 +140,12 @@ class CgMotionEstimator:
         self._spare = max(int(self._measured.sum()) - self._unknowns, 0)
         self._used_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._estimated])
         self._centripetal = centripetal_terms(self.directions, self.points)
-        told = self._spare if self._free[3:].all() else 0
-        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, told)
+        spare = self._spare if self._free[3:].all() else 0
+        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, spare)
         self._faults = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
-        self.doubted, self._held = False, 0.0
+        self.inconsistent, self._held = False, 0.0
         #: sums of the residuals since the last look, and ticks
         self._fresh, self._drift = np.zeros(len(directions) + 1), np.zeros((6, 6))
         #: sensors that spoke last, and how long it is those [s]
@@ -154,7 +154,7 @@ class CgMotionEstimator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget attitude and rates; what the residuals told stays."""
+        """Forget attitude and rates; what the residuals showed stays."""
         self._faults.interrupt()
         self._turning.reset()
         self._begin_attitude()
@@ -259,12 +259,12 @@ class CgMotionEstimator:
         body_gyro = self.body_rates(gyro)
         covariance, start = np.zeros((6, 6)), 0
         # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
-        before = self._state.copy() if self.doubted and self._held < _HOLD else None
+        before = self._state.copy() if self.inconsistent and self._held < _HOLD else None
         for stop in stretches(valid, _LONGEST):
             own = (samples[start:stop], body_gyro[start:stop], surge[start:stop])
             covariance = self._segment(*own, valid[start], dt, out, slice(start, stop))
             start = stop
-        self._held = self._held + ticks * dt if self.doubted else 0.0
+        self._held = self._held + ticks * dt if self.inconsistent else 0.0
         if before is not None:
             self._state = before
         pitch = self._p_pitch if self._speed[3] > 0.0 else self._p_tilt
@@ -315,13 +315,13 @@ class CgMotionEstimator:
             y_all = y
         noise = self._filter_noise(weights, dt)
         motion, rate, tilt, predicted = out.motion[where], out.rate[where], out.tilt[where], out.predicted[where]
-        told = self._speed[3] > 0.0
-        if not told:
+        measured = self._speed[3] > 0.0
+        if not measured:
             self._surge[:], self._p_pitch = 0.0, self._p_tilt.copy()
         cg_block(
             np.ascontiguousarray(y_all), self.directions, self.points, weights.matrix, np.ascontiguousarray(mean_rate), use_gyro,
             self._gravity, dt, self._state, self._p_tilt, self._p_pitch, self._p_yaw, noise, surge,
-            self._speed_gain(dt) if told else 0.0, self._surge, motion, rate, tilt,
+            self._speed_gain(dt) if measured else 0.0, self._surge, motion, rate, tilt,
         )  # fmt: skip
         self._last_good = motion[-1].copy()
         # how much slow horizontal acceleration disturbs the tilt seen by the specific force (braking, bends)
@@ -337,7 +337,7 @@ class CgMotionEstimator:
         self._rate_known = use_gyro or bool(self._p_tilt[1, 1] < (_RATE_LOST if self._rate_known else _RATE_KNOWN) ** 2)
         if diverged:
             self._begin_attitude()
-        tells = weights.rank == needed and not self.doubted and not diverged and self._tells(mask, len(y) * dt)
+        tells = weights.rank == needed and not self.inconsistent and not diverged and self._tells(mask, len(y) * dt)
         if tells:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
             said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
@@ -351,7 +351,7 @@ class CgMotionEstimator:
             self._faults.observe(said, motion, rate, dt)
         else:
             self._faults.interrupt()
-        return weights.covariance + self._rate_doubt(weights, rate, use_gyro)
+        return weights.covariance + self._rate_contribution(weights, rate, use_gyro)
 
     def _determined(self, dt: float) -> int:
         """Return the rank from which on the motion is no guess: that of all coordinates, or of all sensors where it is less."""
@@ -382,8 +382,8 @@ class CgMotionEstimator:
         left = int((np.repeat(mask, 3) & self._measured).sum())
         return bool(mask.all()) or (self._same > _LEFT_OUT and left > self._unknowns)
 
-    def _rate_doubt(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
-        """Return what the doubt about the angular rate adds to the covariance of the motion, shape (6, 6)."""
+    def _rate_contribution(self, weights: Weights, rate: Array, use_gyro: bool) -> Array:
+        """Return what the error of the angular rate adds to the covariance of the motion, shape (6, 6)."""
         at, more = (2, float(np.mean(self._gyro_variance)) / len(self.gyros)) if use_gyro else (1, 0.0)
         self._rate_variance = self._free[3:] * (np.array([p[at, at] for p in (self._p_tilt, self._p_tilt, self._p_yaw)]) + more)
         return centripetal_covariance(weights.matrix, self._centripetal, rate, self._rate_variance)
@@ -478,7 +478,7 @@ class CgMotionEstimator:
     def _follow_drift(self, dt: float) -> Array:
         """Return what constant parts of the residuals that moved since long add to the covariance of the motion, shape (6, 6).
 
-        A sensor that drifts turns into a constant motion, told by the error of the sensor that explains the change best. On an
+        A sensor that drifts turns into a constant motion, taken as the error of the sensor that explains the change best. On an
         angular one attitude and rates would run away: the bias of that is as open as the change is large.
         """
         (*fresh, ticks), self._fresh = self._fresh, np.zeros_like(self._fresh)

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""What a sensor that drifts does to the motion: told from constant parts of the residuals that moved."""
+"""What a sensor that drifts does to the motion: seen in constant parts of the residuals that moved."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
-"""Base sensors that read horizontal motion too large or too small, told by the body that the mounts carry.
+"""Base sensors that read horizontal motion too large or too small, shown by the body that the mounts carry.
 
-Such an error looks like a bent frame to the other bases and like a softer mount to the size of the forces, but not to their
+Such an error looks like a deformed frame to the other bases and like a softer mount to the size of the forces, but not to their
 course: below its resonance w0 a mount bends by ``a / w0^2``, its base moves by ``a / w^2``. So the innovations of the simulated
 body are asked for it: a gain g of one axis adds ``g (k X + c V)`` to the tension of its mount, X and V the motion of the base
 through the filters of the deflection. Every such column is judged by a score test with all parameters fitted anew about the
@@ -44,7 +44,7 @@ class BaseGains:
     """
 
     def __init__(self, geometry: Geometry, possible: bool) -> None:
-        whole = possible & geometry.free[:2] & geometry.base_told[:, :2].all(axis=0)
+        whole = possible & geometry.free[:2] & geometry.base_observable[:, :2].all(axis=0)
         judged = {
             3 * i + axis: sensor.name
             for i, (mount, sensor) in enumerate(zip(geometry.mounts, geometry.base_sensors)) for axis in (0, 1)
@@ -53,7 +53,7 @@ class BaseGains:
         #: axes that are judged, 3 times the mount plus 0 or 1
         self.places, self._names = tuple(judged), tuple(judged.values())
         #: what is said of an axis of the mounts, by its index
-        self.doubted: dict[int, str] = {}
+        self.suspects: dict[int, str] = {}
 
     def judge(self, memory: IntervalMemory, theta: Array, prior_std: Array, first: int) -> None:
         """Look at the last intervals.
@@ -73,11 +73,11 @@ class BaseGains:
         sure = np.abs(found) / np.hypot(std, _TOLERANCE)
         best = int(np.argmax(drop))
         axis = self.places[best] % 3
-        if sure[best] <= (_ENDS if axis in self.doubted else _BEGINS):
-            self.doubted = {}
+        if sure[best] <= (_ENDS if axis in self.suspects else _BEGINS):
+            self.suspects = {}
             return
         meant = [n for n in np.argsort(-drop).tolist() if drop[n] > _RIVAL * drop[best]]
-        self.doubted = {axis: _words([(self._names[n], float(found[n])) for n in meant], AXES[axis])}
+        self.suspects = {axis: _words([(self._names[n], float(found[n])) for n in meant], AXES[axis])}
 
 
 def _words(meant: Sequence[tuple[str, float]], axis: str) -> str:

@@ -44,7 +44,7 @@ class BalanceInput:
     turn: Array
     turn_rate: Array
     dynamic: Array
-    swing: Array
+    frame_turn: Array
     base: Array
 
     @staticmethod
@@ -95,11 +95,11 @@ def unseen_acceleration(geometry: Geometry) -> Array:
     With forces of standard deviation ``s`` of the static load, ``M^-1 G s^2 G^T M^-1``: so much more than the noise of sensors
     that nothing is learned along what such forces do to the body, however large they are.
     """
-    told = geometry.base_told
-    if told.all():
+    observable = geometry.base_observable
+    if observable.all():
         return np.zeros((6, 6))
     load = _UNSEEN_SHARE * geometry.file_mass * geometry.vehicle.gravity / max(len(geometry.mounts), 1)
-    push = inverse_mass(geometry) @ geometry.wrench[:, ~told.ravel()]
+    push = inverse_mass(geometry) @ geometry.wrench[:, ~observable.ravel()]
     return np.asarray(load**2 * push @ push.T)
 
 
@@ -110,7 +110,7 @@ def weighed_share(geometry: Geometry) -> float:
     do, but no moment about that line: ``max |(1 - W W^+) e|`` with the columns ``[1, y / L, -x / L]`` of those mounts in W
     and e a force or moment that accelerates the body; moments count where the file states how well the inertia is known.
     """
-    arms = geometry.arms[~geometry.base_told[:, 2], :2]
+    arms = geometry.arms[~geometry.base_observable[:, 2], :2]
     length = float(np.sqrt(np.mean(np.sum(geometry.arms[:, :2] ** 2, axis=1)))) or 1.0
     free = geometry.free[2:5]
     unseen = np.column_stack([np.ones(len(arms)), arms[:, 1] / length, -arms[:, 0] / length]).T[free]
@@ -194,7 +194,7 @@ class ForceBalance:
         n = 3 * self._count
         self._input = np.zeros((3, n))
         self._tilt = np.zeros((3, n))
-        self._swing = np.zeros((8, 3))
+        self._frame_turn = np.zeros((8, 3))
         self._integrators = np.zeros((9, n))
         self._turned = np.zeros((7, 2 * n))
         self._wrench = np.zeros((7, 12 + 6 * len(self.offsets)))
@@ -245,7 +245,7 @@ class ForceBalance:
         relative, base = data.relative.reshape(ticks, n), np.take(data.base.reshape(ticks, n), self._gains, axis=1)
         if self._offset is None:
             self._offset = (relative.mean(axis=0), both.mean(axis=0), base.mean(axis=0))
-        x, v, turn = self._integrate(relative - self._offset[0], data.swing, dt)
+        x, v, turn = self._integrate(relative - self._offset[0], data.frame_turn, dt)
         accelerations = np.empty_like(both)
         high_pass_block(both - self._offset[1], self.corner, dt, self._wrench, accelerations)
         static = cross(turn.reshape(ticks, self._count, 3), static_force).reshape(ticks, n) @ self.geometry.wrench.T
@@ -292,7 +292,7 @@ class ForceBalance:
         integrate_block(passed, self.corner, dt, self._read_integrators, x, v)
         return x * self.law.stiffness.ravel()[self._gains] + v * self.law.damping.ravel()[self._gains]
 
-    def _integrate(self, relative: Array, swing: Array, dt: float) -> tuple[Array, Array, Array]:
+    def _integrate(self, relative: Array, frame_turn: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return high-passed deflection, rate and rotation against the brackets, each (K, 3 M)."""
         ticks, n = relative.shape
         passed, slow = np.empty((ticks, n)), np.empty((ticks, n))
@@ -303,9 +303,9 @@ class ForceBalance:
         tilt = (slow - dt * dt / 6.0 * passed) @ tilt_map.T
         gravity = self.geometry.vehicle.gravity
         # two sections here, four more after: each as many as the signals it is added to went through
-        twice, often = np.empty_like(swing), np.empty_like(swing)
-        high_pass_block(swing, self.corner, dt, self._swing[:3], twice)
-        high_pass_block(twice, self.corner, dt, self._swing[3:], often)
+        twice, often = np.empty_like(frame_turn), np.empty_like(frame_turn)
+        high_pass_block(frame_turn, self.corner, dt, self._frame_turn[:3], twice)
+        high_pass_block(twice, self.corner, dt, self._frame_turn[3:], often)
         passed[:, 0::3] += gravity * (tilt[:, 1::3] + twice[:, 1:2])
         passed[:, 1::3] -= gravity * (tilt[:, 0::3] + twice[:, 0:1])
         x, v = np.empty((ticks, n)), np.empty((ticks, n))

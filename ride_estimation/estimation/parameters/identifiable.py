@@ -23,7 +23,7 @@ _NULL = 1e-6
 
 
 def null_directions(covariance: Array, prior_std: Array, names: Sequence[str]) -> list[str]:
-    """Return the combinations of parameters that the data have not told, in words.
+    """Return the combinations of parameters that the data do not identify, in words.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def describe(
     if not geometry.mounts:
         missing.append("mount forces and parameters: the vehicle file names no mount between this body and a base")
     travelled = {s.mount for s in geometry.transducers}
-    silent = [m.name for m, told in zip(geometry.mounts, geometry.base_told[:, 2]) if not told]
-    horizontal = [m.name for m in geometry.mounts] if geometry.base_told.any() and not geometry.has_base_motion else []
+    silent = [m.name for m, seen in zip(geometry.mounts, geometry.base_observable[:, 2]) if not seen]
+    horizontal = [m.name for m in geometry.mounts] if geometry.base_observable.any() and not geometry.has_base_motion else []
     bare = [name for name in silent if name not in travelled]
     if bare:
         rests = "the split of the forces among the mounts rests on stiffness ratios"
@@ -98,8 +98,8 @@ def describe(
         missing.append(f"axes of {', '.join(half)} without transducer: their forces are shared by stiffness ratios")
     missing += [f"{e.name}: {e.reason}" for e in estimates if e.status is Status.NOT_IDENTIFIABLE and not bare and anchored]
     missing += [n for n in nulls if not bare]
-    told = [e.name for e in estimates if e.status is Status.VALID]
+    valid = [e.name for e in estimates if e.status is Status.VALID]
     return {
-        "layout": layout.sentence(body.name), "identifiable": told, "not_identifiable": missing, "advice": advice,
+        "layout": layout.sentence(body.name), "identifiable": valid, "not_identifiable": missing, "advice": advice,
         "notes": list(changes),
     }  # fmt: skip

@@ -103,12 +103,12 @@ class Scatter:
         return float(np.mean(np.diag(self.covariance) / self.values))
 
 
-def scatter_of(told: tuple[Array, Array], scores: Array) -> Scatter:
+def scatter_of(observable: tuple[Array, Array], scores: Array) -> Scatter:
     """Return the scatter of gradients, each with its neighbour: noise near a resonance is correlated over an interval.
 
     Parameters
     ----------
-    told
+    observable
         Where J intervals together tell something, see :func:`observable_directions`.
     scores
         Gradients at the parameters in question, shape (J, N).
@@ -117,7 +117,7 @@ def scatter_of(told: tuple[Array, Array], scores: Array) -> Scatter:
     # neighbours together: half of the scatter of sums of two
     pairs = scores[1:] + scores[:-1]
     scatter = pairs.T @ pairs / 2.0 * n / (n - 1)
-    values, basis = told
+    values, basis = observable
     return Scatter(values, basis, basis.T @ scatter @ basis)
 
 
@@ -149,7 +149,7 @@ class IntervalMemory:
         self._considered_parts: list[tuple[Array, Array]] = []
         self._squares: list[Array] = []
         self._stack: Array | None = None
-        self._told: tuple[Array, Array] | None = None
+        self._observable: tuple[Array, Array] | None = None
         self.inflation = _START
 
     def foresee(self, intervals: list[Interval]) -> None:
@@ -185,12 +185,12 @@ class IntervalMemory:
                 stack.pop(0)
         self._considered_parts.append((interval.considered_information, interval.considered_gradient))
         self._considered_parts = self._considered_parts[-_LENGTH:]
-        self._stack = self._told = None
+        self._stack = self._observable = None
 
     def _coherence(self, theta: Array, considered: Array) -> float:
         """Return by how much more the sum of the gradients varies than that of independent ones.
 
-        What the model does not hold of friction, play or a bent curve is the same in every interval: so far as the innovations
+        What the model does not hold of friction, play or curvature is the same in every interval: so far as the innovations
         of most of them are made of that, parameters of half a second differ by what is missing and their mean is no better than
         one of them.
 
@@ -218,9 +218,9 @@ class IntervalMemory:
 
     def _directions(self) -> tuple[Array, Array]:
         """Return along which directions all intervals together tell something."""
-        if self._told is None:
-            self._told = observable_directions(self._stacked().sum(axis=0))
-        return self._told
+        if self._observable is None:
+            self._observable = observable_directions(self._stacked().sum(axis=0))
+        return self._observable
 
     def scores(self, theta: Array) -> tuple[Array, Array]:
         """Return the information of the intervals (J, N, N) and their gradients at given parameters (J, N)."""
@@ -383,4 +383,4 @@ class IntervalMemory:
         ]
         self._squares = [np.array(s, dtype=float) for s in saved["squares"]]
         self.inflation = float(saved["inflation"])
-        self._stack = self._told = None
+        self._stack = self._observable = None

@@ -34,7 +34,7 @@ _SHARE_STD = 0.03
 _MEAN_MEMORY, _CORRELATION = 4.0, 0.3
 #: excited time needed on each side of an added mass [s]
 _SETTLED = 8.0
-#: relative standard deviation that a doubt leaves of a mass that is declared as known, beyond which it is suspect
+#: relative standard deviation that a possible load leaves of a mass that is declared as known, beyond which it is suspect
 _KNOWN = 0.03
 #: common change of all logarithms that is worth a word, standard deviations and share of all change that make it one
 _LOAD, _CLEARLY, _COMMON = 0.05, 4.0, 0.75
@@ -169,22 +169,22 @@ class MassReference:
             self._begin_slopes_anew()
 
     def _begin_slopes_anew(self) -> None:
-        """A load that came on is none of what load cells showed before; until they tell, what they told is carried along."""
+        """A load that came on is none of what load cells showed before; until they show it, what they showed is carried along."""
         for n, r in enumerate(self._references):
             if r.kind == "load_cell":
                 self._cells[r.sensor].slope = _Slope()
                 if n in self._found:
                     log, std = self._found[n]
-                    self._found[n] = log + self._slopes_from - self._together, math.hypot(std, self.doubt)
+                    self._found[n] = log + self._slopes_from - self._together, math.hypot(std, self.load_std)
         self._slopes_from = self._together
 
     @property
-    def doubt(self) -> float:
+    def load_std(self) -> float:
         """Return the relative standard deviation that an unknown load leaves of the mass.
 
         A common change of all parameters is a load or mounts that all change alike, a CG that is not where the file has it a load
         or a wrong file: at even odds the mean square error of either reading is half the square. What static travel shows of a
-        load is no doubt.
+        load is known.
         """
         changed = self._together
         if changed and self._load is not None:
@@ -206,7 +206,7 @@ class MassReference:
         return distance / max(float(np.max(arms @ offset[:2])) / distance, distance)
 
     @property
-    def load_doubt(self) -> str:
+    def load_suspicion(self) -> str:
         """Return why nothing learned is called valid for a load that nobody knows, empty where nothing speaks for one."""
         if self._off_centre() == 0.0:
             return ""
@@ -236,7 +236,11 @@ class MassReference:
         ]
 
     def _words_of_change(self) -> list[str]:
-        if self.doubt == 0.0 or not self._together or any(self._references[n].kind != "air_spring_pressure" for n in self._found):
+        if (
+            self.load_std == 0.0
+            or not self._together
+            or any(self._references[n].kind != "air_spring_pressure" for n in self._found)
+        ):
             return []
         body, load = self.geometry.body.name, math.expm1(-self._together)
         way, other = ("fell", "softened") if load > 0.0 else ("rose", "stiffened")
@@ -264,7 +268,7 @@ class MassReference:
             if weight <= 0.0 or force <= 0.0:
                 return None
             # read at the beginning: what has come on since shows in all parameters
-            return math.log(force / weight) - self._together, math.hypot(own, _SHARE_STD, self.doubt)
+            return math.log(force / weight) - self._together, math.hypot(own, _SHARE_STD, self.load_std)
         if r.kind == "load_cell":
             slope = self._cells[r.sensor].slope
             if slope.value <= 0.0 or slope.time < _MEAN_MEMORY:
@@ -317,7 +321,7 @@ class MassReference:
         relative = prior.std / prior.value if prior.std else 0.0
         if self.known or not self._found:
             log, std = self._load or (0.0, 0.0)
-            return math.exp(log), math.hypot(relative if prior.std or self.known else 0.1, std, self.doubt)
+            return math.exp(log), math.hypot(relative if prior.std or self.known else 0.1, std, self.load_std)
         weights = np.array([1.0 / s**2 for _, s in self._found.values()])
         logs = np.array([v for v, _ in self._found.values()])
         mean = float(np.sum(weights * logs) / np.sum(weights))
@@ -326,8 +330,8 @@ class MassReference:
 
     def status(self) -> tuple[Status, str]:
         """Return status and reason of the mass."""
-        if self.known and self.doubt > _KNOWN:
-            return Status.SUSPECT, self.load_doubt or "all stiffness and damping values changed together as with a load"
+        if self.known and self.load_std > _KNOWN:
+            return Status.SUSPECT, self.load_suspicion or "all stiffness and damping values changed together as with a load"
         if self.known:
             return Status.VALID, f"declared as known in the vehicle file{', with a load by static travel' if self._load else ''}"
         if not self._references:
@@ -349,14 +353,14 @@ class MassReference:
         mass = body.mass.value * factor
         return Estimate(f"{body.name}.mass", mass, mass * relative, "kg", body.mass.value, status, reason, stamp_ns)
 
-    def absolute(self, estimates: Sequence[Estimate], doubt: str) -> list[Estimate]:
+    def absolute(self, estimates: Sequence[Estimate], suspicion: str) -> list[Estimate]:
         """Return estimates, made for the file's mass, for the present one.
 
         Parameters
         ----------
         estimates
             Stiffnesses and dampings; their standard deviations do not know that of the mass, those of the result do.
-        doubt
+        suspicion
             Why nothing that was learned is called valid, empty where nothing speaks against it.
         """
         (factor, relative), anchored, found = self.factor(), self.anchored, []
@@ -367,8 +371,8 @@ class MassReference:
                     Status.NOT_IDENTIFIABLE,
                     "only its ratio to the mass is identifiable; the value assumes the mass of the vehicle file",
                 )
-            if doubt and status is Status.VALID:
-                status, reason = Status.SUSPECT, doubt
+            if suspicion and status is Status.VALID:
+                status, reason = Status.SUSPECT, suspicion
             std = math.hypot(e.std * factor, value * relative)
             found.append(Estimate(e.name, value, std, e.unit, e.prior, status, reason, e.stamp_ns))
         return found

@@ -27,7 +27,6 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
 from ride_estimation.estimation.parameters.base_gains import BaseGains
-from ride_estimation.estimation.parameters.doubted_axes import doubted_axes
 from ride_estimation.estimation.parameters.force_balance import (
     OFFSET_UNIT,
     BalanceChunk,
@@ -42,6 +41,7 @@ from ride_estimation.estimation.parameters.parameter_model import ParameterModel
 from ride_estimation.estimation.parameters.parameter_status import StatusTracker
 from ride_estimation.estimation.parameters.periodic_excitation import PeriodicExcitation
 from ride_estimation.estimation.parameters.refinement import Kept, Refinement
+from ride_estimation.estimation.parameters.suspect_axes import suspect_axes
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
 from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
 from ride_estimation.estimation.sensor_errors.sensor_faults import GAIN_TOLERANCE
@@ -73,7 +73,7 @@ _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 _LOADED_CG, _REACH = 0.1, 0.5
 #: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
 _CALIBRATED_CG = 0.004
-#: share of mass or inertia that mounts without a base sensor must leave to the others: below, only ratios are told
+#: share of mass or inertia that mounts without a base sensor must leave to the others: below, only ratios are observable
 _WEIGHED = 0.2
 #: a CG is off its file with this probability, and with this one it still is when its place has been estimated
 _CERTAINLY, _STILL = 1.0 - 1e-5, 0.99
@@ -99,15 +99,15 @@ class ParameterEstimator:
         self.settings = settings
         all_free = find_free_parameters(geometry, settings)
         by_transducers = not geometry.has_base_motion and transducers_suffice(geometry)
-        told = geometry.base_told
-        own = tuple(s for s in all_free if (s.axis == 2 if by_transducers else told[s.mount, s.axis]))
+        observable = geometry.base_observable
+        own = tuple(s for s in all_free if (s.axis == 2 if by_transducers else observable[s.mount, s.axis]))
         # where nothing is seen at all every parameter stays listed, with the reason
         self.free_parameters = own or all_free
         self._left_out = tuple(s for s in all_free if s not in self.free_parameters)
         self.count = len(self.free_parameters)
         #: acceleration of the body by forces of mounts whose base is not measured, (6, 6): along that nothing is learned
         self._unseen = np.zeros((6, 6)) if by_transducers else unseen_acceleration(geometry)
-        seen = by_transducers or (bool(told.any()) and weighed_share(geometry) > _WEIGHED)
+        seen = by_transducers or (bool(observable.any()) and weighed_share(geometry) > _WEIGHED)
         self.possible = seen and self.count > 0 and settings.estimate_parameters
         self._turns = () if by_transducers else self._inertia_axes()
         body = geometry.body
@@ -141,9 +141,9 @@ class ParameterEstimator:
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
-        self._doubt: InstallationUncertainty | None = None
+        self._installation: InstallationUncertainty | None = None
         if self._model.inertial is not None:
-            self._doubt = InstallationUncertainty(geometry, self._model.inertial.corner)
+            self._installation = InstallationUncertainty(geometry, self._model.inertial.corner)
         self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
         self._review_model = ParameterModel(*model)
@@ -158,7 +158,7 @@ class ParameterEstimator:
     def _no_input_reason(self) -> str:
         if not self.settings.estimate_parameters:
             return "estimation of parameters is switched off"
-        if self.geometry.base_told.any():
+        if self.geometry.base_observable.any():
             return (
                 "mounts without a motion sensor on their base could carry the body alone, which leaves nothing that its mass or "
                 "a stated inertia could be compared with: triaxial accelerometers at more of the bases make them observable"
@@ -301,10 +301,10 @@ class ParameterEstimator:
         what = "transducer" if by_transducers else "motion sensor at the mount bases"
         unseen = f"no {what} measures this axis: a triaxial accelerometer at each mount base would"
         listed += [(s, 0.0, s.std, Status.NOT_IDENTIFIABLE, unseen) for s in self._left_out]
-        doubted = self._doubted_axes()
+        suspects = self._suspect_axes()
         for parameter, log, std, own, why in listed:
-            suspect = own is Status.VALID and parameter.axis in doubted
-            status, reason = (Status.SUSPECT, doubted[parameter.axis]) if suspect else (own, why)
+            suspect = own is Status.VALID and parameter.axis in suspects
+            status, reason = (Status.SUSPECT, suspects[parameter.axis]) if suspect else (own, why)
             mount, axis = self.geometry.mounts[parameter.mount], AXES[parameter.axis]
             element = mount.elements[axis]
             for p in element.parameters():
@@ -324,16 +324,16 @@ class ParameterEstimator:
         placed = np.zeros(0) if self.loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
         return np.append(placed, np.zeros(len(self._gains.places)))
 
-    def _doubted_axes(self) -> dict[int, str]:
-        return doubted_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.doubted
+    def _suspect_axes(self) -> dict[int, str]:
+        return suspect_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.suspects
 
     @property
-    def bases_doubted(self) -> bool:
+    def bases_suspect(self) -> bool:
         """Return whether the motion of the body contradicts the horizontal gain of a base sensor."""
-        return bool(self._gains.doubted)
+        return bool(self._gains.suspects)
 
     def null_directions(self) -> list[str]:
-        """Return the combinations of parameters the run has not told, in words; empty before the first estimate."""
+        """Return the combinations of parameters are not identifiable from the run, in words; empty before the first estimate."""
         if self._filter is None:
             return []
         learned = self._filter.covariance[: self.count, : self.count]
@@ -344,7 +344,7 @@ class ParameterEstimator:
         found = []
         if self.changes:
             found.append(f"the parameters changed {self.changes} times during the run faster than driving conditions explain")
-        found += self._doubted_axes().values()
+        found += self._suspect_axes().values()
         found += self._amplitude.notes(self._names())
         vertical = np.array([s.axis == 2 for s in self.free_parameters], dtype=bool)
         moved = self.theta[: self.count][vertical]
@@ -406,14 +406,14 @@ class ParameterEstimator:
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         self._settled += len(joined.support) * dt
-        if self._doubt is not None and self._model.inertial is not None:
+        if self._installation is not None and self._model.inertial is not None:
             # what leaning sensors make of the start of the filters is ten times the motion and none of it
             if self._settled >= _SETTLE_DEFLECTION / self._model.balance.corner:
-                self._doubt.observe(*self._model.inertial.moved, dt)
+                self._installation.observe(*self._model.inertial.moved, dt)
                 self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
                 self._square_ticks += len(joined.support)
             vertical = joined.support[:, 2] / self.geometry.body.mass.value - self.geometry.vehicle.gravity
-            self._doubt.weigh(joined.relative, vertical, dt)
+            self._installation.weigh(joined.relative, vertical, dt)
         return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
@@ -563,7 +563,7 @@ class ParameterEstimator:
         mine = slice(0, self.count)
         moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std
         considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1) + self._amplitude.std**2)
-        self.std[mine] = self._with_doubt(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
+        self.std[mine] = self._with_installation(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
         self.status.follow(
             self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
         )  # fmt: skip
@@ -575,13 +575,13 @@ class ParameterEstimator:
             self.rejected[reason] = self.rejected.get(reason, 0) + count
         own.rejected = {}
 
-    def _with_doubt(self, std: Array) -> Array:
+    def _with_installation(self, std: Array) -> Array:
         """Return standard deviations with what the mounting of the sensors leaves uncertain, at most those of the file."""
-        if self._doubt is None:
+        if self._installation is None:
             return std
         law = self._model.law
-        doubt = self._doubt.std(law.stiffness, law.damping, self._model.spread(self._prior_std[: self.count], 0.0))
-        added = np.array([doubt[s.role, s.mount, s.axis] for s in self.free_parameters])
+        installation = self._installation.std(law.stiffness, law.damping, self._model.spread(self._prior_std[: self.count], 0.0))
+        added = np.array([installation[s.role, s.mount, s.axis] for s in self.free_parameters])
         return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
 
     # -- persistence ------------------------------------------------------------------------------------------------------
@@ -591,12 +591,13 @@ class ParameterEstimator:
         empty = IntervalMemory(len(self.theta), len(self._considered_std))
         memory = (empty if self._filter is None else self._filter.memory).snapshot()
         return {
-            "theta": self.theta, "std": self.std, "doubt": None if self._doubt is None else self._doubt.save(),
+            "theta": self.theta, "std": self.std,
+            "installation": None if self._installation is None else self._installation.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
             "innovation_ratio": self.innovation_ratio, "changes": self.changes, "loaded": self.loaded,
-            "before_change": self._before_change, "doubted_gains": {str(a): words for a, words in self._gains.doubted.items()},
+            "before_change": self._before_change, "suspect_gains": {str(a): words for a, words in self._gains.suspects.items()},
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -609,13 +610,13 @@ class ParameterEstimator:
             self._estimate_cg(not self.loaded)
         self.theta = np.array(saved["theta"], dtype=float)
         self.std = np.array(saved["std"], dtype=float)
-        if self._doubt is not None:
-            self._doubt.load(saved["doubt"])
+        if self._installation is not None:
+            self._installation.load(saved["installation"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.changes = int(saved["changes"])
         before = saved["before_change"]
         self._before_change = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
-        self._gains.doubted = {int(axis): words for axis, words in saved["doubted_gains"].items()}
+        self._gains.suspects = {int(axis): words for axis, words in saved["suspect_gains"].items()}
         self.status.load(saved["status"])
         self._amplitude.load(saved["amplitude"])
         self._filter = None

@@ -2,7 +2,7 @@
 """Excitation that only repeats itself, as by an engine that idles, tells nothing new however long it lasts.
 
 A line of one frequency determines two numbers per direction, and its misfit (a delay, an angle) is the same every time: it does
-not scatter, so it looks exact, and half an hour of it replaces what a road has taught. It is told from a road by the correlation
+not scatter, so it looks exact, and half an hour of it replaces what a road has taught. It differs from a road by the correlation
 of the last seconds with those before them at the best shift: one for what is periodic, small for what is random.
 """
 

@@ -32,7 +32,7 @@ _STATIC_STIFFNESS_STD = 0.1
 _RECTIFIED_STD = 0.15
 #: relative standard deviation of the mean vertical reading of the body
 _READING_STD = 0.003
-#: memory [s], and time before anything is told [s]
+#: memory [s], and time before anything is stated [s]
 _MEMORY, _LEAST_TIME = 10.0, 5.0
 #: standard deviations and share of the mass from which on it is a load; share of both below which it no longer is one
 _CLEAR, _WORTH, _STAYS = 4.0, 0.02, 0.5

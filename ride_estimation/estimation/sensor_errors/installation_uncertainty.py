@@ -3,7 +3,7 @@
 
 A base accelerometer that is turned by epsilon takes part of the large vertical motion z for horizontal motion of its bracket: an
 error ``epsilon z`` of the deflection that no averaging removes. The sum over the mounts hardly feels it; how the sum is split
-among them is told by the deformation d of the frame only, often a few hundredths of a millimetre. The stiffness of a split is
+among them follows from the deformation d of the frame only, often a few hundredths of a millimetre. The stiffness of a split is
 off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, as far as z goes along with d', by
 ``r epsilon k z / (c d')`` (rms values). r is their correlation: a frame that bends with the motion has one, and N independent
 values of a run leave it ``1 / sqrt(N)``.
@@ -44,10 +44,10 @@ _SHARE = float(np.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)) / np.sqrt(3.0)
 #: standard deviation of a gain, of the same kind
 _GAIN = GAIN_TOLERANCE / np.sqrt(3.0)
 #: pattern of vertical stiffnesses that rigid motion tells this little of, share of what it tells of equal ones
-_UNTOLD = 0.25
+_UNOBSERVABLE = 0.25
 #: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
 _PER_SECOND = 2.0
-#: smallest deformation and rigid motion that count as such, share of the vertical motion: less is certainly not told
+#: smallest deformation and rigid motion that count as such, share of the vertical motion: less is certainly not observable
 _LEAST = 1e-6
 #: variance of deflection and rate over s^2 dt / w^3 and s^2 dt / w, from white relative acceleration of variance s^2 through
 #: six sections s / (s + w): B(9/2, 3/2) / 2 pi and B(11/2, 1/2) / 2 pi
@@ -78,7 +78,7 @@ class InstallationUncertainty:
             variance[:, None] * split
         )
         #: share of every vertical stiffness in the splits that only the deformation tells, shape (M,)
-        self._open = _untold_share(plate_fit(geometry.mounts)[0])
+        self._open = _unobservable_share(plate_fit(geometry.mounts)[0])
         self._time = 0.0
         #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
         self._square = np.zeros((2, 3, self._count, 3))
@@ -188,7 +188,7 @@ class InstallationUncertainty:
         self._relative = np.array(saved["relative"], dtype=float).reshape(self._relative.shape)
 
 
-def _untold_share(place: Array) -> Array:
+def _unobservable_share(place: Array) -> Array:
     """Return the share of each mount in the patterns of vertical stiffness that rigid motion does not tell, shape (M,).
 
     Parameters
@@ -199,8 +199,8 @@ def _untold_share(place: Array) -> Array:
     if not len(place):
         return np.zeros(0)
     x, y = (p / max(float(np.sqrt(np.mean(p**2))), 1e-12) for p in place.T)
-    told = np.column_stack([np.ones(len(place)), x, y, x * x, x * y, y * y])
-    vectors, values, _ = np.linalg.svd(told, full_matrices=False)
-    kept = vectors[:, values > _UNTOLD * np.sqrt(len(place))]
+    surface = np.column_stack([np.ones(len(place)), x, y, x * x, x * y, y * y])
+    vectors, values, _ = np.linalg.svd(surface, full_matrices=False)
+    kept = vectors[:, values > _UNOBSERVABLE * np.sqrt(len(place))]
     rest = 1.0 - np.sum(kept**2, axis=1)
     return np.asarray(np.sqrt(np.where(rest > 1e-9, rest, 0.0)))

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Small lasting faults of body sensors: gain, mounting angle, place and delay, told from what sensors in good order differ by.
+"""Small lasting faults of body sensors: gain, mounting angle, place and delay, found from what sensors in good order differ by.
 
 The spare equations of the rigid body are ``z = Z (y - omega x (omega x r))`` with ``Z H = 0`` and ``Z R Z^T = I`` (H rows of B, R
 stated noise). A sensor whose errors are ``b`` (in units of their tolerance) shows ``G b`` in them, and every column of G follows

@@ -119,7 +119,7 @@ class DeflectionSmoother:
         self._base_variance = float(np.mean([s.noise_std**2 for s in geometry.base_sensors if s is not None]))
 
     def smooth(
-        self, motion: Array, spin: Array, base: Array, swing: Array, motion_variance: Array, dt: float
+        self, motion: Array, spin: Array, base: Array, frame_turn: Array, motion_variance: Array, dt: float
     ) -> SmoothedDeflection:
         """Integrate a stretch.
 
@@ -129,7 +129,7 @@ class DeflectionSmoother:
             Specific force and angular acceleration of the CG, shape (N, 6), and angular rate, shape (N, 3).
         base
             Specific force of the brackets in bracket axes, shape (N, 3 M) [m/s^2].
-        swing
+        frame_turn
             Rotation of the frame that the brackets do not make, shape (N, 3).
         motion_variance
             Noise variance of the body's motion at the mounts, shape (3,).
@@ -148,7 +148,15 @@ class DeflectionSmoother:
             low, high = max(start - margin, 0), min(end + margin, ticks)
             at = slice(low, high)
             window = _Window(
-                self, motion[at], spin[at], base[at], swing[at], (low > 0, high < ticks), centre[i] - low, motion_variance, dt
+                self,
+                motion[at],
+                spin[at],
+                base[at],
+                frame_turn[at],
+                (low > 0, high < ticks),
+                centre[i] - low,
+                motion_variance,
+                dt,
             )
             own = window.deflection()
             weight = np.interp(np.arange(start, end), centre, np.eye(count)[i])[:, None]
@@ -164,10 +172,10 @@ class _Window:
     """One window of :meth:`DeflectionSmoother.smooth`."""
 
     def __init__(
-        self, smoother: DeflectionSmoother, motion: Array, spin: Array, base: Array, swing: Array, inside: tuple[bool, bool],
+        self, smoother: DeflectionSmoother, motion: Array, spin: Array, base: Array, frame_turn: Array, inside: tuple[bool, bool],
         centre: float, motion_variance: Array, dt: float,
     ) -> None:  # fmt: skip
-        self._s, self._dt, self._swing, self._inside = smoother, dt, swing, inside
+        self._s, self._dt, self._frame_turn, self._inside = smoother, dt, frame_turn, inside
         self._motion, self._spin = motion, spin
         #: spectra fade with a memory: the last sample they take lies so far after the middle that the middle counts most
         self._heard = round(centre + _MARGIN / dt)
@@ -228,16 +236,20 @@ class _Window:
         relative = self._faded(apart)
         motion, turn = self._rigid_motion(relative)
         value, rate = (self._signals(x).reshape(self._shape) for x in (motion, slope * motion))
-        against = np.einsum("iab,nb->nia", s._maps, value.reshape(len(value), -1)) + self._swing[:, None]
+        against = np.einsum("iab,nb->nia", s._maps, value.reshape(len(value), -1)) + self._frame_turn[:, None]
         relative = self._faded(apart + self._second_order(value, rate, against))
         motion, turn = self._rigid_motion(relative)
         # strain by finite rotations, with the mean rotation against the frame
         spin, spin_rate = self._signals(turn), self._signals(slope * turn)
-        flat, bent, bent_rate = (np.empty(relative.shape) for _ in range(3))
-        straighten(relative.reshape(self._shape), spin, spin_rate, s._maps.mean(axis=0), s._arms, flat, bent, bent_rate)
+        flat, second_order, second_order_rate = (np.empty(relative.shape) for _ in range(3))
+        straighten(
+            relative.reshape(self._shape), spin, spin_rate, s._maps.mean(axis=0), s._arms, flat, second_order, second_order_rate
+        )
         deforming = self._deformation(flat @ s._deforming.T)
         total = motion @ s._rigid.T + deforming @ s._deforming.T
-        return self._signals(total) + bent @ s._deforming.T, self._signals(slope * total) + bent_rate @ s._deforming.T
+        return self._signals(total) + second_order @ s._deforming.T, self._signals(
+            slope * total
+        ) + second_order_rate @ s._deforming.T
 
     def _rigid_motion(self, relative: Array) -> tuple[Complex, Complex]:
         """Return spectra of the deflections that count for rigid motion, (F, 3 M), and of the mean rotation, (F, 3)."""
@@ -250,7 +262,7 @@ class _Window:
             found[:, 2::3] = self._bank.response(vertical.index, self._omega)[:, None] * given[:, 2::3]
         # rotation against every bracket from the vertical deflections, and the gravity it brings in
         tilt = np.einsum("iaj,fj->fia", s._maps[:, :2, 2::3], found[:, 2::3])
-        tilt += self._spectrum(self._swing[:, :2])[:, None] if np.any(self._swing) else 0.0
+        tilt += self._spectrum(self._frame_turn[:, :2])[:, None] if np.any(self._frame_turn) else 0.0
         given[:, 0::3] += s._gravity * tilt[:, :, 1]
         given[:, 1::3] -= s._gravity * tilt[:, :, 0]
         spectrum = self._measured(self._signals(given) @ s._rigid.T, s._rigid)
@@ -269,7 +281,7 @@ class _Window:
         given = self._spectrum(flat)
         spectrum = self._measured(flat, s._deforming)
         found = np.zeros_like(given)
-        noise = doubt = np.zeros(len(spectrum.frequencies))
+        noise = spread = np.zeros(len(spectrum.frequencies))
         vertical = self._choose(1, 2, spectrum, noise)
         if vertical is not None:
             found[:, 2::3] = self._bank.response(vertical.index, self._omega)[:, None] * given[:, 2::3]
@@ -277,9 +289,9 @@ class _Window:
             if trusted:
                 given += found[:, 2::3] @ frame.tilt.T
                 spectrum = self._measured(self._signals(given), s._deforming)
-            noise, doubt = (vertical.left if trusted else vertical.whole), vertical.whole
+            noise, spread = (vertical.left if trusted else vertical.whole), vertical.whole
         for axis in range(2):
-            leaning = noise * frame.tilt_square[axis] + doubt * frame.doubt_square[axis]
+            leaning = noise * frame.tilt_square[axis] + spread * frame.spread_square[axis]
             choice = self._choose(1, axis, spectrum, leaning, None if vertical is None else vertical.signal)
             if choice is not None:
                 found[:, axis::3] = self._bank.response(choice.index, self._omega)[:, None] * given[:, axis::3]
@@ -323,18 +335,18 @@ class _Window:
         if not all(self._inside):
             self.edge[part, :, axis] = self._bank.edge(index, spectrum.density[:, axis])
         left = self._bank.left(index, signal, other + white)
-        # what passes is motion for the most part, also where it cannot be told from noise
+        # what passes is motion for the most part, also where it cannot be distinguished from noise
         return _Choice(index, float(value[index]), signal, left, left + self._bank.passed(index, spectrum.density[:, axis]))
 
 
 def _hidden(spectrum: DeformationSpectrum, axis: int, signal: Array, noise: Array, vertical: Array) -> Array:
     """Return the density of horizontal deformation that may be where the spectrum does not tell it from noise, shape (F,).
 
-    As much of the vertical deformation as where it is told, and no more than was measured beyond the known noise.
+    As much of the vertical deformation as where it is observable, and no more than was measured beyond the known noise.
     """
-    told = signal > 0.0
+    seen = signal > 0.0
     weight = spectrum.widths / spectrum.frequencies**4
-    size = float(np.sum((vertical * weight)[told]))
-    ratio = float(np.sum((signal * weight)[told])) / size if size > 0.0 else 0.0
+    size = float(np.sum((vertical * weight)[seen]))
+    ratio = float(np.sum((signal * weight)[seen])) / size if size > 0.0 else 0.0
     open_ = np.clip(spectrum.density[:, axis] - noise, 0.0, None)
-    return np.asarray(np.where(told, 0.0, np.minimum(open_, ratio * vertical)))
+    return np.asarray(np.where(seen, 0.0, np.minimum(open_, ratio * vertical)))

@@ -97,7 +97,7 @@ class _Recorded:
         What it is made of, and its tick [s].
     base
         Specific force of the brackets, shape (N, 3 M), single precision.
-    swing
+    frame_turn
         Rotation of the frame that the brackets do not make and its rate, shape (N, 2, 3).
     measured
         Deflection and rate along the axes a transducer measures, shape (N, 2, T).
@@ -106,7 +106,7 @@ class _Recorded:
     pieces: list[_Piece]
     step: float
     base: NDArray[np.float32]
-    swing: Array
+    frame_turn: Array
     measured: Array
 
 
@@ -126,7 +126,7 @@ class SmootherRecorder:
         #: why there is no second pass, empty where there is
         self.reason = reason or _reason(geometry)
         self._base: list[NDArray[np.float32]] = []
-        self._swing: list[Array] = []
+        self._frame_turn: list[Array] = []
         self._measured: list[Array] = []
         self.axes = np.array(
             [3 * geometry.mount_names.index(s.mount) + AXES.index(s.axis) for s in geometry.transducers], dtype=np.int64
@@ -146,7 +146,7 @@ class SmootherRecorder:
         d = basis.deflection
         size = len(d.base)
         self._base.append(d.base.reshape(size, -1).astype(np.float32))
-        self._swing.append(np.stack([d.swing, d.swing_rate], axis=1))
+        self._frame_turn.append(np.stack([d.frame_turn, d.frame_turn_rate], axis=1))
         self._measured.append(np.stack([x.reshape(size, -1)[:, self.axes] for x in (d.deflection, d.rate)], axis=1))
         self._stretch(block)
         self._open.append(block)
@@ -160,7 +160,7 @@ class SmootherRecorder:
         self._close()
         size = len(block.valid)
         self._base.append(np.zeros((size, 3 * len(self.geometry.mounts)), dtype=np.float32))
-        self._swing.append(np.zeros((size, 2, 3)))
+        self._frame_turn.append(np.zeros((size, 2, 3)))
         self._measured.append(np.zeros((size, 2, len(self.axes))))
         self._ticks, self._stamp = self._ticks + size, 0
         return block
@@ -191,11 +191,11 @@ class SmootherRecorder:
     def finish(self) -> list[_Recorded]:
         """Return the stretches of ticks without a break."""
         self._close()
-        base, swing, measured = np.concatenate(self._base), np.concatenate(self._swing), np.concatenate(self._measured)
+        base, frame_turn, measured = np.concatenate(self._base), np.concatenate(self._frame_turn), np.concatenate(self._measured)
         found = []
         for pieces, step in self._stretches:
             at = slice(pieces[0].first, pieces[-1].end)
-            found.append(_Recorded(pieces, step, base[at], swing[at], measured[at]))
+            found.append(_Recorded(pieces, step, base[at], frame_turn[at], measured[at]))
         return found
 
 
@@ -298,14 +298,14 @@ class _Stretch:
         self._forces = _SmoothedForces(recorder.geometry, tilting)
         self._forces.use(self._models[len(models) // 2])
         self._maps = tilting.maps.reshape(3 * len(tilting.maps), -1)
-        self._swing, self._swing_rate = recorded.swing[:, 0], recorded.swing[:, 1]
+        self._frame_turn, self._frame_turn_rate = recorded.frame_turn[:, 0], recorded.frame_turn[:, 1]
         law = self._forces.law
         smoother = DeflectionSmoother(recorder.geometry, self._forces.frame, tilting.maps, law.stiffness, law.damping)
         g = recorder.geometry.wrench
         covariance = np.mean([p.motion_covariance for p in pieces], axis=0)
         variance = np.einsum("ri,rs,si->i", g, covariance, g).reshape(-1, 3).mean(axis=0)
         self._smoothed: SmoothedDeflection = smoother.smooth(
-            self._own["cg_specific_force"], self._own["angular_rate"], recorded.base.astype(float), self._swing, variance, dt
+            self._own["cg_specific_force"], self._own["angular_rate"], recorded.base.astype(float), self._frame_turn, variance, dt
         )
         for values, measured in ((self._smoothed.value, 0), (self._smoothed.rate, 1)):
             values[:, recorder.axes] = recorded.measured[:, measured]
@@ -313,7 +313,7 @@ class _Stretch:
     def write(self, force: Array, std: Array, deflection: Array, weight: Array) -> None:
         """Fade the smoothed forces into those of the first pass, in place."""
         own, first = self._own, self._pieces[0].first
-        doubt = self._doubt()
+        incomplete = self._incomplete()
         scatter = np.var(own["mount_force"], axis=0)
         found_force, found, found_deflection = np.empty_like(own["mount_force"]), [], np.empty_like(own["mount_force"])
         shares = np.empty(len(self._pieces))
@@ -321,7 +321,7 @@ class _Stretch:
             at = slice(piece.first - first, piece.end - first)
             block = self._forces_of(piece, model, at)
             found_force[at], found_deflection[at] = block.force, block.deflection
-            wide = doubt[n] ** 2 * scatter
+            wide = incomplete[n] ** 2 * scatter
             found.append(block.std[0] ** 2 + wide)
             live = own["mount_force_std"][at.start] ** 2
             ratio = found[-1].mean(axis=0) / np.maximum(live.mean(axis=0), 1e-300)
@@ -342,9 +342,9 @@ class _Stretch:
         forces, count = self._forces, len(self._maps) // 3
         value, rate = self._smoothed.value[at], self._smoothed.rate[at]
         shape = (len(value), count, 3)
-        swing, swing_rate = self._swing[at], self._swing_rate[at]
-        turn = np.clip((value @ self._maps.T).reshape(shape) + swing[:, None], -LARGEST_TURN, LARGEST_TURN)
-        turn_rate = (rate @ self._maps.T).reshape(shape) + swing_rate[:, None]
+        frame_turn, frame_turn_rate = self._frame_turn[at], self._frame_turn_rate[at]
+        turn = np.clip((value @ self._maps.T).reshape(shape) + frame_turn[:, None], -LARGEST_TURN, LARGEST_TURN)
+        turn_rate = (rate @ self._maps.T).reshape(shape) + frame_turn_rate[:, None]
         variance = self._smoothed.variance_at(0.5 * (at.start + at.stop) * self._dt)
         forces.use(model)
         forces.frame.hold(value, rate, variance[1])
@@ -352,11 +352,11 @@ class _Stretch:
         # deflections slower than any filter lets through are errors here too; equilibrium puts them right if it may
         spread, rate_spread = np.sqrt(piece.spread**2 + variance[0][:, None])
         block = DeflectionBlock(
-            value.reshape(shape), rate.reshape(shape), value.reshape(shape), turn, swing, swing_rate, spread, rate_spread,
-            value.reshape(shape),
+            value.reshape(shape), rate.reshape(shape), value.reshape(shape), turn, frame_turn, frame_turn_rate, spread,
+            rate_spread, value.reshape(shape),
         )  # fmt: skip
-        told = np.ones(len(value), dtype=bool)
-        return forces.observe(block, self._support(piece.model, model, at), told, piece.load_covariance, turn_rate, self._dt)
+        measured = np.ones(len(value), dtype=bool)
+        return forces.observe(block, self._support(piece.model, model, at), measured, piece.load_covariance, turn_rate, self._dt)
 
     def _support(self, then: ForceModel, now: ForceModel, at: slice) -> Array:
         """Return the wrench the mounts carry with mass and inertia known later."""
@@ -364,12 +364,12 @@ class _Stretch:
         new, old = (InertialLoads(m.mass, 0.0, m.inertia, cg_offset=m.cg_offset).load(motion, rate) for m in (now, then))
         return np.asarray(support + new - old)
 
-    def _doubt(self) -> Array:
+    def _incomplete(self) -> Array:
         """Return how close every piece is to one that lacked a sensor, 1 there and fading both ways, shape (pieces,)."""
-        doubt = np.array([0.0 if p.complete else 1.0 for p in self._pieces])
+        incomplete = np.array([0.0 if p.complete else 1.0 for p in self._pieces])
         fade = [float(np.exp(-(p.end - p.first) * self._dt / _FADES)) for p in self._pieces]
-        for n in range(1, len(doubt)):
-            doubt[n] = max(doubt[n], fade[n] * doubt[n - 1])
-        for n in range(len(doubt) - 2, -1, -1):
-            doubt[n] = max(doubt[n], fade[n] * doubt[n + 1])
-        return doubt
+        for n in range(1, len(incomplete)):
+            incomplete[n] = max(incomplete[n], fade[n] * incomplete[n - 1])
+        for n in range(len(incomplete) - 2, -1, -1):
+            incomplete[n] = max(incomplete[n], fade[n] * incomplete[n + 1])
+        return incomplete

@@ -3,7 +3,7 @@
 
 A force with white noise of known size and a model with roughly known parameters say beforehand how well each parameter will come
 out of a drive signal: ``std = sqrt(diag((sum J'J / sigma^2)^-1))``. Tests are added one after the other, each time the one that
-brings most for its time, until every parameter is told as well as wanted or nothing brings more.
+brings most for its time, until every parameter is as accurate as wanted or nothing brings more.
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ class Design:
     signals
         In the order to run them.
     std
-        Expected standard deviation of each parameter [its unit], order of the quantities of the model; infinite where untold.
+        Expected standard deviation of each parameter [its unit], in the order of the model; infinite where not identifiable.
     wanted
         Standard deviations asked for.
-    untold
+    not_identifiable
         Names of parameters that no test of the machine tells as well as wanted.
     left_out
         Tests the machine cannot run, and why.
@@ -74,7 +74,7 @@ class Design:
     signals: tuple[DriveSignal, ...]
     std: Array
     wanted: Array
-    untold: tuple[str, ...]
+    not_identifiable: tuple[str, ...]
     left_out: tuple[str, ...]
 
     @property
@@ -231,10 +231,10 @@ def design_tests(
             total = total - each[i]
     std = _std(total, values)
     std[std > 0.5 * _BEFORE * np.abs(values)] = np.inf
-    untold = tuple(q.name for q, s, w in zip(model.quantities, std, wanted, strict=True) if s > 1.001 * w)
+    not_identifiable = tuple(q.name for q, s, w in zip(model.quantities, std, wanted, strict=True) if s > 1.001 * w)
     first = [s for s in able if s.name == signals[0].name]
     run = [_repeated(tests[i], chosen.count(i)) for i in dict.fromkeys(chosen)]
-    return Design((*first, *run), std, wanted, untold, left_out)
+    return Design((*first, *run), std, wanted, not_identifiable, left_out)
 
 
 def _repeated(signal: DriveSignal, times: int) -> DriveSignal:

@@ -143,8 +143,8 @@ def identify_jounce(
             if progress is not None:
                 progress(1.0)
         warnings += [choice.refusal] if choice.refusal else []
-    exported, doubts = _exported(element, loads, fitted)
-    warnings += doubts
+    exported, remarks = _exported(element, loads, fitted)
+    warnings += remarks
     shown = held or [load for load in loads if load.held_out.any()] or loads
     curves = tuple(_stretch(load, predict(load)) for load in shown[:4])
     return JounceIdentification(

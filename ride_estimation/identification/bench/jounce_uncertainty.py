@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 #: relative step of the differences, far above rounding and far below the curvature of the residual
 _STEP = 1.0e-3
 #: singular value over the largest below which the records say nothing about a direction
-_TOLD = 1.0e-6
-#: share of a quantity in such directions from which it counts as not told
+_OBSERVABLE = 1.0e-6
+#: share of a quantity in such directions from which it counts as not observable
 _UNTOLD_SHARE = 1.0e-3
 
 
@@ -45,9 +45,9 @@ def white_box_std(box: WhiteBox, loads: Sequence[Load]) -> dict[str, float]:
         moved[i] += _STEP * scale
         jacobian[:, i] = (_residual(_with(box, names, moved), loads) - base) / _STEP
     _, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-    told = s > _TOLD * s[0]
+    observable = s > _OBSERVABLE * s[0]
     variance = float(base @ base) / effective_samples(base) + _missing(box, loads)
-    inside, outside = vt[told] / s[told][:, None], vt[~told]
+    inside, outside = vt[observable] / s[observable][:, None], vt[~observable]
     end = box.basis(np.array([largest]))[0]
     weights = dict(zip(names, np.eye(scales.size), strict=False))
     n = len(names)

@@ -8,7 +8,7 @@
 by SIMULATION error (only u is fed, never the measured y) with exact sensitivities. Three input coefficients take up
 whatever hold the excitation had. In rest the recursion gives ``k y + k2 y^2 + k3 y^3 = u`` with ``k = (1-a1-a2)/B``,
 ``k2 = -c2/B``, ``k3 = -c3/B``, ``B = b0+b1+b2``; frequency and damping follow from the roots of ``z^2 - a1 z - a2``.
-The mass itself cannot be told without knowing u as a force.
+The mass itself is not identifiable without knowing u as a force.
 """
 
 from __future__ import annotations

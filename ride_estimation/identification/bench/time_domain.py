@@ -239,14 +239,14 @@ def fit_time_domain(
     lower, upper = search_bounds(model.layout, prepared)
     points = start_points(model.layout, lower, upper, starts) if start is None else [np.asarray(start, dtype=float)]
     levels = decimated_levels(prepared) if decimate else [list(prepared)]
-    passes, doubt = 0, 1.0
+    passes, prediction_error = 0, 1.0
     # nested iteration: every level starts where the one before arrived, so the whole record is left one step or two
     for level in levels[::-1]:
         tolerance = COST_TOLERANCE if level is levels[0] else _DECIMATED_TOLERANCE
-        found = [_search_physical(model, level, point, lower, upper, gram, tolerance, doubt) for point in points]
+        found = [_search_physical(model, level, point, lower, upper, gram, tolerance, prediction_error) for point in points]
         best = min(found, key=lambda one: one.cost)
         passes += sum(one.passes for one in found)
-        points, doubt = [best.theta], best.doubt
+        points, prediction_error = [best.theta], best.prediction_error
     theta, coefficients = _ascending(model, best)
     ordered = dataclasses.replace(
         best,
@@ -275,7 +275,7 @@ def _search_physical(
     upper: Array,
     gram: GramFunction | None,
     tolerance: float,
-    doubt: float,
+    prediction_error: float,
 ) -> VariableProjectionResult:
     """Search without sign bounds first; move cells that end negative; hold what stays negative at zero."""
     free = np.zeros(model.layout.linear, dtype=bool)
@@ -286,7 +286,15 @@ def _search_physical(
     def run(theta: Array, positive: NDArray[np.bool_]) -> VariableProjectionResult:
         linear = model.layout.linear
         return minimise(
-            evaluate, theta, lower, upper, linear, model.sensitivities, positive, cost_tolerance=tolerance, doubt=doubt
+            evaluate,
+            theta,
+            lower,
+            upper,
+            linear,
+            model.sensitivities,
+            positive,
+            cost_tolerance=tolerance,
+            prediction_error=prediction_error,
         )
 
     found = run(start, free)

@@ -15,7 +15,7 @@ from ride_estimation.identification.bench.time_domain import PreparedRecord, Tim
 
 Array = NDArray[np.float64]
 
-#: a parameter whose relative standard deviation exceeds this cannot be told
+#: a parameter whose relative standard deviation exceeds this is not identifiable
 NOT_IDENTIFIABLE = 0.5
 #: blocks of the record from which the long-run covariance of the score is estimated
 _BLOCKS = 60
@@ -106,7 +106,7 @@ def effective_samples(residual: Array, max_lag_share: float = 0.1) -> float:
 
 
 def std_from_jacobian(jacobian: Array, variance: float) -> Array:
-    """Return standard deviations of parameters from the Jacobian of residuals, shape (P,); infinite in untold directions.
+    """Return standard deviations of parameters from the Jacobian of residuals, shape (P,); infinite in unobservable directions.
 
     Parameters
     ----------
@@ -116,9 +116,9 @@ def std_from_jacobian(jacobian: Array, variance: float) -> Array:
         Sum of squared residuals over the number of independent ones.
     """
     _, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-    told = s > 1e-8 * s[0]
-    std: Array = np.sqrt(variance * np.sum((vt[told].T / s[told]) ** 2, axis=1))
-    std[np.sum(vt[~told] ** 2, axis=0) > 1e-6] = np.inf
+    observable = s > 1e-8 * s[0]
+    std: Array = np.sqrt(variance * np.sum((vt[observable].T / s[observable]) ** 2, axis=1))
+    std[np.sum(vt[~observable] ** 2, axis=0) > 1e-6] = np.inf
     return std
 
 
@@ -250,13 +250,13 @@ def _share(deviation: float, value: float) -> str:
 
 
 def _in_words(statuses: Sequence[ParameterStatus], direction: Array) -> str:
-    told = [s for s in statuses if s.status == "valid"]
+    valid = [s for s in statuses if s.status == "valid"]
     relative = {s.name: s.std / abs(s.value) if s.value else np.inf for s in statuses}
-    untold = [s.name.replace("_", " ") for s in statuses if s.status != "valid"]
-    worst = max((relative[s.name] for s in told), default=np.inf)
-    if not untold and worst <= 0.1:
+    others = [s.name.replace("_", " ") for s in statuses if s.status != "valid"]
+    worst = max((relative[s.name] for s in valid), default=np.inf)
+    if not others and worst <= 0.1:
         return f"every parameter is identifiable from the record; the largest relative standard deviation is {100 * worst:.2g} %"
-    said = f"not identifiable from the record: {', '.join(untold)}; " if untold else ""
+    said = f"not identifiable from the record: {', '.join(others)}; " if others else ""
     top = int(np.argmax(np.abs(direction)))
     sign = np.sign(direction[top])
     parts = [

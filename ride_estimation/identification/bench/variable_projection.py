@@ -58,7 +58,7 @@ class VariableProjectionResult:
         Linear parameters held at their bound 0.
     at_bound
         Nonlinear parameters at a bound.
-    doubt
+    prediction_error
         Share by which the last steps missed the fall of the cost they promised: how wrong the Hessian is.
     """
 
@@ -71,7 +71,7 @@ class VariableProjectionResult:
     at_zero: tuple[int, ...]
     at_bound: tuple[int, ...]
     converged: bool
-    doubt: float
+    prediction_error: float
 
 
 def eliminate_offset(gram: Array) -> Array:
@@ -195,7 +195,7 @@ def minimise(
     positive: NDArray[np.bool_],
     *,
     cost_tolerance: float = COST_TOLERANCE,
-    doubt: float = 1.0,
+    prediction_error: float = 1.0,
     max_passes: int = 60,
 ) -> VariableProjectionResult:
     """Minimise the reduced cost by Levenberg-Marquardt inside bounds.
@@ -210,7 +210,7 @@ def minimise(
         See :func:`project`.
     cost_tolerance
         Relative fall of the cost, promised or made, below which the search has arrived.
-    doubt
+    prediction_error
         That of a search of the same problem on decimated data.
     max_passes
         Limit of passes over the data.
@@ -236,7 +236,7 @@ def minimise(
         trial = _within(theta + _within(step, -2.0, 2.0), lower, upper)
         # a Hessian wrong by a share misses a promise by that share and the optimum by its square: where that is far less than
         # noise can tell, the step needs no pass over the data
-        if promised * doubt**2 < cost_tolerance * point.cost:
+        if promised * prediction_error**2 < cost_tolerance * point.cost:
             moved = first_order(gram, trial - theta, linear, sensitivities)
             moved_point = project(moved, linear, sensitivities, positive)
             if moved_point.cost <= point.cost:
@@ -252,7 +252,7 @@ def minimise(
         if trial_point.cost < point.cost:
             fall = (point.cost - trial_point.cost) / point.cost
             # a promise that happens to be kept proves little
-            doubt = min(1.0, max(abs(1.0 - fall * point.cost / promised), 0.1 * doubt))
+            prediction_error = min(1.0, max(abs(1.0 - fall * point.cost / promised), 0.1 * prediction_error))
             theta, gram, point = trial, trial_gram, trial_point
             iterations += 1
             damping = max(damping * 0.1, 1e-9)
@@ -271,5 +271,5 @@ def minimise(
         point.at_zero,
         tuple(int(i) for i in bound),
         bool(converged),
-        doubt,
+        prediction_error,
     )

@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 _FAR, _MOVED = 3.5, 3.0
 
 
-def doubted_axes(
+def suspect_axes(
     geometry: Geometry, free_parameters: Sequence[FreeParameter], now: tuple[Array, Array], before: tuple[Array, Array] | None
 ) -> dict[int, str]:
-    """Return what is said of every doubted axis, by its index.
+    """Return what is said of every suspect axis, by its index.
 
     Parameters
     ----------
