@@ -56,12 +56,14 @@ class Case:
     duration: float
     form: str | None = None
     without: bool = False  #: the library does not know the planted causes
+    installation: float = 0.0  #: errors of all sensors, in standard deviations of a good installation
 
     @property
     def key(self) -> str:
         """Return what identifies the case in the file of results."""
         name = "+".join(self.causes) or "none"
-        return f"{name}/{self.form or ''}/{self.seed}/{self.residual:g}/{self.noise:g}/{self.duration:g}"
+        installed = f"/{self.installation:g}" if self.installation > 0.0 else ""
+        return f"{name}/{self.form or ''}/{self.seed}/{self.residual:g}/{self.noise:g}/{self.duration:g}{installed}"
 
     @property
     def record_key(self) -> str:
@@ -78,7 +80,7 @@ def stored_case(case: Case, folder: pathlib.Path) -> StoredCase:
             path,
             make_scenario(
                 causes, case.seed, residual=case.residual, noise=case.noise, duration=case.duration, form=case.form,
-                follow=tuple(np.random.default_rng([case.seed, 1]).uniform(0.0, 1.0, 2)),
+                installation=case.installation, follow=tuple(np.random.default_rng([case.seed, 1]).uniform(0.0, 1.0, 2)),
             ),
         )
     return load_case(path)
@@ -107,8 +109,12 @@ def run_case(case: Case, folder: pathlib.Path, only_make: bool = False, halves: 
     record |= {"seconds": time.perf_counter() - began, "processor_seconds": time.process_time() - processor}
     record["verdict"] = str(getattr(diagnosis.verdict, "value", diagnosis.verdict))
     record["found"] = [
-        {"id": c.id, "location": c.location, "axis": c.axis, "confidence": float(c.confidence)} for c in diagnosis.causes
-    ]
+        {
+            "id": c.id, "location": c.location, "axis": c.axis, "confidence": float(c.confidence),
+            "parameters": [(p.name, float(p.value), float(p.std)) for p in c.parameters],
+        }
+        for c in diagnosis.causes
+    ]  # fmt: skip
     record["sentence"] = str(getattr(diagnosis, "sentence", ""))
     record["gain"] = _jsonable(getattr(diagnosis, "gain", None))
     record["bias"] = _bias(diagnosis, stored)
@@ -282,6 +288,33 @@ def described_as_well(record: dict[str, Any], records: list[dict[str, Any]]) -> 
     return len(extended) == 2 and extended[0] <= 1.1 * extended[1]
 
 
+def magnitudes(record: dict[str, Any]) -> list[tuple[str, float, float, float]]:
+    """Return name, true size, stated size and its standard deviation of what the right causes of a record state."""
+    out = []
+    for planted in record.get("planted", ()):
+        found = next((f for f in record["found"] if f["id"] == planted["cause"] and same_place(planted, f)), None)
+        for part, true in (planted.get("magnitudes") or {}).items() if found is not None else ():
+            stated = [(abs(value), std) for name, value, std in found.get("parameters", ()) if name.startswith(part)]
+            if stated:
+                value, std = min(stated, key=lambda s: abs(s[0] - abs(true)))
+                out.append((f"{planted['cause']}: {part}", abs(true), value, std))
+    return out
+
+
+def _magnitude_lines(records: list[dict[str, Any]]) -> list[str]:
+    """Return how many stated magnitudes lie within two of their standard deviations, all and by name."""
+    found = [m for r in records for m in magnitudes(r)]
+    inside = (abs(v - t) <= 2.0 * s for _, t, v, s in found)
+    lines = [_line("magnitudes within two stated standard deviations", inside, ">= 90 %")]
+    for name in sorted({m[0] for m in found}):
+        own = [((v - t) / s, s / t) for n, t, v, s in found if n == name and s > 0.0 and t > 0.0]
+        hits = sum(abs(z) <= 2.0 for z, _ in own)
+        rms = math.sqrt(sum(z * z for z, _ in own) / max(len(own), 1))
+        spread = float(np.median([r for _, r in own])) if own else math.nan
+        lines.append(f"  {name:60s} {hits:3d}/{len(own):3d}, error over std rms {rms:5.2f}, std {100 * spread:5.1f} %")
+    return lines
+
+
 def _biases(records: list[dict[str, Any]], axes: str, kinds: str = "kc") -> list[float]:
     return [
         abs(v) for r in records for name, v in r.get("bias", {}).items() if name.split(".")[1] in axes and name[-1] in kinds
@@ -354,6 +387,7 @@ def summary(records: list[dict[str, Any]]) -> str:
     sets = [({f["id"] for f in r["found"]}, set(r["causes"])) for r in pairs]
     lines.append(_line("two effects: exact set", (a == b for a, b in sets), ">= 85 %"))
     lines.append(_line("two effects: precision", (f in b for a, b in sets for f in a), ">= 95 %"))
+    lines += _magnitude_lines(records)
     shares = [s for r in right if (s := removed_share(r)) is not None]
     rows = [("removable residual removed on the other road, median", shares, 0.5, ">= 80 %")]
     for name, axes in (("vertical", "z"), ("horizontal", "xy")):
@@ -414,7 +448,7 @@ def misses(records: list[dict[str, Any]]) -> str:
 def cases(arguments: argparse.Namespace) -> list[Case]:
     """Return the cases of a call, seed by seed."""
     causes = arguments.causes.split(",") if arguments.causes else list(CAUSES)
-    common = (arguments.residual, arguments.noise, arguments.duration)
+    common, installed = (arguments.residual, arguments.noise, arguments.duration), arguments.installation
     out = []
     most = max(arguments.per_cause, arguments.clean, arguments.pairs, arguments.outside)
     for n in range(most):
@@ -424,14 +458,16 @@ def cases(arguments: argparse.Namespace) -> list[Case]:
                 forms = FORMS.get(cause, (None,))
                 # a soft mount is told from the other mounts and not by a hypothesis of the library
                 if not (arguments.leave_one_out and cause == "one_soft_mount"):
-                    out.append(Case((cause,), seed, *common, form=forms[n % len(forms)], without=arguments.leave_one_out))
+                    form, without = forms[n % len(forms)], arguments.leave_one_out
+                    out.append(Case((cause,), seed, *common, form=form, without=without, installation=installed))
         if n < arguments.clean:
-            out.append(Case((), seed, *common))
+            out.append(Case((), seed, *common, installation=installed))
         if n < arguments.outside:
-            out += [Case((f"outside:{name}",), seed, *common) for name in OUTSIDE]
+            out += [Case((f"outside:{name}",), seed, *common, installation=installed) for name in OUTSIDE]
         if n < arguments.pairs:
             rng = np.random.default_rng([seed, 5])
-            out.append(Case(tuple(str(c) for c in rng.choice(PAIR_POOL, 2, replace=False)), seed, *common))
+            pair = tuple(str(c) for c in rng.choice(PAIR_POOL, 2, replace=False))
+            out.append(Case(pair, seed, *common, installation=installed))
     return out
 
 
@@ -446,6 +482,7 @@ def main() -> None:
     parser.add_argument("--residual", type=float, default=0.05)
     parser.add_argument("--noise", type=float, default=0.02)
     parser.add_argument("--duration", type=float, default=60.0)
+    parser.add_argument("--installation", type=float, default=0.0, help="errors of all sensors, in standard deviations")
     parser.add_argument("--first-seed", type=int, default=1000)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--limit-s", type=float, default=math.inf, help="start no new case after this many seconds")

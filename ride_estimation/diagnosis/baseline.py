@@ -7,7 +7,7 @@ Each is a column of the whitened regression with a prior standard deviation. A c
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ ComplexArray = NDArray[np.complex128]
 #: a frame is rigid or rests on a rig that only translates; what its members do in a twist is anybody's guess
 _TILT_STD = {"tilt": 0.5, "twist": 1.0}
 TILT_KINDS = frozenset(_TILT_STD)
+#: errors of single sensors
+OF_SENSORS = ("gain", "misalignment", "position", "delay", "bandwidth")
 _BATCH = 32  # columns whitened at once: transforms of all of them together take half a gigabyte for a minute
 
 
@@ -300,7 +302,9 @@ def _tilt_columns(view: RunView, columns: ColumnSet) -> None:
         columns.add(item, tilt_spectrum(plant, view.response, tilt.slope, view.data.input_spectrum))
 
 
-def sensor_error_spectra(view: RunView, sensor: str, kind: str, component: int) -> tuple[dict[int, ComplexArray], bool]:
+def sensor_error_spectra(
+    view: RunView, sensor: str, kind: str, component: int, fault: Array | None = None
+) -> tuple[dict[int, ComplexArray], bool]:
     """Return what one unit of a sensor error adds to the reading, channel -> spectrum, and whether it is an input.
 
     Parameters
@@ -309,32 +313,64 @@ def sensor_error_spectra(view: RunView, sensor: str, kind: str, component: int) 
         ``gain``, ``misalignment``, ``position``, ``delay`` or ``bandwidth``.
     component
         Axis of gain, rotation or shift; ignored by ``delay`` and ``bandwidth``, which touch all axes.
+    fault
+        What the sensor reads over what it would read without a large fault of its own, shape (3, 3): that distorts what its
+        small errors add as well. What an input would read is wanted instead of the reading.
     """
+    is_input = any(s.sensor == sensor for s in view.plant.inputs)
+    rows = {s.component: i for i, s in enumerate(view.plant.inputs if is_input else view.plant.outputs) if s.sensor == sensor}
+    spectrum = view.data.input_spectrum if is_input else view.model.ideal_spectrum
+    if fault is None:
+        return _plain_error(view, sensor, kind, component, spectrum, rows), is_input
+    places = [*rows.values()]
+    own = fault[np.ix_([*rows], [*rows])]
+    if is_input:
+        spectrum = spectrum.copy()
+        spectrum[:, places] = spectrum[:, places] @ np.linalg.inv(own).T
+        return _plain_error(view, sensor, kind, component, spectrum, rows), is_input
+    plain = _plain_error(view, sensor, kind, component, spectrum, rows)
+    zero = np.zeros(len(spectrum), dtype=complex)
+    read = np.stack([plain.get(i, zero) for i in places], axis=1) @ own.T
+    return ({i: read[:, n] for n, i in enumerate(places)} if plain else {}), is_input
+
+
+def _plain_error(
+    view: RunView, sensor: str, kind: str, component: int, spectrum: ComplexArray, rows: Mapping[int, int]
+) -> dict[int, ComplexArray]:
     plant, grid = view.plant, view.grid
     is_input = any(s.sensor == sensor for s in plant.inputs)
-    signals = plant.inputs if is_input else plant.outputs
-    spectrum = view.data.input_spectrum if is_input else view.model.ideal_spectrum
-    rows = {s.component: i for i, s in enumerate(signals) if s.sensor == sensor}
     if kind == "delay":
-        return {i: -1j * grid.omega * spectrum[:, i] for i in rows.values()}, is_input
+        return {i: -1j * grid.omega * spectrum[:, i] for i in rows.values()}
     if kind == "bandwidth":
         factor = -(grid.omega**2) / view.grid.rate_hz**2
-        return {i: factor * spectrum[:, i] for i in rows.values()}, is_input
+        return {i: factor * spectrum[:, i] for i in rows.values()}
     if kind == "gain":
-        return {i: spectrum[:, i] for c, i in rows.items() if c == component}, is_input
+        return {i: spectrum[:, i] for c, i in rows.items() if c == component}
     if kind == "misalignment":
         turn = -skew(np.eye(3)[component])
         return {
             i: sum((turn[c, d] * spectrum[:, k] for d, k in rows.items()), np.zeros(len(grid.omega), dtype=complex))
             for c, i in rows.items() if np.any(turn[c])
-        }, is_input
+        }
     description = plant.vehicle.sensors[sensor]
     shift = point_motion_matrix(np.eye(3)[component])[:, 3:]
     if is_input:
-        return {}, True
+        return {}
     _, a = body_spectra(view, description.body)
     motion = a[:, 3:] @ shift.T @ description.rotation
-    return {i: motion[:, c] for c, i in rows.items()}, False
+    return {i: motion[:, c] for c, i in rows.items()}
+
+
+def faulty_rows(view: RunView, adjustables: Sequence[Adjustable], faults: Mapping[str, Array]) -> tuple[list[int], Array]:
+    """Return the places of the errors of some faulty sensors and their whitened rows (B, R, p), sensor -> fault, shape (3, 3)."""
+    places, spectra = [], []
+    for i, a in enumerate(adjustables):
+        if a.kind in OF_SENSORS and a.place in faults:
+            component = AXES.index(a.axis) if a.axis else 0
+            errors, is_input = sensor_error_spectra(view, a.place, a.kind, component, faults[a.place])
+            places.append(i)
+            spectra.append(error_outputs(view, errors, is_input))
+    return places, view.rows(np.stack(spectra, axis=2)) if spectra else np.zeros((*view.residual.shape, 0))
 
 
 def error_outputs(view: RunView, errors: dict[int, ComplexArray], is_input: bool) -> ComplexArray:

@@ -304,12 +304,30 @@ def _excess(calibrated: Calibrated) -> float:
     return misfit / float(calibrated.view.block_dof[used].sum()) - 1.0
 
 
+def moved_plant(
+    plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: Array, settings: Settings, bodies: bool
+) -> Plant:
+    """Return the plant with the errors that a step found, CG and inertia among them where ``bodies``."""
+    plant = put_right(tilted(plant, adjustables, coefficients), adjustables, coefficients)
+    return rebalanced(plant, adjustables, coefficients, settings) if bodies else plant
+
+
+def seen_from(plant: Plant, adjustables: Sequence[Adjustable]) -> tuple[Adjustable, ...]:
+    """Return adjustables with their offsets from the errors that a plant holds already."""
+    errors = {**plant.reading_errors, **plant.body_errors}
+    tilts = {(t.kind, t.place, t.axis): 1.0 - float(share) for t, share in zip(plant.tilts, plant.tilt_share)}
+    out = []
+    for a in adjustables:
+        key = (a.kind, a.place, a.axis)
+        offset = tilts.get(key, a.offset) if a.kind in TILT_KINDS else -errors.get(key, 0.0)
+        out.append(a if a.kind in ("stiffness", "damping") else dataclasses.replace(a, offset=offset))
+    return tuple(out)
+
+
 def _advanced(calibrated: Calibrated, settings: Settings, bodies: bool) -> tuple[Plant, ModelState]:
     """Return plant and state after the step that a model asks for, CG and inertia where ``bodies``."""
     adjustables, values = calibrated.adjustables, calibrated.fit.coefficients
-    plant = put_right(tilted(calibrated.view.plant, adjustables, values), adjustables, values)
-    if bodies:
-        plant = rebalanced(plant, adjustables, values, settings)
+    plant = moved_plant(calibrated.view.plant, adjustables, values, settings, bodies)
     return plant, stepped(calibrated.view.state, calibrated.view, adjustables, values)
 
 

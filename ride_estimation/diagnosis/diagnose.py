@@ -208,7 +208,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     settings, view = work.settings, work.calibrated.view
     base = predict(work.data, work.baseline)
     judged = _accepted_or_not(work, base, validation)
-    work, extended, gain, law = judged.work, judged.extended, judged.gain, judged.law
+    work, extended, gain, law = judged.work.stated(), judged.extended, judged.gain, judged.law
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)

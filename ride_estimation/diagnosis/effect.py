@@ -67,6 +67,11 @@ class Shape:
     step: float = 0.0
     scan: float = 0.0
 
+    @property
+    def spread(self) -> float:
+        """Return what is known of the value before any run: half the way between its bounds."""
+        return 0.5 * (self.upper - self.lower)
+
     def scanned(self, current: float) -> tuple[float, ...]:
         """Return the values of a scan around a current one."""
         if self.scan == 0.0:

@@ -4,13 +4,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import Adjustable, balanced_columns, port_columns
-from ride_estimation.diagnosis.calibration import Calibrated, file_parameters, hold, rebalanced, step_factor, stepped
+from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, balanced_columns, faulty_rows, mean_table, port_columns
+from ride_estimation.diagnosis.calibration import (
+    Calibrated,
+    explains,
+    file_parameters,
+    hold,
+    moved_plant,
+    rebalanced,
+    seen_from,
+    step_factor,
+    stepped,
+)
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.model_run import ModelState
@@ -163,6 +173,11 @@ def _loaded(hypotheses: Iterable[Hypothesis]) -> list[str]:
     return [*dict.fromkeys(h.location for h in hypotheses if h.moves_cg)]
 
 
+def _faults(fitted: Iterable[Fitted]) -> dict[str, Array]:
+    """Return what faulty sensors read over what they would read without their faults, sensor -> shape (3, 3)."""
+    return {f.hypothesis.location: f.hypothesis.fault(f.coefficients) for f in fitted if f.hypothesis.fault is not None}
+
+
 def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Effect, ...]:
     """Return one effect per entry point with the coefficients applied; mean readings are left out."""
     total: dict[tuple[Where, int], Array] = {}
@@ -275,6 +290,18 @@ def _widened(hypothesis: Hypothesis, entries: Sequence[Shapes]) -> list[dict[str
     return out
 
 
+def unsettled(fit: FullFit) -> float:
+    """Return the largest step of an error of the installation that a plant can hold, in its standard deviations."""
+    base = {s.sensor for s in fit.view.plant.inputs}
+    return max(
+        (
+            abs(float(v)) / a.prior_std for a, v in zip(fit.adjustables, fit.coefficients)
+            if a.kind in TILT_KINDS or a.kind in ("cg", "inertia") or (a.kind in ("gain", "misalignment") and a.place in base)
+        ),
+        default=0.0,
+    )
+
+
 def _advanced(view: RunView, result: FullFit) -> ModelState:
     """Return the state after one pass: a step of stiffness and damping, laws with their coefficients.
 
@@ -335,7 +362,7 @@ class FullFitter:
         self._ports = [i for i, a in enumerate(calibrated.adjustables) if a.kind in ("stiffness", "damping")]
 
     def _regression(
-        self, view: RunView, residual: Array, temper: float, hypotheses: Sequence[Hypothesis]
+        self, view: RunView, residual: Array, temper: float, hypotheses: Sequence[Hypothesis], faults: Mapping[str, Array]
     ) -> tuple[tuple[Adjustable, ...], Regression]:
         """Return the regression with port columns of this view and the tolerance columns of the calibrated model.
 
@@ -344,7 +371,7 @@ class FullFitter:
         """
         cal = self._cal
         adjustables, rows = port_columns(view, self._prior)
-        everything = list(cal.adjustables)
+        everything = list(seen_from(view.plant, cal.adjustables))
         for i, a in zip(self._ports, adjustables):
             everything[i] = a
         replaced = {tolerance_of(h) for h in hypotheses}
@@ -356,12 +383,22 @@ class FullFitter:
             index, rows = [*index, *places], np.concatenate([rows, further], axis=2)
             for i, a in zip(places, bodies):
                 everything[i] = a
-        held = {i: v for i, v in cal.held.items() if everything[i].kind != "cg" or everything[i].place not in loaded}
+        if faults:
+            places, further = faulty_rows(view, everything, faults)
+            index, rows = [*index, *places], np.concatenate([rows, further], axis=2)
+        held = {
+            i: v - cal.adjustables[i].offset + everything[i].offset for i, v in cal.held.items()
+            if everything[i].kind != "cg" or everything[i].place not in loaded
+        }
         held |= {i: a.offset for i, a in enumerate(everything) if (a.kind, a.place, a.axis) in replaced}
         prior = hold(np.array([a.prior_std for a in everything]), np.array([a.offset for a in everything]), held)
-        return tuple(everything), cal.regression.replaced(index, rows, residual, prior, temper)
+        # what the readings of the bases are free of is no part of their means
+        means = None if view.plant.reading_errors == cal.view.plant.reading_errors else mean_table(view).residual
+        return tuple(everything), cal.regression.replaced(index, rows, residual, prior, temper, means)
 
-    def fit(self, start: Sequence[Score | Fitted], iterations: int = 4, after: FullFit | None = None) -> FullFit:
+    def fit(
+        self, start: Sequence[Score | Fitted], iterations: int = 4, after: FullFit | None = None, settle: bool = False
+    ) -> FullFit:
         """Fit hypotheses together, starting from screening scores or earlier fits.
 
         Parameters
@@ -372,10 +409,13 @@ class FullFitter:
             Passes of simulation, shape search and regression.
         after
             A fit of similar hypotheses whose trajectory is the first estimate; that of the calibrated model where None.
+        settle
+            Move the plant to the errors of the installation that the model with the hypotheses has. Those of the model without
+            them are bent by what the hypotheses explain, and what multiplies a large fault is no small error.
         """
         loaded = _loaded(s.hypothesis for s in start)
         view = self._cal.view if after is None else after.view
-        if not loaded and view.plant is not self._cal.view.plant:
+        if after is not None and not loaded and _loaded(f.hypothesis for f in after.fitted):
             view = RunView(self._cal.view.data, view.state, self._cal.view.noise)
         shapes = [dict(s.shape) for s in start]
         hypotheses = [s.hypothesis for s in start]
@@ -384,12 +424,13 @@ class FullFitter:
         best: FullFit | None = None
         best_moves = np.inf
         simulated = after.simulated if after is not None and loaded else ()
+        faults = _faults(s for s in start if isinstance(s, Fitted))
         for iteration in range(iterations + 1):
             residual = view.residual
             given = [*view.state.effects, *held_effects(view), *_of_regression(view, simulated)]
             if given:
                 residual = residual + view.push([tuple(given)])[:, :, 0]
-            adjustables, regression = self._regression(view, residual, temper, hypotheses)
+            adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
             projector = Projector(regression, self._blocks)
             if iteration == 1:
                 self._choose_families(view, projector, hypotheses, shapes, fresh)
@@ -398,6 +439,8 @@ class FullFitter:
             result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
             result = dataclasses.replace(result, simulated=simulated)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
+            if settle:
+                moves = max(moves, _MOVES * unsettled(result))
             settled = best is not None and iteration > 1 and moves < _MOVES and best.misfit - result.misfit < 2.0 * temper
             # a result whose stiffness and damping still move is a linearisation, not a model
             if best is None or result.misfit < best.misfit or (best_moves > _MOVES and moves < best_moves):
@@ -407,13 +450,15 @@ class FullFitter:
             if settled or iteration == iterations:
                 break
             temper = temper_of(result.misfit / self._dof, view.inefficiency)
+            faults = _faults(result.fitted) if settle else faults
             simulated = _simulated(view, result.fitted)
-            data = self._cal.view.data
-            if loaded:
+            plant, bodies = view.plant, settle and explains(result.misfit / self._dof)
+            if settle:
+                plant = moved_plant(plant, adjustables, result.coefficients[: regression.count], view.settings, bodies)
+            if loaded and not bodies:
                 own = [i for i, a in enumerate(adjustables) if a.place in loaded]
-                moved = tuple(adjustables[i] for i in own)
-                data = data.with_plant(rebalanced(view.plant, moved, result.coefficients[own], data.settings))
-            view = RunView(data, _advanced(view, result), self._cal.view.noise)
+                plant = rebalanced(plant, tuple(adjustables[i] for i in own), result.coefficients[own], view.settings)
+            view = RunView(view.data.with_plant(plant), _advanced(view, result), self._cal.view.noise)
             if not float(np.sum(view.residual**2)) < _RUNAWAY * float(np.sum(self._cal.view.residual**2)):
                 break  # the step led where the motion of the model runs away: what was found before it stands
         if best is None:
@@ -457,6 +502,40 @@ class FullFitter:
             view, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
             view.inefficiency, penalty, cost,
         )  # fmt: skip
+
+    def stated(self, fit: FullFit) -> FullFit:
+        """Return a fit whose numbers have the standard deviations of all of them together, shape parameters included.
+
+        A reach, a gap or a frequency that the run hardly tells leaves the force beside it as open.
+        """
+        view, count = fit.view, fit.regression.count
+        used = [i for i in range(fit.rows.shape[2]) if fit.coefficients[count + i] != 0.0]
+        slopes: list[Column] = []
+        sizes: list[float] = []
+        spread: list[float] = []
+        for f in fit.fitted:
+            columns, moves = _slopes(f.hypothesis, view, f.shape, f.coefficients)
+            slopes += columns
+            sizes += [*moves]
+            spread += [s.spread for s in f.hypothesis.shapes]
+        if not slopes:
+            return fit
+        rows = np.concatenate([fit.rows[:, :, used], view.push(slopes)], axis=2)
+        means = np.concatenate([fit.means[:, used], mean_rows(self._cal.table, slopes)], axis=1)
+        free = np.concatenate([np.full(len(used), np.inf), np.array(spread) / np.abs(sizes)]) / np.sqrt(fit.regression.temper)
+        solved = fit.regression.fit(fit.regression.candidate_grams(rows), self._blocks, free, means)
+        covariance = np.zeros_like(fit.covariance)
+        keep = np.array([*range(count), *(count + i for i in used)])
+        covariance[np.ix_(keep, keep)] = solved.covariance[: len(keep), : len(keep)]
+        moved = np.sqrt(np.maximum(np.diag(solved.covariance)[len(keep) :], 0.0)) * np.abs(sizes)
+        fitted, start = [], count
+        for f in fit.fitted:
+            part = slice(start, start + len(f.coefficients))
+            names = [s.name for s in f.hypothesis.shapes]
+            own, moved = dict(zip(names, moved.tolist())), moved[len(names) :]
+            fitted.append(dataclasses.replace(f, covariance=covariance[part, part], shape_std=own))
+            start = part.stop
+        return dataclasses.replace(fit, fitted=tuple(fitted), covariance=covariance)
 
     def _choose_families(
         self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],

@@ -6,6 +6,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import enum
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
@@ -83,6 +84,8 @@ class Hypothesis:
     simulated
         Columns that the model is simulated with, where they are not those of the regression: the noise of the base sensors
         moves a simulated load, but tells nothing of its size.
+    fault
+        Of the coefficients: what a faulty sensor reads over what it would read without the fault, shape (3, 3).
     """
 
     cause: str
@@ -103,6 +106,7 @@ class Hypothesis:
     only_alone: bool = False
     moves_cg: bool = False
     simulated: Callable[[RunView, Shapes], list[Column]] | None = None
+    fault: Callable[[Array], Array] | None = None
 
     def forces(self, view: RunView, shape: Shapes) -> list[Column]:
         """Return the columns that the model is simulated with."""
@@ -143,16 +147,23 @@ class Fitted:
         Of the columns, shape (q,) and (q, q).
     shape
         Shape parameters.
+    shape_std
+        Their standard deviations; that of every one where the fit stated them.
     """
 
     hypothesis: Hypothesis
     coefficients: Array
     covariance: Array
     shape: Shapes
+    shape_std: Shapes = dataclasses.field(default_factory=dict)
 
     def std(self, index: int) -> float:
         """Return the standard deviation of one coefficient."""
         return float(np.sqrt(max(self.covariance[index, index], 0.0)))
+
+    def spread(self, name: str, form: float) -> float:
+        """Return the standard deviation of a shape parameter: that of its fit and what another form leaves open of it."""
+        return math.hypot(self.shape_std.get(name, 0.0), form)
 
 
 class Cause(abc.ABC):

@@ -226,7 +226,8 @@ class Regression:
         return other
 
     def replaced(
-        self, index: Sequence[int], rows: Array, residual: Array, prior: tuple[Array, Array], temper: float
+        self, index: Sequence[int], rows: Array, residual: Array, prior: tuple[Array, Array], temper: float,
+        mean_residual: Array | None = None,
     ) -> Regression:
         """Return the regression with some columns and the residual replaced; Grams of the rest are kept.
 
@@ -240,6 +241,8 @@ class Regression:
             Standard deviation and offset of all baseline coefficients.
         temper
             Of the new regression.
+        mean_residual
+            Shape (K,); the one there is where None.
         """
         other = copy.copy(self)
         earlier = [i for i, place in enumerate(self._fresh[0]) if place not in index and place != self.count]
@@ -250,7 +253,8 @@ class Regression:
         other.grams[:, :, places] = cross
         other.grams[:, places, :] = np.swapaxes(cross, 1, 2)
         root, old = np.sqrt(temper), np.sqrt(self.temper)
-        other.mean_residual, other.mean_columns = self.mean_residual * root / old, self.mean_columns * root / old
+        means = self.mean_residual / old if mean_residual is None else mean_residual
+        other.mean_residual, other.mean_columns = root * means, self.mean_columns * root / old
         other.prior_std, other.prior_offset = prior[0] / root, prior[1]
         other.temper = temper
         return other

@@ -23,7 +23,7 @@ from ride_estimation.diagnosis.candidates import (
     within,
 )
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.fitting import FullFit, FullFitter, tolerance_of
+from ride_estimation.diagnosis.fitting import FullFit, FullFitter, tolerance_of, unsettled
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw, form_columns, free_law
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Sign
 from ride_estimation.diagnosis.noise import temper_of
@@ -48,6 +48,8 @@ _STRAINED = 4.0
 _OWN, _MINOR = 0.5, 0.02
 #: share of the original residual that a further cause removes at least, also where that is all that is left
 _LEAST = 0.01
+#: standard deviations by which a plant may be from the installation that the accepted causes leave
+_BENT = 0.5
 
 #: prior standard deviation of a coefficient that nothing is known of
 _FREE = 1e12
@@ -190,6 +192,7 @@ class Selector:
             if not worthwhile and before is not None and not self._solved(before, accepted):
                 accepted, contests = before, known
                 break
+            accepted = self._settled(accepted)
             if self._exhausted(accepted) or self._spent:
                 break
         kept = accepted.fitted if accepted is not None else ()
@@ -197,6 +200,18 @@ class Selector:
         return Selection(
             accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._spent
         )
+
+    def _settled(self, accepted: FullFit) -> FullFit:
+        """Return accepted causes in a model whose installation is calibrated with them.
+
+        A fault that nothing named yet bends all tolerances that can make up for a part of it, beyond what a good installation
+        has: readings of other sensors of the same body, of the bases, the CG. They are free again once it is named.
+        """
+        if not self._cal.held and unsettled(accepted) < _BENT:
+            return accepted
+        self._hold(dataclasses.replace(self._cal, held={}))
+        self._fits += 1
+        return self.fitter.fit(accepted.fitted, 3, accepted, settle=True)
 
     def _bounded(self, accepted: FullFit | None) -> FullFit | None:
         """Return the accepted model with errors that no good installation has held where their causes count from.
@@ -207,7 +222,8 @@ class Selector:
             return accepted
         count = len(accepted.adjustables)
         beyond = beyond_limits(accepted.adjustables, accepted.coefficients[:count], accepted.covariance[:count, :count])
-        fresh = {i: value for i, value in beyond.items() if i not in self._cal.held}
+        own, first = accepted.adjustables, self._cal.adjustables
+        fresh = {i: v - own[i].offset + first[i].offset for i, v in beyond.items() if i not in self._cal.held}
         if not fresh:
             return accepted
         self._hold(dataclasses.replace(self._cal, held={**self._cal.held, **fresh}))

@@ -75,3 +75,10 @@ class Work:
         state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
         coefficients = fit.coefficients[: fit.regression.count]
         return Model(state, fit.adjustables, coefficients, fit.fitted, fit.view.scales, fit.view.plant)
+
+    def stated(self) -> Work:
+        """Return the same with the standard deviations that are stated, see :meth:`fitting.FullFitter.stated`."""
+        fit = self.selection.accepted
+        if fit is None:
+            return self
+        return dataclasses.replace(self, selection=dataclasses.replace(self.selection, accepted=self.selector.fitter.stated(fit)))

@@ -7,12 +7,15 @@ import dataclasses
 
 import numpy as np
 
+from ride_estimation.sensors.installation import USUAL
 from worlds.cab import (
+    CabSensor,
     CabVehicle,
     Measurement,
     measure,
     random_sensors,
     random_vehicle,
+    rotation_of_degrees,
     simulate,
 )
 from worlds.calibration import BestLinear
@@ -34,6 +37,7 @@ class Planted:
     form: str
     size: float
     residual: float
+    magnitudes: dict[str, float] = dataclasses.field(default_factory=dict)  #: part of the name of a stated number -> true one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,6 +70,7 @@ def make_scenario(
     form: str | None = None,
     follow: tuple[float, float] = (1.0, 0.0),
     step: float = 1e-3,
+    installation: float = 0.0,
 ) -> Scenario:
     """Draw a vehicle, roads and places, plant the causes at the wanted residual and measure.
 
@@ -83,6 +88,8 @@ def make_scenario(
         Functional form of the first cause, drawn where None.
     follow
         How the brackets of the vehicle follow the twist of its frame, see ``roads.Road``.
+    installation
+        Errors of every sensor (gain, rotation, place, offset, delay) in standard deviations of a good installation.
     """
     rng = np.random.default_rng([seed, sum(map(ord, "".join(causes)))])
     vehicle = random_vehicle(rng, vehicle_kind)
@@ -103,6 +110,8 @@ def make_scenario(
         true_vehicle, true_sensors, cg_off = combine(planted[0][0], planted[1][0])(planted[0][1], planted[1][1])
     elif len(planted) > 2:
         raise ValueError("at most two effects at once")
+    if installation > 0.0:
+        true_sensors = _installed(true_sensors, np.random.default_rng([seed, 9]), installation)
     fit = measure(simulate(true_vehicle, bases[0]), true_sensors, rate_hz, seed * 10 + 5, noise_share=noise)
     # the same sensors, the same noise in m/s^2, on the other roads
     validation = tuple(
@@ -113,8 +122,66 @@ def make_scenario(
         mass_off=float(file_error * 0.01 * rng.uniform(-1, 1)),
         inertia_off=float(file_error * 0.03),
     )
-    facts = tuple(Planted(e.cause, e.location, e.axis, e.form, float(s), float(r)) for e, s, r in planted)
+    facts = tuple(
+        Planted(e.cause, e.location, e.axis, e.form, float(s), float(r), _magnitudes(e, float(s), vehicle, true_sensors))
+        for e, s, r in planted
+    )
     return Scenario(facts, vehicle, belief, fit, validation, seed, road_kind)
+
+
+def _installed(sensors: tuple[CabSensor, ...], rng: np.random.Generator, scale: float) -> tuple[CabSensor, ...]:
+    """Return sensors with the errors of a good installation on top of what was planted."""
+    out = []
+    for s in sensors:
+        channels = 1 if s.kind == "displacement" else 3
+        gain = 1.0 + scale * USUAL.gain * rng.standard_normal(channels)
+        turn = rotation_of_degrees(np.degrees(scale * USUAL.misalignment * rng.standard_normal(3)))
+        offset = scale * USUAL.position * rng.standard_normal(3)
+        bias = scale * (USUAL.bias if channels == 3 else USUAL.travel_zero) * rng.standard_normal(channels)
+        late = scale * USUAL.delay * float(rng.standard_normal())
+        if channels == 1:
+            out.append(dataclasses.replace(s, gain=s.gain * gain, bias=s.bias + bias, delay_s=s.delay_s + late))
+            continue
+        place = s.position if s.true_position is None else s.true_position
+        rotation = s.rotation if s.true_rotation is None else s.true_rotation
+        # a bracket reads at its own place: an error of it would be a rotation of the bracket about nothing
+        out.append(dataclasses.replace(
+            s, gain=s.gain * gain, bias=s.bias + bias, delay_s=s.delay_s + late, true_rotation=rotation @ turn,
+            true_position=place + offset if s.place == "cab" else s.true_position,
+        ))
+    return tuple(out)
+
+
+def _magnitudes(e: Effect, size: float, plain: CabVehicle, sensors: tuple[CabSensor, ...]) -> dict[str, float]:
+    """Return the true numbers that a diagnosis states of an effect, by a part of their name."""
+    vehicle, _, cg_off = e.apply(size)
+    hidden, axis = vehicle.hidden, "xyz".find(e.axis) if e.axis else 0
+    sensor = next((s for s in sensors if s.name == e.location), None)
+    if sensor is not None:
+        gain = np.broadcast_to(sensor.gain, 3)
+        turn = np.eye(3) if sensor.true_rotation is None else sensor.rotation.T @ sensor.true_rotation
+        moved = np.zeros(3) if sensor.true_position is None else sensor.true_position - sensor.position
+        skew = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        return {
+            "sensor_gain": {"gain error": float(gain[axis] - 1.0)}, "sensor_delay": {"delay": sensor.delay_s},
+            "sensor_misalignment": {"angle": float(np.degrees(np.arcsin(np.clip(skew[axis], -1.0, 1.0))))},
+            "wrong_sensor_position": {"position error": float(moved[axis])},
+            "sensor_clipping": {"clipping level": float(sensor.clip)},
+        }.get(e.cause, {})
+    if e.cause == "mass_change" and hidden.mass_after is not None:
+        return {"added mass": float(hidden.mass_after[1] - plain.mass)}
+    if e.cause == "cg_offset":
+        return {"CG offset": float(cg_off[axis])}
+    if e.cause == "flexible_mode" and hidden.elastic is not None:
+        return {"natural frequency": float(hidden.elastic[0])}
+    if e.cause == "missing_degree_of_freedom" and hidden.suspended is not None:
+        return {"moving mass": float(hidden.suspended[0]), "natural frequency": float(hidden.suspended[1])}
+    if e.cause == "harmonic_disturbance" and hidden.push is not None:
+        return {"frequency": float(hidden.push[1])}
+    if e.cause == "coulomb_friction" and hidden.laws:
+        place = {"bouc_wen": 0, "jenkins_chain": 1}.get(e.form)
+        return {} if place is None or len(hidden.laws) > 1 else {"friction level": float(hidden.laws[0][3][place])}
+    return {}
 
 
 def _calibrated(

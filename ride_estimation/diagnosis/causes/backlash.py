@@ -70,16 +70,18 @@ class Backlash(Cause):
                 label = group.label(view, p)
                 clearance, damping = 2.0 * fitted.shape["half"] * view.scales[p][0], float(view.state.damping[p])
                 lost, std = -float(fitted.coefficients[i]) / damping, fitted.std(i) / damping
-                out.append(Reported(f"clearance of the damper{label}", float(clearance), 0.2 * float(clearance), "m"))
+                spread = 2.0 * view.scales[p][0] * fitted.spread("half", 0.2 * fitted.shape["half"])
+                out.append(Reported(f"clearance of the damper{label}", float(clearance), spread, "m"))
                 out.append(Reported(f"share of the damping behind it{label}", lost, std, "-"))
             return tuple(out)
         for i, p in enumerate(group.ports):
             x_rms = view.scales[p][0]
             share = min(1.0, -float(fitted.coefficients[2 * i]) / max(float(view.state.stiffness[p]), 1e-9))
             clearance = 2.0 * fitted.shape["half"] * x_rms * share
-            label = group.label(view, p)
-            out.append(Reported(f"clearance{label}", float(clearance), 0.2 * float(clearance), "m"))
-            out.append(Reported(f"middle of the clearance{label}", float(fitted.shape["centre"] * x_rms), 0.3 * x_rms, "m"))
+            spread = 2.0 * x_rms * share * fitted.spread("half", 0.2 * fitted.shape["half"])
+            label, middle = group.label(view, p), float(fitted.shape["centre"] * x_rms)
+            out.append(Reported(f"clearance{label}", float(clearance), spread, "m"))
+            out.append(Reported(f"middle of the clearance{label}", middle, x_rms * fitted.spread("centre", 0.3), "m"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:

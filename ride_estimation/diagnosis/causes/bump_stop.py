@@ -100,8 +100,8 @@ class BumpStop(Cause):
             x = view.deflection[:, p]
             x_rms = view.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
-            label = group.label(view, p)
-            out.append(Reported(f"gap{label}", float(gap), 0.05 * float(gap), "m"))
+            label, spread = group.label(view, p), x_rms * fitted.spread("gap", 0.05 * fitted.shape["gap"])
+            out.append(Reported(f"gap{label}", float(gap), float(spread), "m"))
             deepest = np.array([max(max(float(np.max(side * x)) for side in _sides(fitted)) - gap, 0.0)])
             force = float(_elastic(fitted, i, deepest, x_rms, float(deepest[0]))[0])
             out.append(Reported(f"force at the deepest contact{label}", force, 0.1 * force, "N"))

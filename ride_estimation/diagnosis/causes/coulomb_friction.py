@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 _COLUMNS = 3
 _BEHIND = "behind a spring or a play"
+#: mean stroke from one reversal to the next of a random motion, in its rms: sqrt(2 pi)
+_STROKE = 2.5
 #: half of the play in rms deflections at and below which there is none, and the exponent of Bouc-Wen for a spring and a slider
 _NO_PLAY, _SHARP = 0.02, 20.0
 
@@ -66,7 +68,9 @@ class CoulombFriction(Cause):
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m].
 
-        The standard deviation of the level is that of its fit and, because no law of a library is the real one, 7 % of it.
+        The standard deviation of the level is that of its fit, 7 % of it, because no law of a library is the real one, and what
+        lies beyond the strokes of the run: laws with one sliding distance d that approach their level exponentially or as
+        ``x / (x + d)`` differ by ``d / (s + d)`` there after a stroke s.
         """
         group = group_of(view, fitted)
         out: list[Reported] = []
@@ -74,23 +78,24 @@ class CoulombFriction(Cause):
             for i, p in enumerate(group.ports):
                 label = group.label(view, p)
                 level, x_rms = float(fitted.coefficients[i]), view.scales[p][0]
-                clearance, reach = 2.0 * fitted.shape["half"] * x_rms, fitted.shape["slope"] * x_rms
+                half, slope = fitted.shape["half"], fitted.shape["slope"]
+                play, stroke = fitted.spread("half", 0.2 * half), fitted.spread("slope", 0.5 * slope)
                 out.append(Reported(f"friction level{label}", level, float(np.hypot(fitted.std(i), FORM**0.5 * level)), "N"))
                 if _has_play(fitted):
-                    out.append(Reported(f"clearance before it{label}", float(clearance), 0.2 * float(clearance), "m"))
-                out.append(Reported(f"stroke from contact to sliding{label}", float(reach), 0.5 * float(reach), "m"))
+                    out.append(Reported(f"clearance before it{label}", float(2.0 * half * x_rms), 2.0 * x_rms * play, "m"))
+                out.append(Reported(f"stroke from contact to sliding{label}", float(slope * x_rms), x_rms * stroke, "m"))
             return tuple(out)
         for i, p in enumerate(group.ports):
             part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
             share = fitted.coefficients[part]
             level = float(share.sum())
-            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + FORM * level**2))
-            label = group.label(view, p)
+            reach = fitted.shape["reach"] * float(share[0] + 4.0 * share[1]) / max(level, 1e-12)
+            beyond = FORM + (reach / (reach + _STROKE)) ** 2
+            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + beyond * level**2))
+            label, x_rms = group.label(view, p), view.scales[p][0]
             out.append(Reported(f"friction level{label}", level, std, "N"))
-            reach = fitted.shape["reach"] * view.scales[p][0]
-            mean = float(reach * (share[0] + 4.0 * share[1]) / max(level, 1e-12))
-            if mean > 0.0:
-                out.append(Reported(f"sliding distance{label}", mean, 0.5 * mean, "m"))
+            if reach > 0.0:
+                out.append(Reported(f"sliding distance{label}", reach * x_rms, 0.5 * reach * x_rms, "m"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, characteristic_hypotheses
 from ride_estimation.diagnosis.extension import add_damper_curve
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported
 from ride_estimation.diagnosis.port_groups import group_of
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -53,7 +53,7 @@ class DampingNonlinearity(Cause):
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):
                 weights = np.array([form.item() for form in characteristic_forms(np.array([u]), fitted.shape, over_rate=True)])
                 force = float(view.state.damping[p] * u * v_rms + weights @ fitted.coefficients[part])
-                std = float(np.sqrt(max(weights @ cov @ weights, 0.0)))
+                std = float(np.sqrt(max(weights @ cov @ weights, 0.0) + FORM * force**2))
                 out.append(Reported(f"damping force at {name} rate{label}", force, std, "N"))
             out.append(Reported(f"rms rate{label}", v_rms, 0.0, "m/s"))
         return tuple(out)

@@ -67,8 +67,8 @@ class FlexibleMode(Cause):
             if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
         ]
         return (
-            Reported("natural frequency", f, 0.03 * f, "Hz"),
-            Reported("damping ratio", z, 0.4 * z, "-"),
+            Reported("natural frequency", f, fitted.spread("frequency", 0.03 * f), "Hz"),
+            Reported("damping ratio", z, fitted.spread("damping", 0.4 * z), "-"),
             Reported(f"elastic rms at {rows[largest]}", float(rms), float(std), "m/s^2"),
         )
 

@@ -12,7 +12,7 @@ import numpy as np
 from ride_estimation.diagnosis.baseline import body_spectra
 from ride_estimation.diagnosis.body_wrench import wrench_column
 from ride_estimation.diagnosis.effect import Column, Shape
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import resonant
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
@@ -58,8 +58,9 @@ class MissingDegreeOfFreedom(Cause):
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
         return (
             Reported("moving mass", float(fitted.coefficients[0]), fitted.std(0), "kg"),
-            Reported("natural frequency", f, 0.1 * f, "Hz"),
-            Reported("damping ratio", z, 0.3 * z, "-"),
+            # a force of another form in quadrature shifts the frequency by as much of the width of the resonance
+            Reported("natural frequency", f, fitted.spread("frequency", FORM**0.5 * z * f), "Hz"),
+            Reported("damping ratio", z, fitted.spread("damping", FORM**0.5 * z), "-"),
         )
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:

@@ -6,13 +6,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, sensor_axes, sensor_column
+from ride_estimation.diagnosis.sensor_column import axis_name, is_input, sensor_axes, sensor_column
 from ride_estimation.diagnosis.sensor_extension import scale_sensor
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: coefficient below which a reading keeps a positive factor
+_LARGEST = 0.95
 
 
 @final
@@ -39,16 +47,33 @@ class SensorGain(Cause):
                     parts = [sensor_column(view, s, "gain", a) for a in g]
                     return [tuple(e for part in parts for e in part if e.where is not Where.MEAN)]
 
+                def fault(coefficients: Array, s: str = sensor, g: tuple[int, ...] = group) -> Array:
+                    scale = np.ones(3)
+                    scale[list(g)] += _gain_error(view, s, float(coefficients[0]))
+                    return np.diag(scale)
+
                 axis = axis_name(group[0]) if len(group) == 1 else ""
-                out.append(Hypothesis(self.ID, sensor, axis, columns))
+                out.append(Hypothesis(self.ID, sensor, axis, columns, plausible=_possible, fault=fault))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the factor minus one."""
-        return (Reported("gain error", float(fitted.coefficients[0]), fitted.std(0), "-"),)
+        error = _gain_error(view, fitted.hypothesis.location, float(fitted.coefficients[0]))
+        slope = (1.0 + error) ** 2 if is_input(view, fitted.hypothesis.location) else 1.0
+        return (Reported("gain error", error, slope * fitted.std(0), "-"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the factor into the correction of the sensor; the value at rest stays."""
         h = fitted.hypothesis
         axes = (AXES.index(h.axis),) if h.axis else sensor_axes(view, h.location)
-        return scale_sensor(vehicle, view, h.location, axes, float(fitted.coefficients[0]))
+        return scale_sensor(vehicle, view, h.location, axes, _gain_error(view, h.location, float(fitted.coefficients[0])))
+
+
+def _gain_error(view: RunView, sensor: str, coefficient: float) -> float:
+    """Return the factor minus one: of a base sensor the share of the reading that is too much was found."""
+    return coefficient / (1.0 - coefficient) if is_input(view, sensor) else coefficient
+
+
+def _possible(coefficients: Array) -> bool:
+    """Return whether the factor of a reading stays positive."""
+    return abs(float(coefficients[0])) < _LARGEST

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, turned_column
 from ride_estimation.diagnosis.sensor_extension import turn_sensor
+from ride_estimation.frames import rotation_matrices
 from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
 
 _LARGEST = 0.8  # reference of the search; what is turned further is mounted on another side [rad]
 #: references of the screening: a rotation that is no small one shortens the axes it turns [rad]
@@ -46,8 +50,11 @@ class SensorMisalignment(Cause):
                 # the coefficient is the angle; the reference only says at which angle its column is exact and costs nothing
                 grid = tuple({"angle": a} for a in _STARTS)
                 shapes = (Shape("angle", 0.0, -_LARGEST, _LARGEST, step=0.1),)
+                def fault(coefficients: Array, c: int = component) -> Array:
+                    return np.asarray(rotation_matrices(float(coefficients[0]) * np.eye(3)[c][None])[0].T)
+
                 axis = axis_name(component, rotation=True)
-                out.append(Hypothesis(self.ID, sensor, axis, columns, grid, shapes, complexity=-1.0))
+                out.append(Hypothesis(self.ID, sensor, axis, columns, grid, shapes, complexity=-1.0, fault=fault))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, characteristic_hypotheses
 from ride_estimation.diagnosis.extension import add_force_table
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported
 from ride_estimation.diagnosis.port_groups import group_of
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -63,7 +63,8 @@ class StiffnessNonlinearity(Cause):
             middle = max(slope + changes[2], 1e-9)
             for name, change in (("extension", changes[0]), ("compression", changes[1])):
                 ratio = (slope + change) / middle - 1.0
-                out.append(Reported(f"spring rate change at 2 rms {name}{label}", ratio, std / middle, "-"))
+                spread = float(np.hypot(std / middle, FORM**0.5 * ratio))
+                out.append(Reported(f"spring rate change at 2 rms {name}{label}", ratio, spread, "-"))
             out.append(Reported(f"rms deflection{label}", x_rms, 0.0, "m"))
         return tuple(out)
 

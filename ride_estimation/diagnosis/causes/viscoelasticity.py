@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.extension import add_parallel
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
 from ride_estimation.diagnosis.operators import relaxed
 from ride_estimation.diagnosis.port_groups import PortGroup, group_of, port_groups
 from ride_estimation.diagnosis.run_view import RunView
@@ -61,12 +61,13 @@ class Viscoelasticity(Cause):
             part = slice(2 * i, 2 * i + 2)
             stiffness = float(view.state.stiffness[p])
             label = group.label(view, p)
-            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0)))
-            ratio = float(fitted.coefficients[part].sum()) / stiffness
-            out.append(Reported(f"relaxing stiffness over static stiffness{label}", ratio, std / stiffness, "-"))
-        out.append(Reported("slow corner frequency", float(fitted.shape["corner"]), 0.3 * float(fitted.shape["corner"]), "Hz"))
-        fast = _RATIO * float(fitted.shape["corner"])
-        out.append(Reported("fast corner frequency", fast, 0.3 * fast, "Hz"))
+            relaxing = float(fitted.coefficients[part].sum())
+            std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + FORM * relaxing**2))
+            out.append(Reported(f"relaxing stiffness over static stiffness{label}", relaxing / stiffness, std / stiffness, "-"))
+        corner = float(fitted.shape["corner"])
+        spread = fitted.spread("corner", 0.3 * corner)
+        out.append(Reported("slow corner frequency", corner, spread, "Hz"))
+        out.append(Reported("fast corner frequency", _RATIO * corner, _RATIO * spread, "Hz"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
