@@ -33,13 +33,15 @@ DURATION_S = 30.0
 
 @dataclasses.dataclass(frozen=True)
 class Agreement:
-    """Planned over replayed standard deviation of every parameter, that of two replays, equal status, agreement of refusals."""
+    """Planned over replayed standard deviation of every parameter, that of two replays, equal status of both, agreement of
+    refusals, and the parameters whose status differs, in words."""
 
     std_ratio: np.ndarray
     std_repeated: np.ndarray
     status_agrees: float
+    status_repeated: float
     refusals_agree: bool
-
+    differing: tuple[str, ...]
 
 
 def within(ratios: np.ndarray, factor: float) -> float:
@@ -77,6 +79,8 @@ def agreement(layouts: int, seed: int) -> Agreement:
     ratios: list[float] = []
     repeated: list[float] = []
     same: list[bool] = []
+    same_again: list[bool] = []
+    differing: list[str] = []
     refusals = True
     for number in range(layouts):
         vehicle = random_layout(whole, rng)
@@ -94,10 +98,17 @@ def agreement(layouts: int, seed: int) -> Agreement:
         refusals &= not planned.refusal
         stated = {p.name: p for p in planned.parameters}
         for p in found:
-            same.append(p.status.value == stated[p.name].status)
+            plan = stated[p.name]
+            same.append(p.status.value == plan.status)
+            if not same[-1]:
+                own_std = f"{100 * p.std / abs(p.value):.1f} %"
+                words = f"plan {plan.words} {100 * plan.relative_std:.1f} %, replay {p.status.value} {own_std}"
+                differing.append(f"layout {number}, {len(vehicle.sensors)} sensors: {p.name}: {words}")
             ratios.append(stated[p.name].relative_std / (p.std / abs(p.value)))
+        same_again += [a.status is b.status for a, b in zip(found, again, strict=True)]
         repeated += [b.std / abs(b.value) / (a.std / abs(a.value)) for a, b in zip(found, again, strict=True)]
-    return Agreement(np.array(ratios), np.array(repeated), float(np.mean(same)), refusals)
+    shares = float(np.mean(same)), float(np.mean(same_again))
+    return Agreement(np.array(ratios), np.array(repeated), *shares, refusals, tuple(differing))
 
 
 def main() -> None:
@@ -105,12 +116,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--layouts", type=int, default=20)
     parser.add_argument("--seed", type=int, default=71)
+    parser.add_argument("--cases", action="store_true", help="print every parameter whose status differs")
     options = parser.parse_args()
     found = agreement(options.layouts, options.seed)
     print(f"{len(found.std_ratio)} parameters on {options.layouts} layouts; refusals agree: {found.refusals_agree}")
     for what, of in (("plan and replay", found.std_ratio), ("two replays", found.std_repeated)):
         print(f"{what}: std within a factor 1.5: {100 * within(of, 1.5):.1f} % (goal 95), within 2: {100 * within(of, 2):.1f} %")
-    print(f"plan and replay: status agrees: {100 * found.status_agrees:.1f} % (goal 95)")
+    agrees, again = 100 * found.status_agrees, 100 * found.status_repeated
+    print(f"status agrees: plan and replay {agrees:.1f} % (goal 95), two replays {again:.1f} %")
+    for words in found.differing if options.cases else ():
+        print(words)
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ class Plan:
         present = self.result.present
         stated = {p.name: p for p in self.replay.parameters} if self.replay is not None else {}
         rows = [
-            [name, _percent(std), *([_percent(p.relative_std), p.status] if (p := stated.get(name)) else ["", ""])]
+            [name, _percent(std), *([_percent(p.relative_std), p.words] if (p := stated.get(name)) else ["", ""])]
             for name, std in zip(present.names, present.relative_std.tolist())
         ]
         return html_table(("parameter", "bound", "replay std", "status"), rows, repr(self))

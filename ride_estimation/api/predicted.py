@@ -50,11 +50,19 @@ class PredictedParameter:
         Standard deviation over the value, median over the drives: some installations lean far more than others.
     status
         The one most drives end with.
+    share
+        Of the drives, how many end with it: less than one where the installation of the sensors decides.
     """
 
     name: str
     relative_std: float
     status: str
+    share: float
+
+    @property
+    def words(self) -> str:
+        """Return the status, with its share where drives differ."""
+        return self.status if self.share == 1.0 else f"{self.status} ({100.0 * self.share:.0f} % of the drives)"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,5 +206,6 @@ def predicted_replay(
 def _of(same: tuple[Estimate, ...]) -> PredictedParameter:
     """Return what several drives state of one parameter."""
     relative = statistics.median(p.std / abs(p.value) if p.value and math.isfinite(p.std) else math.inf for p in same)
-    status = statistics.mode(sorted(p.status.value for p in same))
-    return PredictedParameter(same[0].name, relative, status)
+    states = sorted(p.status.value for p in same)
+    status = statistics.mode(states)
+    return PredictedParameter(same[0].name, relative, status, states.count(status) / len(states))

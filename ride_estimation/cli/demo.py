@@ -39,6 +39,7 @@ Row = tuple[object, ...]
 SETTLE_S = 10.0
 WINDOW_S = (12.0, 17.0)
 AXES = ("x", "y", "z")
+_GAIN = "error on another road"
 
 
 def run(options: argparse.Namespace) -> int:
@@ -58,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
     print(text_table(FORCE_HEAD, forces), "\n")
     print(found.verdict(), "\n", flush=True)
     links = {"replay in detail": "replay/report.html"}
+    verdict = found.verdict()
     tables: dict[str, tuple[Sequence[str], Sequence[Row]]] = {
         "Mount parameters": (PARAMETER_HEAD, parameters),
         f"Mount forces after {SETTLE_S:g} s": (FORCE_HEAD, forces),
@@ -68,9 +70,10 @@ def run(options: argparse.Namespace) -> int:
         print(sentence, "\n")
         tables["Diagnosis of a run with a hidden effect"] = (head, rows)
         links["diagnosis in detail"] = "diagnosis/report.html"
+        verdict = f"{verdict} {hidden_effect(rows)}"
     vertical = [signal[:, :, 2] for signal in (found.true, found.force, found.std)]
     figure = force_figure(found.time_s, found.mounts, vertical[0], vertical[1], vertical[2], WINDOW_S)
-    write_demo_report(out / "report.html", found.verdict(), tables, figure, NOTES, links)
+    write_demo_report(out / "report.html", verdict, tables, figure, NOTES, links)
     print(f"written: {out / 'report.html'} and beside it {', '.join(links.values())} ({time.monotonic() - started:.0f} s)")
     return 0
 
@@ -226,9 +229,17 @@ def diagnose(out: Path, vehicle: Path) -> tuple[Sequence[str], list[Row], str]:
             rows.append((what, f"{value} {p.unit}", "" if true is None else f"{plain(true)} {p.unit}", f"{cause.confidence:.0%}"))
     for gain in answer.gain.validation if answer.gain else ():
         floor = f"noise floor {100.0 * gain.noise_floor:.1f} %"
-        rows.append(("error on another road", f"{100.0 * gain.baseline:.1f} % to {100.0 * gain.extended:.1f} %", "", floor))
+        rows.append((_GAIN, f"{100.0 * gain.baseline:.1f} % to {100.0 * gain.extended:.1f} %", "", floor))
     measure = f"\nError: {answer.gain.metric}." if answer.gain else ""
     return ("what", "found", "true", "how sure"), rows, f"The truth: {document['description']}.{measure}"
+
+
+def hidden_effect(rows: Sequence[Row]) -> str:
+    """Return what the diagnosis found beside what is true, in one sentence, from its table."""
+    found = [f"{what}: {value} (true: {true})" for what, value, true, _ in rows if true]
+    gains = [f"error on another road {value}" for what, value, _, _ in rows if what == _GAIN]
+    words = "; ".join([*(found or ["not named"]), *gains])
+    return f"Hidden effect of a second run: {words}."
 
 
 def true_parameters(truth: Mapping[str, Any]) -> dict[str, float]:

@@ -68,7 +68,7 @@ def _print_bounds(result: SensorPlan, replay: PredictedReplay | None) -> None:
             ratio = _percent(result.ratios.get(name, math.inf)) if result.ratio_to and name != result.ratio_to else ""
             cells = f"{_percent(float(std)):>18}" + (f"{ratio:>18}" if result.ratio_to else "")
             if name in stated:
-                cells += f"{_percent(stated[name].relative_std):>14}  {stated[name].status}"
+                cells += f"{_percent(stated[name].relative_std):>14}  {stated[name].words}"
             print(f"{name:<40}{cells}".rstrip())
         print("(bound: Cramer-Rao bound for white noise, a perfect model and a frame that deforms by a tenth of its motion;")
         print(" replay std: what the estimator states after simulated drives with the installation errors of good sensors)")

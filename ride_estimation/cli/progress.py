@@ -8,6 +8,7 @@ and every four seconds.
 
 from __future__ import annotations
 
+import shutil
 import sys
 import threading
 import time
@@ -18,7 +19,8 @@ from ride_estimation.jit import compiling
 
 #: time between two looks at the clock [s]: a terminal is drawn anew, a log gets a line
 _REDRAW_S, _LINE_S = 0.2, 4.0
-_WIDTH = 30
+#: characters of the bar, and the fewest where words need the place
+_WIDTH, _LEAST_WIDTH = 30, 8
 
 
 class Progress:
@@ -92,7 +94,10 @@ class Progress:
         if not self._terminal:
             print(f"{self._label}: {words}", file=self._stream, flush=True)
             return
-        line = f"{self._label} [{'#' * round(_WIDTH * share):<{_WIDTH}}] {words}"
+        # a line that goes on below is not drawn anew by a carriage return
+        columns = shutil.get_terminal_size().columns - 1
+        bar = min(_WIDTH, max(columns - len(self._label) - len(words) - 4, _LEAST_WIDTH))
+        line = f"{self._label} [{'#' * round(bar * share):<{bar}}] {words}"[:columns]
         print(f"\r{line:<{self._drawn}}", end="", file=self._stream, flush=True)
         self._drawn = len(line)
 

@@ -164,3 +164,13 @@ def test_interpolation_keeps_nanoseconds() -> None:
     start = 1_700_000_000_000_000_000
     values = at_times([start + 500], [start, start + 1000], [[[0.0, 1.0]], [[1.0, 3.0]]])
     assert values == pytest.approx(np.array([[[0.5, 2.0]]]))
+
+
+def test_the_page_begins_with_the_hidden_effect_beside_its_truth() -> None:
+    named = [("verdict", "explained", "", ""), ("friction at front_left z: level", "127.0 ± 9.0 N", "120 N", "95%")]
+    gain = ("error on another road", "11.4 % to 1.5 %", "", "noise floor 1.0 %")
+    assert demo.hidden_effect([*named, gain]) == (
+        "Hidden effect of a second run: friction at front_left z: level: 127.0 ± 9.0 N (true: 120 N); "
+        "error on another road 11.4 % to 1.5 %."
+    )
+    assert demo.hidden_effect([("verdict", "unexplained", "", "")]) == "Hidden effect of a second run: not named."

@@ -13,9 +13,11 @@ import pytest
 from ride_estimation.api import predicted
 from ride_estimation.api.diagnosing import diagnose as re_diagnose
 from ride_estimation.api.planning import plan
+from ride_estimation.api.predicted import PredictedReplay
 from ride_estimation.api.runs import Run
 from ride_estimation.cli.main import main
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.identification.sensitivities import Excitation
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.simulation.field_run import run_scenario
@@ -180,3 +182,16 @@ def test_plan_and_replay_agree_on_random_layouts():
     assert len(found.std_ratio) >= 50
     assert module["within"](found.std_ratio, 1.5) >= 0.85
     assert found.status_agrees >= 0.85
+
+
+def test_a_status_that_depends_on_the_installation_says_in_how_many_drives() -> None:
+    def drive(status: Status) -> tuple[Estimate, ...]:
+        stiffness = Estimate("a.x.stiffness", 2.0, 0.4, "N/m", 2.0, status, "", 0)
+        return (stiffness, Estimate("m", 1.0, 0.01, "kg", 1.0, Status.VALID, "", 0))
+
+    states = (Status.ESTIMATING, Status.NOT_IDENTIFIABLE, Status.ESTIMATING, Status.ESTIMATING)
+    seen = PredictedReplay(30.0, tuple(map(drive, states)))
+    stiffness, mass = seen.parameters
+    assert (stiffness.status, stiffness.share, stiffness.words) == ("estimating", 0.75, "estimating (75 % of the drives)")
+    assert (mass.status, mass.words) == ("valid", "valid")
+    assert seen.of_status("estimating") == ("a.x.stiffness",)

@@ -50,6 +50,18 @@ def test_a_terminal_keeps_a_line_per_stage_and_ends_at_all_of_it(monkeypatch: py
     assert "100 %" in lines[1] and lines[2] == ""
 
 
+def test_a_line_is_no_wider_than_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("COLUMNS", "80")
+    with Progress("replay") as shown:
+        shown.begin("reading")
+        shown.begin("compiling for this machine, once: about 20 s of processor time, shared by 2 process(es)")
+    short, long, _ = screen.getvalue().split("\n")
+    assert len(short.rpartition("\r")[2].rstrip()) == 62
+    assert max(map(len, long.split("\r"))) == 79
+
+
 def test_what_fails_does_not_end_at_all_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
