@@ -6,6 +6,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+import numpy as np
+
 from ride_estimation.diagnosis.result import Diagnosis, Evidence
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.offline import OfflineRun
@@ -19,44 +21,50 @@ class ReplayPlots:
 
     result: OfflineRun
 
-    def measured(self, sensor: str, window_s: float = 5.0) -> Plot:
+    def measured(self, sensor: str | None = None, window_s: float = 5.0) -> Plot:
         """Return the reading of an accelerometer of the body, what the rigid body gives there, their difference and spectra.
+
+        Without a name it is that of the first accelerometer.
 
         Raises
         ------
         ConfigurationError
             No such accelerometer of the body.
         """
-        _one_of("accelerometer of the body", sensor, tuple(self.result.predicted))
-        return Plot(replay_plots.measured_against_model(self.result, sensor, window_s))
+        chosen = _one_of("accelerometer of the body", sensor, tuple(self.result.predicted))
+        return Plot(replay_plots.measured_against_model(self.result, chosen, window_s))
 
     def motion(self) -> Plot:
         """Return acceleration of the CG and inertial load over time."""
         return Plot(replay_plots.motion_and_load(self.result))
 
-    def forces(self, mount: str, window_s: float = 5.0) -> Plot:
-        """Return the forces of a mount where it carries most.
+    def forces(self, mount: str | None = None, window_s: float = 5.0) -> Plot:
+        """Return the forces of a mount where it carries most; without a name, of the mount whose force varies most.
 
         Raises
         ------
         ConfigurationError
             No such mount.
         """
-        _one_of("mount", mount, self.result.mount_names)
-        return Plot(replay_plots.mount_forces(self.result, self.result.mount_names.index(mount), window_s=window_s))
+        names, varies = self.result.mount_names, self.result.force[self.result.valid].std(axis=0).max(axis=-1, initial=0.0)
+        most_first = [names[i] for i in np.argsort(-varies)]
+        chosen = _one_of("mount", mount, most_first)
+        return Plot(replay_plots.mount_forces(self.result, names.index(chosen), window_s=window_s))
 
     def parameters(self, *names: str) -> Plot:
         """Return parameters over time, divided by what the vehicle file says, for example ``"front_left.z.stiffness"``.
 
+        Without a name they are the vertical stiffnesses.
+
         Raises
         ------
         ConfigurationError
-            No name, or an unknown one.
+            An unknown name.
         """
         known = tuple(p.name for p in self.result.parameters)
-        for name in names or ("",):
-            _one_of("parameter", name, known)
-        return Plot(replay_plots.parameter_convergence(self.result, names, "parameter"))
+        usual = tuple(name for name in known if name.endswith(".z.stiffness")) or known[:1]
+        chosen = tuple(_one_of("parameter", name, known) for name in names or usual)
+        return Plot(replay_plots.parameter_convergence(self.result, chosen, "parameter"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,6 +100,10 @@ class DiagnosisPlots:
         return self.answer.evidence
 
 
-def _one_of(kind: str, given: str, known: Sequence[str]) -> None:
-    if given not in known:
-        raise ConfigurationError(f"{given!r} is no {kind}; there are {', '.join(known)}")
+def _one_of(kind: str, given: str | None, known: Sequence[str]) -> str:
+    """Return the name that was given, the first known one where none was."""
+    if not known:
+        raise ConfigurationError(f"this result has no {kind}")
+    if given is not None and given not in known:
+        raise ConfigurationError(f"no {kind} {given!r}; there are {', '.join(known)}")
+    return known[0] if given is None else given
