@@ -45,10 +45,16 @@ class Difference:
         """Return the relative difference, not finite where the number was zero."""
         return (self.after.value - self.before.value) / abs(self.before.value) if self.before.value else math.inf
 
+    @property
+    def in_std(self) -> str:
+        """Return the difference in standard deviations as it is read, without a sign where it is none."""
+        tenths = 0.0 if self.deviations is None else round(self.deviations, 1)
+        return f"{tenths:+.1f}" if tenths else "0.0"
+
     def words(self) -> str:
         """Return it in words."""
         share = f" ({100 * self.share:+.3g} %)" if math.isfinite(self.share) else ""
-        far = "" if self.deviations is None else f", {self.deviations:+.1f} std"
+        far = "" if self.deviations is None else f", {self.in_std} std"
         return f"{self.before.name} {plain(self.before.value)} -> {plain(self.after.value)} {self.before.unit}{share}{far}"
 
 
@@ -100,7 +106,7 @@ def add_differences(page: Page, found: Sequence[Difference], names: tuple[str, s
     )
     rows = [
         [d.before.name, d.before.unit, _value(d.before), _value(d.after),
-         f"{100 * d.share:+.3g}" if math.isfinite(d.share) else "", "" if d.deviations is None else f"{d.deviations:+.1f}",
+         f"{100 * d.share:+.3g}" if math.isfinite(d.share) else "", "" if d.deviations is None else d.in_std,
          "changed" if d.changed else "" if d.deviations is not None else "not judged"]
         for d in found
     ]  # fmt: skip

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -180,3 +181,10 @@ def test_two_diagnoses_are_compared(tmp_path: Path, capsys: pytest.CaptureFixtur
     (after / "diagnosis.json").write_text('{"schema": "ride_estimation/diagnosis/1", "causes": 7}')
     assert main(["compare", str(before), str(after), "--out", str(tmp_path / "out")]) == 2
     assert "does not have the form" in capsys.readouterr().err
+
+
+def test_a_difference_that_rounds_to_nothing_has_no_sign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folders = [finished(tmp_path / name, value, 1e3) for name, value in (("before", 5e4), ("after", 5e4 - 1.0))]
+    assert main(["compare", *map(str, folders), "--out", str(tmp_path / "out")]) == 0
+    assert ", 0.0 std" in capsys.readouterr().out
+    assert not re.search(r"[-+]0\.0(?!\d)", (tmp_path / "out" / "report.html").read_text())

@@ -294,6 +294,17 @@ def test_a_time_may_be_dates_or_times_of_day(heading: str, texts: list[str], tmp
         assert channel.time_s[1] == datetime.datetime(2026, 3, 13, tzinfo=datetime.UTC).timestamp()
 
 
+def test_a_reader_of_a_library_draws_no_bar_between_the_lines_of_a_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rpc3 = pytest.importorskip("rpc3")
+    rpc3.write(str(tmp_path / "run.rsp.rpc"), [rpc3.Channel("a", "g", 0.005, np.arange(2048.0))], datatype=float)
+    (tmp_path / "run.rsp.rpc").rename(tmp_path / "run.rsp")
+    capsys.readouterr()
+    assert main(["inspect", str(tmp_path / "run.rsp")]) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_units_of_test_rigs_abroad() -> None:
     assert unit_factor("kip") == ("N", pytest.approx(4448.2216)) and unit_factor("lbf") == ("N", pytest.approx(4.4482216))
     assert unit_factor("psi") == ("Pa", pytest.approx(6894.757)) and unit_factor("in") == ("m", 0.0254)

@@ -15,7 +15,8 @@ from ride_estimation.io.files.channels import UNKNOWN_START_NS, FileChannel, Mea
 def read_rpc(path: Path) -> MeasurementFile:
     """Read all channels; the format has no start time."""
     rpc3 = require("rpc3", "RPC III")
-    found, _ = rpc3.read(str(path))
+    with contextlib.redirect_stderr(io.StringIO()):  # it draws a bar of progress
+        found, _ = rpc3.read(str(path))
     channels = []
     for channel in found or ():
         values = np.asarray(channel.data, dtype=float)
@@ -32,7 +33,7 @@ def write_rpc(path: Path, channels: tuple[FileChannel, ...]) -> None:
     found = [rpc3.Channel(c.name, c.unit, step, np.asarray(c.values)) for c in channels]
     whole = path.with_name(f"{path.name}.rpc")  # it adds this ending to names of others, .drv among them
     try:
-        with contextlib.redirect_stderr(io.StringIO()):  # it draws a bar of progress
+        with contextlib.redirect_stderr(io.StringIO()):
             rpc3.write(str(whole), found, datatype=float, overwrite=True)
         whole.replace(path)
     finally:
