@@ -12,10 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ride_estimation.io.run_metrics import Metric, run_metrics
+from ride_estimation.reporting.numbers import plain, reading_unit
 from ride_estimation.reporting.outliers import Outlier, find_outliers, run_sentence
-from ride_estimation.reporting.page import Link, Page
+from ride_estimation.reporting.page import Digits, Link, Page
 
-#: runs that stand out and numbers per run that are shown; the table holds all
+#: what names of metrics hold: damage of a mount along an axis, exposure of a place
+_EQUIVALENT, _EXPOSURE = " equivalent amplitude", "A(8) of"
+#: outliers and numbers per run that are shown; the table has all
 _SHOWN = 40
 _NUMBERS = 5
 _PANELS = 12
@@ -63,9 +66,7 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
     counts = Counter(row.status for row in rows)
     good = [(row.name, run_metrics(row.result)) for row in rows if row.result]
     outliers = find_outliers(good)
-    page.verdict(
-        f"{len(good)} of {len(rows)} runs evaluated, {counts['failed']} failed, {len({o.run for o in outliers})} outliers."
-    )
+    page.verdict(_verdict(len(rows), counts["failed"], len({o.run for o in outliers}), good))
     if counts["failed"]:
         page.heading("Failed runs")
         page.table(["run", "reason"], [[row.name, row.error] for row in rows if row.status == "failed"])
@@ -86,11 +87,6 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
     page.heading("Spread over the runs")
     page.text("Only usable values count: parameters with the status valid, damage that is known.")
     names = list(dict.fromkeys(name for _, metrics in good for name in metrics))
-    groups = _groups(rows)
-    if len(groups) > 1:
-        page.heading("By tag")
-        page.text("Median over the usable values of the runs with a tag; a run may have several.")
-        page.table(["metric", "unit", *(f"{tag} ({len(own)})" for tag, own in groups.items())], _by_tag(names, groups))
     page.table(
         ["metric", "unit", "runs", "median", "smallest", "largest", "robust std"],
         [_spread(name, good) for name in names if _known(name, good)],
@@ -98,6 +94,11 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
     unknown = [name for name in names if not _known(name, good)]
     if unknown:
         page.text(f"Usable in no run: {', '.join(unknown)}.")
+    groups = _groups(rows)
+    if len(groups) > 1:
+        page.heading("By tag")
+        page.text("Median over the usable values of the runs with a tag; a run may have several.")
+        page.table(["metric", "unit", *(f"{tag} ({len(own)})" for tag, own in groups.items())], _by_tag(names, groups))
     shown = [name for name in names if _varies(name, good)][:_PANELS]
     if shown:
         page.heading("Pictures")
@@ -105,6 +106,35 @@ def fleet_page(title: str, rows: Sequence[Row]) -> Page:
         numbers = [place for place, row in enumerate(rows, start=1) if row.result]
         page.figure(_strips(shown, good, numbers, outliers), caption, tight=False)
     return page
+
+
+def _verdict(asked: int, failed: int, odd: int, good: Sequence[tuple[str, Mapping[str, Metric]]]) -> str:
+    """Return what became of the runs, and which of them loads mounts and people most."""
+    words = [f"{len(good)} of {asked} runs evaluated, {failed} failed, {odd} outliers"]
+    loads = [(most.value, most.name, run) for run, metrics in good if (most := _most(metrics, _EQUIVALENT)) is not None]
+    if loads:
+        value, name, run = max(loads)
+        words.append(f"the most damaging load is {_place(name)} in {run}: equivalent amplitude {plain(1e-3 * value, 3)} kN")
+    exposures = [(most.value, run) for run, metrics in good if (most := _most(metrics, _EXPOSURE)) is not None]
+    if exposures:
+        value, run = max(exposures)
+        words.append(f"A(8) is highest in {run}: {plain(value, 3)} m/s²")
+    return f"{'; '.join(words)}."
+
+
+def _most(metrics: Mapping[str, Metric], what: str) -> Metric | None:
+    """Return the largest usable metric of a kind."""
+    return max((m for m in metrics.values() if what in m.name and m.sure), key=lambda m: m.value, default=None)
+
+
+def _place(name: str) -> str:
+    """Return mount and axis of a metric, as in ``front_left z``."""
+    return name.partition(_EQUIVALENT)[0].replace(".", " ")
+
+
+def _reading(metric: Metric) -> tuple[str, float]:
+    """Return the unit a metric is read in and the factor to it."""
+    return ("kN", 1e-3) if _EQUIVALENT in metric.name else reading_unit(metric.unit)
 
 
 def _runs(rows: Sequence[Row], odd: Collection[str]) -> tuple[list[str], list[list[object]]]:
@@ -117,8 +147,13 @@ def _runs(rows: Sequence[Row], odd: Collection[str]) -> tuple[list[str], list[li
         known = sum(p.get("status") == "valid" for p in row.result.get("parameters", ()))
         name: object = Link(row.name, row.report) if row.report else row.name
         what = "outlier" if row.name in odd else row.status
-        lines.append([name, *(row.labels.get(label, "") for label in labels), what, *numbers, known if row.result else ""])
-    return ["run", *labels, "status", "duration [s]", "valid [%]", "warnings", "parameters valid"], lines
+        load, exposure = _most(metrics, _EQUIVALENT), _most(metrics, _EXPOSURE)
+        loads: list[object] = [] if load is None else [_place(load.name), Digits(plain(1e-3 * load.value, 3))]
+        found = [*(loads or ("", "")), "" if exposure is None else Digits(plain(exposure.value, 3))]
+        said = [row.labels.get(label, "") for label in labels]
+        lines.append([name, *said, what, *found, *numbers, known if row.result else ""])
+    heads = ["most damaging", "eq. amplitude [kN]", "A(8) [m/s²]", "duration [s]", "valid [%]", "warnings"]
+    return ["run", *labels, "status", *heads, "parameters valid"], lines
 
 
 def _groups(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mapping[str, Metric]]]]:
@@ -131,16 +166,14 @@ def _groups(rows: Sequence[Row]) -> dict[str, list[tuple[str, Mapping[str, Metri
     return found
 
 
-def _by_tag(
-    names: Sequence[str], groups: Mapping[str, Sequence[tuple[str, Mapping[str, Metric]]]]
-) -> list[list[object]]:
+def _by_tag(names: Sequence[str], groups: Mapping[str, Sequence[tuple[str, Mapping[str, Metric]]]]) -> list[list[object]]:
     """Return a line per metric that is usable under two tags: its median under each."""
     lines: list[list[object]] = []
     for name in names:
         values = [[value for _, value in _known(name, runs)] for runs in groups.values()]
         if sum(map(bool, values)) > 1:
-            unit = next(metrics[name].unit for runs in groups.values() for _, metrics in runs if name in metrics)
-            lines.append([name, unit, *(float(np.median(own)) if own else "" for own in values)])
+            unit, factor = next(_reading(metrics[name]) for runs in groups.values() for _, metrics in runs if name in metrics)
+            lines.append([name, unit, *(factor * float(np.median(own)) if own else "" for own in values)])
     return lines
 
 
@@ -149,10 +182,10 @@ def _known(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[
 
 
 def _spread(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[object]:
-    unit = next(metrics[name].unit for _, metrics in runs if name in metrics)
-    values = np.array([value for _, value in _known(name, runs)])
+    unit, factor = next(_reading(metrics[name]) for _, metrics in runs if name in metrics)
+    values = factor * np.array([value for _, value in _known(name, runs)])
     middle = float(np.median(values))
-    robust = 1.4826 * float(np.median(np.abs(values - middle)))
+    robust = 1.4826 * float(np.median(np.abs(values - middle))) if len(values) > 1 else ""
     return [name, unit, len(values), middle, float(values.min()), float(values.max()), robust]
 
 
@@ -171,8 +204,8 @@ def _strips(
         axes = figure.add_subplot(rows, 3, place)
         known = _known(name, runs)
         colours = ["#cf222e" if (runs[i][0], name) in odd else "#0969da" for i, _ in known]
-        axes.scatter([numbers[i] for i, _ in known], [value for _, value in known], s=10, c=colours)
-        unit = next(metrics[name].unit for _, metrics in runs if name in metrics)
+        unit, factor = next(_reading(metrics[name]) for _, metrics in runs if name in metrics)
+        axes.scatter([numbers[i] for i, _ in known], [factor * value for _, value in known], s=10, c=colours)
         axes.set_title(name if len(name) < 46 else f"{name[:44]}...", fontsize=7)
         axes.set_ylabel(f"[{unit}]", fontsize=7)
         axes.set_xlabel("run [row]", fontsize=7)

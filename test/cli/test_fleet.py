@@ -176,15 +176,35 @@ def test_the_summary_says_per_run_what_stands_out() -> None:
     def result(factor: float) -> dict[str, Any]:
         names = [f"p{i}" for i in range(7)]
         parameters = [{"name": n, "value": factor * 10.0, "std": 0.1, "unit": "N/m", "status": "valid"} for n in names]
-        return {"run": {"duration_s": 5.0}, "warnings": [], "parameters": parameters}
+        def bounds(least: float) -> dict[str, float]:
+            return {"equivalent_lower_n": least, "equivalent_upper_n": 2e3}
+
+        mounts = [
+            {"mount": "left", "axis": a, "equivalent_amplitude_n": n * factor, **bounds(least)}
+            for a, n, least in (("y", 1500.0, 0.0), ("z", 1200.0, 1000.0))
+        ]
+        comfort = {"places": [{"location": "seat", "z": {"a_w_m_per_s2": 0.5}, "a8_m_per_s2": 0.6 * factor}]}
+        loads = {"durability": {"slope": 5.0, "mounts": mounts}, "comfort": comfort}
+        return {"run": {"duration_s": 5.0}, "warnings": [], "parameters": parameters, **loads}
 
     rows = [Row(f"r{i}", "done", "", result(1.0 + 0.001 * i), {"tags": "empty"}, "runs/r/report.html") for i in range(5)]
     rows += [Row("odd", "done", "", result(2.0), {"tags": "loaded"}), Row("bad", "failed", "why it failed", {}, {})]
     page = fleet_page("folder", rows)
     texts = [b.text for b in page.blocks if isinstance(b, Text)]
-    assert any(t.startswith("6 of 7 runs evaluated, 1 failed, 1 outliers") for t in texts)
+    # the answer first: a load that is not known (y) is none
+    assert texts[0] == (
+        "6 of 7 runs evaluated, 1 failed, 1 outliers; the most damaging load is left z in odd: equivalent amplitude 2.4 kN; "
+        "A(8) is highest in odd: 1.2 m/s²."
+    )
+    (runs,) = [b for b in page.blocks if isinstance(b, Table) and "most damaging" in b.headers]
+    at = runs.headers.index("most damaging")
+    assert [str(cell) for cell in runs.rows[0][at : at + 3]] == ["left z", "1.2", "0.6"]
+    assert [str(cell) for cell in runs.rows[-1][at : at + 3]] == ["", "", ""]
     (by_tag,) = [b for b in page.blocks if isinstance(b, Table) and "empty (5)" in b.headers]
     (line,) = [row for row in by_tag.rows if row[0] == "p0"]
-    assert line[2:] == pytest.approx((10.02, 20.0))
+    assert line[1] == "N/mm" and line[2:] == pytest.approx((0.01002, 0.02))
+    # tables stand below their own heading
+    (spread,) = [b for b in page.blocks if isinstance(b, Table) and "robust std" in b.headers]
+    assert page.blocks.index(spread) < page.blocks.index(by_tag)
     (odd,) = [t for t in texts if t.startswith("odd:")]
-    assert "p0 20 instead of 10.0" in odd and "and 2 more" in odd
+    assert "p0 20 instead of 10.0" in odd and "and 4 more" in odd
