@@ -70,12 +70,11 @@ class Plan:
         return f"Plan({self.vehicle.name}: rank {present.rank} of {len(present.names)} parameters)"
 
     def _repr_html_(self) -> str:
-        present = self.result.present
-        stated = {p.name: p for p in self.replay.parameters} if self.replay is not None else {}
-        rows = [
-            [name, _percent(std), *([_percent(p.relative_std), p.words] if (p := stated.get(name)) else ["", ""])]
-            for name, std in zip(present.names, present.relative_std.tolist())
-        ]
+        bounds = {n: _percent(std) for n, std in zip(self.result.present.names, self.result.present.relative_std.tolist())}
+        if self.replay is None:
+            return html_table(("parameter", "bound"), [[name, bound] for name, bound in bounds.items()], repr(self))
+        stated = {p.name: (_percent(p.relative_std), p.words) for p in self.replay.parameters}
+        rows = [[name, bound, *stated.get(name, ("", ""))] for name, bound in bounds.items()]
         return html_table(("parameter", "bound", "replay std", "status"), rows, repr(self))
 
     @property

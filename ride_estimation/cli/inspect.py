@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.cli.parts import part_of_options
-from ride_estimation.errors import InputDataError
+from ride_estimation.cli.finite import require_finite
+from ride_estimation.cli.parts import part_of_options, time_of_options
+from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.bag_source import open_bag
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.channel_guess import best_match, guess_channels, sensor_words
+from ride_estimation.io.files.channels import TimeSource
 from ride_estimation.io.files.formats import read_measurement_file
 from ride_estimation.io.messages import accepted_types
 from ride_estimation.io.recorded_run import is_measurement_file
@@ -35,10 +37,13 @@ _COMPONENTS = ("x", "y", "z", "rate x", "rate y", "rate z")
 
 def run(options: argparse.Namespace) -> int:
     """Print one block per topic."""
+    require_finite(options)
     begin, end = part_of_options(options)
     vehicle = load_vehicle(options.vehicle) if options.vehicle else None
     if is_measurement_file(Path(options.recording)):
         return _inspect_file(Path(options.recording), vehicle, options)
+    if time_of_options(options) != TimeSource():
+        raise ConfigurationError("--time, --time-unit, --rate: only for a measurement file; messages of a bag have stamps")
     source = open_bag(Path(options.recording))
     sensors = _sensors_of({topic: kind for topic, kind in source.types.items() if source.counts[topic]})
     for topic, kind in sorted(source.types.items()):
@@ -67,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _inspect_file(path: Path, vehicle: Vehicle | None, options: argparse.Namespace) -> int:
     """Print one line per channel of a measurement file."""
-    file = read_measurement_file(path)
+    file = read_measurement_file(path, time_of_options(options))
     start = min(float(c.time_s[0]) for c in file.channels)
     texts = [(round(seconds * 1e9), text) for seconds, text in file.events]
     events = run_events(path, round(start * 1e9), texts, options.events)

@@ -7,11 +7,12 @@ import argparse
 import json
 
 from ride_estimation.cli.finite import require_finite
+from ride_estimation.cli.parts import time_of_options
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.io.atomic import write_atomically
 from ride_estimation.io.channel_guess import Guess, guess_channels
 from ride_estimation.io.files.channel_map import SCHEMA, components
-from ride_estimation.io.files.channels import TIME_UNITS, MeasurementFile, TimeSource
+from ride_estimation.io.files.channels import MeasurementFile, TimeSource
 from ride_estimation.io.files.formats import read_measurement_file
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -20,14 +21,10 @@ from ride_estimation.vehicles.vehicle import Vehicle
 def run(options: argparse.Namespace) -> int:
     """Guess, print, write."""
     require_finite(options)
-    if options.time_unit not in ("", *TIME_UNITS):
-        raise ConfigurationError(f"--time-unit {options.time_unit}; allowed: {', '.join(TIME_UNITS)}")
-    if options.rate < 0.0:
-        raise ConfigurationError(f"--rate {options.rate:g}; allowed: above 0 Hz")
+    time = time_of_options(options)
     if options.out is not None and options.out.exists():
         raise ConfigurationError("exists already and is not replaced; give another name or remove it", where=str(options.out))
     vehicle = load_vehicle(options.vehicle)
-    time = TimeSource(options.time, options.time_unit, options.rate)
     file = read_measurement_file(options.file, time)
     found = guess_channels(file.channels, vehicle.sensors, vehicle.gravity)
     if not found:

@@ -10,6 +10,7 @@ import pytest
 
 from ride_estimation.cli.main import main
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
+from ride_estimation.resources import shared_path
 
 STANDING = str(Path(__file__).parents[2] / "bags" / "standing")
 
@@ -45,3 +46,20 @@ def test_a_file_that_is_no_run_is_refused(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "x.mcap").touch()
     assert main(["inspect", str(tmp_path / "x.mcap")]) == 2
     assert capsys.readouterr().err
+
+
+def test_a_table_without_a_column_of_time_is_inspected_with_its_rate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run.csv").write_text("ticks,a [g]\n" + "".join(f"{2 * k},1\n" for k in range(50)))
+    run = str(tmp_path / "run.csv")
+    assert main(["inspect", run]) == 2
+    assert "--rate" in capsys.readouterr().err
+    assert main(["inspect", run, "--rate", "500"]) == 0
+    assert "a [g]: 50 samples, 500 Hz, 0 gaps" in capsys.readouterr().out
+    assert main(["inspect", run, "--time", "ticks", "--time-unit", "ms"]) == 0
+    assert "0.098 s, 1 channels" in capsys.readouterr().out
+    for wrong in (["--rate", "nan"], ["--rate", "-1"], ["--time-unit", "hours"]):
+        assert main(["inspect", run, *wrong]) == 2
+    assert main(["inspect", str(shared_path("bags", "standing", "bag")), "--rate", "500"]) == 2
+    assert "messages of a bag have stamps" in capsys.readouterr().err

@@ -195,3 +195,11 @@ def test_a_status_that_depends_on_the_installation_says_in_how_many_drives() -> 
     assert (stiffness.status, stiffness.share, stiffness.words) == ("estimating", 0.75, "estimating (75 % of the drives)")
     assert (mass.status, mass.words) == ("valid", "valid")
     assert seen.of_status("estimating") == ("a.x.stiffness",)
+
+
+def test_a_notebook_shows_the_prediction_only_where_drives_were_simulated() -> None:
+    bounds = plan("single_imu", unknown_mass=True, drives=False)
+    assert "<th>bound</th>" in bounds._repr_html_() and "status" not in bounds._repr_html_()
+    estimate = Estimate(bounds.result.present.names[0], 2.0, 0.4, "N/m", 2.0, Status.ESTIMATING, "", 0)
+    text = dataclasses.replace(bounds, replay=PredictedReplay(30.0, ((estimate,),)))._repr_html_()
+    assert "<th>status</th>" in text and "<td>20 %</td>" in text and "<td>estimating</td>" in text

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ride_estimation.cli.arguments.parts import add_time_arguments
 from ride_estimation.io.files.suffixes import READ_SUFFIXES
 
 HELP = "propose a channel map for a logger file: which channel is which component of which sensor, by name, unit and gravity"
@@ -21,7 +22,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument("file", type=Path, metavar="FILE", help=f"measurement file: {', '.join(READ_SUFFIXES)}")
     parser.add_argument("--vehicle", required=True, metavar="V.yaml", help="vehicle file with the sensors")
-    parser.add_argument("--time", default="", metavar="CHANNEL", help="column of the time, where its name does not say it")
-    parser.add_argument("--time-unit", default="", metavar="UNIT", help="of that column: s, ms, us, ns")
-    parser.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="samples per second of a table without time")
+    add_time_arguments(parser)
     parser.add_argument("--out", type=Path, metavar="MAP.yaml", help="channel map to write; an existing file is not replaced")

@@ -17,6 +17,13 @@ def add_channels_argument(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_time_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--time``, ``--time-unit`` and ``--rate`` of a table."""
+    parser.add_argument("--time", default="", metavar="CHANNEL", help="column of the time, where its name does not say it")
+    parser.add_argument("--time-unit", default="", metavar="UNIT", help="of that column: s, ms, us, ns")
+    parser.add_argument("--rate", type=float, default=0.0, metavar="HZ", help="samples per second of a table without time")
+
+
 def add_part_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--from``, ``--to`` and ``--events``."""
     parser.add_argument(

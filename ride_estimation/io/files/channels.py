@@ -200,8 +200,8 @@ def table_channels(
         place, seconds = -1, np.arange(len(columns[0])) / time.rate_hz
     else:
         raise InputDataError(
-            f"{path}: no time column (called {', '.join(_TIME_NAMES[:3])}); name it in the channel map (time: {{channel: ...}}) "
-            f"or give rate_hz there. Columns: {', '.join(names)}"
+            f"{path}: no time column (called {', '.join(_TIME_NAMES[:3])}); name it (channel map, time: {{channel: ...}}; "
+            f"--time) or give the rate (rate_hz there; --rate). Columns: {', '.join(names)}"
         )
     name = names[place] if found else "time"
     check_time(path, name, seconds)
