@@ -286,20 +286,24 @@ def _joined(
         signals[f"{name}_std"] = np.repeat(np.sqrt(variance), ticks, axis=0)
     sensors = list(blocks[0].measured)
     stamps, valid = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("stamp_ns", "valid"))
+    measured = {n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
+    predicted = {n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
+    views = _views(blocks, {**signals, "stamp_ns": stamps, "valid": valid})
+    blocks.clear()  # a long run is not held twice while it is smoothed
     return OfflineRun(
         mount_names=pipeline.geometry.mount_names,
         signals=signals,
         stamp_ns=stamps,
         valid=valid,
-        measured={n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors},
-        predicted={n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors},
+        measured=measured,
+        predicted=predicted,
         parameters=parameters,
         history=history,
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
         smoothed=second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory),
-        blocks=_views(blocks, {**signals, "stamp_ns": stamps, "valid": valid}),
+        blocks=views,
         reports=reports,
     )
 
