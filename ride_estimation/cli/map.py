@@ -27,9 +27,12 @@ def run(options: argparse.Namespace) -> int:
     vehicle = load_vehicle(options.vehicle)
     file = read_measurement_file(options.file, time)
     found = guess_channels(file.channels, vehicle.sensors, vehicle.gravity)
-    if not found:
+    if not found and options.out is None:
         there = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in file.channels)
-        raise InputDataError(f"{options.file}: no channel looks like one of a sensor of {vehicle.name}; channels: {there}")
+        raise InputDataError(
+            f"{options.file}: no channel looks like one of a sensor of {vehicle.name}; --out writes a map to fill in. "
+            f"Channels: {there}"
+        )
     for name, guess in found.items():
         print(f"{name:<32} {guess.channel:<28} {guess.why}")
     missing = [name for sensor in vehicle.sensors.values() for name, _ in components(sensor) if name not in found]
@@ -41,12 +44,13 @@ def run(options: argparse.Namespace) -> int:
         print(f"channels not used: {', '.join(rest)}")
     if options.out is not None:
         write_atomically(options.out, _text(file, vehicle, time, found))
-        print(f"written: {options.out}; look at every line")
+        what = "look at every line" if found else "no channel looks like one of a sensor: fill it in"
+        print(f"written: {options.out}; {what}")
     return 0
 
 
 def _text(file: MeasurementFile, vehicle: Vehicle, time: TimeSource, found: dict[str, Guess]) -> str:
-    """Return the map as text with comments; a sensor that is not complete is a comment as a whole."""
+    """Return the map as text with comments: a sensor that is not complete as a whole, and channels that are not used."""
     lines = [f"# proposed from the names, units and gravity of {file.name}: look at every line", f"schema: {SCHEMA}"]
     said: dict[str, str | float] = {"channel": time.channel, "unit": time.unit, "rate_hz": time.rate_hz}
     if any(said.values()):
@@ -65,8 +69,9 @@ def _text(file: MeasurementFile, vehicle: Vehicle, time: TimeSource, found: dict
             plain = not guess.unit and guess.factor == 1.0
             value = json.dumps(guess.channel, ensure_ascii=False) if plain else _flow({k: v for k, v in entry.items() if v})
             lines.append(f"  {off}{name}: {value}  # {guess.why}")
-    if not any(not line.lstrip().startswith("#") for line in lines[lines.index("channels:") + 1 :]):
-        raise InputDataError(f"{file.name}: no sensor of {vehicle.name} has all of its components in the file")
+    used = {guess.channel for guess in found.values()}
+    rest = [c for c in file.channels if c.name not in used]
+    lines += [f"# not used: {json.dumps(c.name, ensure_ascii=False)} [{c.unit or 'no unit'}]" for c in rest]
     return "\n".join(lines) + "\n"
 
 

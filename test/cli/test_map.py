@@ -79,11 +79,30 @@ def test_what_names_do_not_say_is_not_guessed(tmp_path: Path, capsys: pytest.Cap
     # two channels that say the same, and a sensor of which two components are there
     names = ("cab FL x", "acc_cab_FL_x", "cab FR x", "cab FR y")
     (tmp_path / "run.csv").write_text(f"time,{','.join(f'{n} [g]' for n in names)}\n0,1,2,3,4\n1,1,2,3,4\n")
-    assert main(["map", str(tmp_path / "run.csv"), "--vehicle", "truck_cab", "--out", str(tmp_path / "map.yaml")]) == 2
-    assert "no sensor of truck_cab has all of its components" in capsys.readouterr().err
+    assert main(["map", str(tmp_path / "run.csv"), "--vehicle", "truck_cab", "--out", str(tmp_path / "map.yaml")]) == 0
+    capsys.readouterr()
+    lines = (tmp_path / "map.yaml").read_text().splitlines()
+    assert '  # cab_front_right.x: "cab FR x"  # name and unit [g]' in lines and "  # cab_front_right.z: ???" in lines
+    assert not [line for line in lines[lines.index("channels:") + 1 :] if not line.lstrip().startswith("#")]
+    assert '# not used: "acc_cab_FL_x" [g]' in lines
     (tmp_path / "there.yaml").touch()
     assert main(["map", str(tmp_path / "run.csv"), "--vehicle", "truck_cab", "--out", str(tmp_path / "there.yaml")]) == 2
     assert "not replaced" in capsys.readouterr().err
+
+
+def test_a_map_of_names_that_say_nothing_is_there_to_be_filled_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "run.csv").write_text("time,CH1 [g],CH2 [g],CH3 [g]\n0,1,2,3\n1,1,2,3\n2,1,2,3\n")
+    out = tmp_path / "map.yaml"
+    assert main(["map", str(tmp_path / "run.csv"), "--vehicle", "truck_cab", "--out", str(out)]) == 0
+    assert "no channel looks like one of a sensor: fill it in" in capsys.readouterr().out
+    text = out.read_text()
+    for number, axis in enumerate("xyz", start=1):
+        assert f'# not used: "CH{number}" [g]\n' in text
+        text = text.replace(f"# cab_front_left.{axis}: ???", f"cab_front_left.{axis}: CH{number}")
+    out.write_text(text)
+    sources = load_channel_map(out, SENSORS).sources
+    wanted = {f"cab_front_left.{a}": f"CH{n}" for n, a in zip("123", "xyz")}
+    assert {name: source.channel for name, source in sources.items()} == wanted
 
 
 def test_inspect_shows_a_logger_file_with_the_same_guess(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
