@@ -21,7 +21,7 @@ from ride_estimation.diagnosis.run_view import RunView
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_BATCH = 48  # columns of one product
+_BATCH = 16  # columns of one product: more take memory and no less time
 _USUAL_COLUMNS = 2  # of a hypothesis at one place
 
 #: hypothesis, shape, and the hypotheses served by its columns with the places of their ports among its own

@@ -294,17 +294,15 @@ class Selector:
         """Return the full fits of some sets of hypotheses, in their order."""
         return list(self._each_fitted(sets, passes, after))
 
-    def _lightened(self, found: list[tuple[FullFit, int]]) -> list[tuple[FullFit, int]]:
-        """Return the fits of a round so far, those that cannot become the best any more without their trajectories.
+    def _lightened(self, found: list[tuple[FullFit, int]], kept: FullFit | None) -> list[tuple[FullFit, int]]:
+        """Return the fits of a round so far, all but the best and the accepted one without their trajectories.
 
-        Trajectories take a hundred megabytes each. The common temper of a round only falls with further fits, and a lower one
-        favours smaller misfits.
+        Trajectories take a hundred megabytes each.
         """
         temper = self._common_temper(f for f, _ in found)
         best = max((f for f, _ in found), key=lambda f: f.log_likelihood(temper))
         return [
-            (f if f is best or f.misfit < best.misfit else f.slim(self._cal.view, self._cal.regression), place)
-            for f, place in found
+            (f if f is best or f is kept else f.slim(self._cal.view, self._cal.regression), place) for f, place in found
         ]
 
     def _without_trajectory(self, candidate: Candidate) -> Candidate:
@@ -387,12 +385,18 @@ class Selector:
             found.append((accepted, place))
             short = [s for s in short if not same_model(s, accepted.fitted[place])]
         passes = 3 if accepted is None else 2
-        for fit in self._each_fitted([[*kept, s] for s in short], passes, accepted):
+        starts: list[Sequence[Score | Fitted]] = [[*kept, s] for s in short]
+        tried: list[Sequence[Score | Fitted]] = [()] * len(found)
+        for start, fit in zip(starts, self._each_fitted(starts, passes, accepted)):
             meaningful = all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
             if meaningful and (accepted is None or (beyond_tolerance(fit) and not at_bounds(fit.fitted[-1]))):
-                found = self._lightened([*found, (fit, len(kept))])
+                found, tried = self._lightened([*found, (fit, len(kept))], accepted), [*tried, start]
         temper = self._common_temper(f for f, _ in found)
-        candidates = sorted((Candidate(f, f.log_likelihood(temper), i) for f, i in found), key=lambda c: -c.log_likelihood)
+        order = sorted(range(len(found)), key=lambda i: -found[i][0].log_likelihood(temper))
+        if order and not found[order[0]][0].rows.shape[2]:
+            # it was behind when its trajectory was given up: a common temper falls with further fits
+            found[order[0]] = self._fitted([tried[order[0]]], passes, accepted)[0], len(kept)
+        candidates = [Candidate(f, f.log_likelihood(temper), i) for f, i in (found[n] for n in order)]
         candidates = [*candidates[:1], *map(self._without_trajectory, candidates[1:])]
         own = 1.0
         if candidates and kept:

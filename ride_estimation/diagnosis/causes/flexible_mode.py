@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.noise import smoothed_power
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _LOWEST_HZ = 4.0
+#: damping ratios of modes on their mounts, and how far from the peak of the residual, by which factor, a mode may lie
+_RATIOS, _REACH, _TRIALS = (0.02, 0.05, 0.1, 0.2), 1.25, 9
+_AROUND = 0.3  # of a peak, where its residual is looked at
 
 
 @final
@@ -42,8 +45,8 @@ class FlexibleMode(Cause):
             ]
             if len(rows) <= len(view.plant.coordinate_rows(body)):
                 continue
-            for frequency in compliant_peaks(view, rows):
-                drive = _drive_weights(view, rows, frequency)
+            for peak in compliant_peaks(view, rows):
+                frequency, damping, drive = _resonance(view, rows, peak)
 
                 def columns(view: RunView, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
                     f, z = float(shape["frequency"]), float(shape["damping"])
@@ -51,13 +54,18 @@ class FlexibleMode(Cause):
                     signal = view.grid.signal(modal)
                     return [*((Effect(Where.OUTPUT, i, signal),) for i in r), _reaction(view, modal, w)]
 
-                grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (0.015, 0.05))
+                light = _RATIOS[0] if damping > _RATIOS[0] else _RATIOS[1]
+                grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (light, damping))
                 bounds = (Shape("frequency", frequency, 0.7 * frequency, 1.4 * frequency), Shape("damping", 0.03, 0.004, 0.3))
                 out.append(Hypothesis(self.ID, body, "", columns, grid, bounds, complexity=float(len(drive))))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return natural frequency [Hz], damping ratio and the channel that moves most."""
+        """Return natural frequency [Hz] on the mounts and free of them, damping ratio and the channel that moves most.
+
+        Free of the mounts is the mode that a finite-element model or a body on soft slings has: ``w_free^2 = w^2 - K`` with the
+        stiffness K per modal mass that the mounts give it.
+        """
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
         largest = int(np.argmax(np.abs(fitted.coefficients[:-1])))
         (modal,) = fitted.hypothesis.columns(view, fitted.shape)[largest]
@@ -66,8 +74,14 @@ class FlexibleMode(Cause):
             s.name for s in view.plant.outputs
             if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
         ]
+        spread, given = fitted.spread("frequency", FORM**0.5 * z * f), _given_by_mounts(view, fitted)
+        share = -given * float(fitted.coefficients[-1]) / (2.0 * np.pi * f) ** 2
+        unsure = given * fitted.std(len(fitted.coefficients) - 1) / (2.0 * np.pi * f) ** 2
+        free = f * float(np.sqrt(np.clip(1.0 - share, 0.0, None)))
+        slope = 0.5 * f**2 / max(free, 0.1 * f)
         return (
-            Reported("natural frequency", f, fitted.spread("frequency", 0.03 * f), "Hz"),
+            Reported("natural frequency", f, spread, "Hz"),
+            Reported("natural frequency free of the mounts", free, float(np.hypot(slope * unsure, spread)), "Hz"),
             Reported("damping ratio", z, fitted.spread("damping", 0.4 * z), "-"),
             Reported(f"elastic rms at {rows[largest]}", float(rms), float(std), "m/s^2"),
         )
@@ -130,27 +144,54 @@ def _reaction(view: RunView, modal: ComplexArray, weights: Array) -> Column:
     return tuple(Effect(Where.PORT, p, view.grid.signal(force[:, p])) for p in range(len(weights)))
 
 
-def _drive_weights(view: RunView, rows: list[int], frequency_hz: float) -> Array:
-    """Return how much every port drives the mode: alternating least squares of pattern and drive around the resonance.
+def _given_by_mounts(view: RunView, fitted: Fitted) -> float:
+    """Return the sum of the squared drive of a mode times the stiffness of every port, what one unit of reaction gives w^2."""
+    grid, state = view.grid, view.state
+    columns = fitted.hypothesis.columns(view, fitted.shape)
+    stretch = -grid.spectrum(columns[0][0].signal) / grid.omega**2
+    total = 0.0
+    for effect in columns[-1]:
+        stiffness, damping = state.stiffness[effect.index], state.damping[effect.index]
+        of_unit = (stiffness + 1j * grid.omega * damping) * stretch
+        drive = float(np.real(np.vdot(of_unit, grid.spectrum(effect.signal)))) / max(float(np.sum(np.abs(of_unit) ** 2)), 1e-300)
+        total += stiffness * drive**2
+    return total
 
-    In units of this run's modal acceleration: on another road the same mode is driven harder or less.
+
+def _resonance(view: RunView, rows: list[int], peak_hz: float) -> tuple[float, float, Array]:
+    """Return frequency [Hz], damping ratio and drive of the mode that leaves least of the residual around a peak.
+
+    What the mounts that it moves add makes a mode stiffer and more damped: driven with another phase than that of the residual
+    no weights fit it. The weights are in units of this run's modal acceleration: on another road the same mode is driven harder
+    or less.
     """
-    f = view.grid.frequency
-    near = np.abs(f - frequency_hz) < 0.25 * frequency_hz
+    trials = [(peak_hz * s, z) for z in _RATIOS for s in np.geomspace(1.0 / _REACH, _REACH, _TRIALS)]
+    frequency, ratio = min(trials, key=lambda t: _drive_weights(view, rows, peak_hz, *t)[1])
+    weights = _drive_weights(view, rows, peak_hz, frequency, ratio)[0]
+    size = float(np.std(view.grid.signal(_modal(view, frequency, ratio) @ weights)))
+    return frequency, ratio, np.asarray(weights / max(size, 1e-300))
+
+
+def _drive_weights(view: RunView, rows: list[int], peak_hz: float, frequency_hz: float, ratio: float) -> tuple[Array, float]:
+    """Return how much every port drives a mode and the share of the residual around a peak that it leaves.
+
+    Alternating least squares of the pattern in the channels and of the drive.
+    """
+    near = np.abs(view.grid.frequency - peak_hz) < _AROUND * peak_hz
     residual = view.residual_spectrum[near][:, rows]
-    modal = _modal(view, frequency_hz, 0.03)[near]
+    modal = _modal(view, frequency_hz, ratio)[near]
     scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=0)) + 1e-300
     stacked = np.vstack([(modal / scale).real, (modal / scale).imag])
-    _, vectors = np.linalg.eigh(np.real(np.conj(residual.T) @ residual))
-    pattern = vectors[:, -1]
     target = np.vstack([residual.real, residual.imag])
+    _, vectors = np.linalg.eigh(target.T @ target)
+    pattern = vectors[:, -1]
     normal = stacked.T @ stacked
     normal += 1e-3 * np.trace(normal) / len(normal) * np.eye(len(normal))
     weights = np.zeros(stacked.shape[1])
+    left = 1.0
     for _ in range(6):
-        weights = np.linalg.solve(normal, stacked.T @ (target @ pattern)) / float(pattern @ pattern)
+        weights = np.linalg.solve(normal, stacked.T @ (target @ pattern)) / max(float(pattern @ pattern), 1e-300)
         drive = stacked @ weights
         pattern = target.T @ drive / max(float(drive @ drive), 1e-300)
-        pattern = pattern / max(float(np.linalg.norm(pattern)), 1e-300)
-    weights = weights / scale
-    return np.asarray(weights / max(float(np.std(view.grid.signal(_modal(view, frequency_hz, 0.03) @ weights))), 1e-300))
+        left = 1.0 - float(pattern @ pattern) * float(drive @ drive) / max(float(np.sum(target**2)), 1e-300)
+    return np.asarray(weights / scale), left

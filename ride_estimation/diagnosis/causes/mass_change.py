@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import weakref
 from collections.abc import Sequence
 from typing import final
 
@@ -60,10 +61,11 @@ class MassChange(Cause):
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
 
-            def changing(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
-                window, gravity = step_window(view.data.time_s, float(shape["at"])), view.plant.vehicle.gravity
-                columns = (*_load(view, b, window, six_of(view, b)[1], gravity), *_inertia(view, b, window))
-                return [column for column in columns if column]
+            always = _AlwaysThere(body)
+
+            def changing(view: RunView, shape: Shapes, always: _AlwaysThere = always) -> list[Column]:
+                window = step_window(view.data.time_s, float(shape["at"]))
+                return [tuple(dataclasses.replace(e, signal=window * e.signal) for e in column) for column in always(view)]
 
             def constant(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
                 moving = view.grid.signal(balanced_acceleration(view, b))
@@ -115,6 +117,28 @@ class MassChange(Cause):
         return dataclasses.replace(vehicle, bodies={**vehicle.bodies, name: changed}), (
             f"mass and CG of {name} are those {when}; the inertia is left as it was",
         )
+
+
+class _AlwaysThere:
+    """Columns of a load on a body with its weight, as if it were there all the time; those of the last view are kept.
+
+    A search for the instant of a change takes them a hundred times along one motion.
+    """
+
+    def __init__(self, body: str) -> None:
+        self._body = body
+        self._last: tuple[weakref.ref[RunView], list[Column]] | None = None
+
+    def __call__(self, view: RunView) -> list[Column]:
+        """Return mass, first moments and moments of inertia as far as something tells them."""
+        last = self._last  # other threads may ask along other motions
+        if last is not None and last[0]() is view:
+            return last[1]
+        window, gravity = np.ones(len(view.data.time_s)), view.plant.vehicle.gravity
+        columns = (*_load(view, self._body, window, six_of(view, self._body)[1], gravity), *_inertia(view, self._body, window))
+        found = [column for column in columns if column]
+        self._last = weakref.ref(view), found
+        return found
 
 
 def _moments(view: RunView, fitted: Fitted) -> list[int]:
