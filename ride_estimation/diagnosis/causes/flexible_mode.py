@@ -21,6 +21,9 @@ ComplexArray = NDArray[np.complex128]
 _LOWEST_HZ = 4.0
 #: damping ratios of modes on their mounts, and how far from the peak of the residual, by which factor, a mode may lie
 _RATIOS, _REACH, _TRIALS = (0.02, 0.05, 0.1, 0.2), 1.25, 9
+_OCTAVE = 2.0
+_OF_STRUCTURES = 0.02  # damping ratio of welded structures
+_MOST = 0.8  # of the squared frequency that mounts can give a mode: beyond, it is a motion on them
 _AROUND = 0.3  # of a peak, where its residual is looked at
 
 
@@ -64,7 +67,8 @@ class FlexibleMode(Cause):
         """Return natural frequency [Hz] on the mounts and free of them, damping ratio and the channel that moves most.
 
         Free of the mounts is the mode that a finite-element model or a body on soft slings has: ``w_free^2 = w^2 - K`` with the
-        stiffness K per modal mass that the mounts give it.
+        stiffness K per modal mass that the mounts give it. Two kinds of evidence tell K: the forces with which the mounts answer
+        the mode, and the damping that they give it beside the little of a structure. Where they differ, so open is the value.
         """
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
         largest = int(np.argmax(np.abs(fitted.coefficients[:-1])))
@@ -74,11 +78,15 @@ class FlexibleMode(Cause):
             s.name for s in view.plant.outputs
             if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
         ]
-        spread, given = fitted.spread("frequency", FORM**0.5 * z * f), _given_by_mounts(view, fitted)
-        share = -given * float(fitted.coefficients[-1]) / (2.0 * np.pi * f) ** 2
-        unsure = given * fitted.std(len(fitted.coefficients) - 1) / (2.0 * np.pi * f) ** 2
-        free = f * float(np.sqrt(np.clip(1.0 - share, 0.0, None)))
-        slope = 0.5 * f**2 / max(free, 0.1 * f)
+        w, spread = 2.0 * np.pi * f, fitted.spread("frequency", FORM**0.5 * z * f)
+        stiffness, damping = _given_by_mounts(view, fitted)
+        answered = -stiffness * float(fitted.coefficients[-1]) / w**2
+        damped = 2.0 * max(z - _OF_STRUCTURES, 0.0) / w * stiffness / max(damping, 1e-300)
+        shares = np.clip([answered, damped], 0.0, _MOST)
+        share = float(np.mean(shares))
+        unsure = float(np.hypot(stiffness * fitted.std(len(fitted.coefficients) - 1) / w**2, 0.5 * np.ptp(shares)))
+        free = f * float(np.sqrt(1.0 - share))
+        slope = 0.5 * f**2 / free
         return (
             Reported("natural frequency", f, spread, "Hz"),
             Reported("natural frequency free of the mounts", free, float(np.hypot(slope * unsure, spread)), "Hz"),
@@ -144,18 +152,22 @@ def _reaction(view: RunView, modal: ComplexArray, weights: Array) -> Column:
     return tuple(Effect(Where.PORT, p, view.grid.signal(force[:, p])) for p in range(len(weights)))
 
 
-def _given_by_mounts(view: RunView, fitted: Fitted) -> float:
-    """Return the sum of the squared drive of a mode times the stiffness of every port, what one unit of reaction gives w^2."""
+def _given_by_mounts(view: RunView, fitted: Fitted) -> tuple[float, float]:
+    """Return the squared drive of a mode times stiffness and damping of every port, what a unit of reaction gives the mode."""
     grid, state = view.grid, view.state
     columns = fitted.hypothesis.columns(view, fitted.shape)
-    stretch = -grid.spectrum(columns[0][0].signal) / grid.omega**2
-    total = 0.0
+    # far below the resonance the ends of a run are more than its motion
+    near = np.abs(np.log(grid.frequency / float(fitted.shape["frequency"]))) < np.log(_OCTAVE)
+    omega = grid.omega[near]
+    stretch = -grid.spectrum(columns[0][0].signal)[near] / omega**2
+    total = np.zeros(2)
     for effect in columns[-1]:
         stiffness, damping = state.stiffness[effect.index], state.damping[effect.index]
-        of_unit = (stiffness + 1j * grid.omega * damping) * stretch
-        drive = float(np.real(np.vdot(of_unit, grid.spectrum(effect.signal)))) / max(float(np.sum(np.abs(of_unit) ** 2)), 1e-300)
-        total += stiffness * drive**2
-    return total
+        of_unit = (stiffness + 1j * omega * damping) * stretch
+        force = grid.spectrum(effect.signal)[near]
+        drive = float(np.real(np.vdot(of_unit, force))) / max(float(np.sum(np.abs(of_unit) ** 2)), 1e-300)
+        total += np.array([stiffness, damping]) * drive**2
+    return float(total[0]), float(total[1])
 
 
 def _resonance(view: RunView, rows: list[int], peak_hz: float) -> tuple[float, float, Array]:

@@ -1,0 +1,75 @@
+# Copyright 2026 ride_estimation contributors
+"""An elastic mode on its mounts: stiffer and more damped than free of them, and driven with that phase."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.causes.flexible_mode import _drive_weights, _modal, _resonance, compliant_peaks
+from ride_estimation.diagnosis.hypothesis import Fitted
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
+from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.signals.recording import UniformRun
+
+MOUNTED_HZ, MOUNTED_RATIO, PEAK_HZ = 14.0, 0.12, 12.5
+
+
+@pytest.fixture(scope="module")
+def view() -> RunView:
+    """Return a short run of the cab whose residual is a mode with a pattern of its own, driven by the vertical mounts."""
+    vehicle = load_vehicle("config/vehicles/truck_cab.yaml")
+    rng = np.random.default_rng(1)
+    count, rate = 1400, 100.0
+    data = {name: np.array([0.0, 0.0, 9.80665]) + 0.5 * rng.normal(size=(count, 3)) for name in vehicle.sensors}
+    valid = {name: np.ones(count, dtype=bool) for name in data}
+    plant = build_plant(vehicle, dict.fromkeys(data, 3))
+    state = ModelState(np.array([p.stiffness for p in plant.ports]), np.array([p.damping for p in plant.ports]))
+    plain = RunView(RunData(plant, measurement(plant, UniformRun("run", rate, 0, data, valid)), Settings()), state)
+    twist = np.array([(1.0 if i % 2 else -1.0) * (p.axis == "z") for i, p in enumerate(plant.ports)])
+    modal = _modal(plain, MOUNTED_HZ, MOUNTED_RATIO) @ twist
+    other = copy.copy(plain)
+    loud = 10.0 * np.abs(plain.data.output_spectrum).max() / np.abs(modal).max()
+    other.residual_spectrum = loud * modal[:, None] * np.linspace(-1.0, 1.0, len(plant.outputs))
+    return other
+
+
+def rows_of(view: RunView) -> list[int]:
+    return [i for i, s in enumerate(view.plant.outputs) if view.plant.vehicle.sensors[s.sensor].body == "cab"]
+
+
+def test_a_mode_is_driven_with_the_phase_that_its_mounts_give_it(view):
+    frequency, ratio, weights = _resonance(view, rows_of(view), PEAK_HZ)
+    assert frequency == pytest.approx(MOUNTED_HZ, rel=0.03) and ratio == 0.1
+    vertical = np.array([p.axis == "z" for p in view.plant.ports])
+    assert np.abs(weights[~vertical]).max() < 0.1 * np.abs(weights[vertical]).min()
+    of_light_mode = _drive_weights(view, rows_of(view), PEAK_HZ, PEAK_HZ, 0.02)[1]
+    assert _drive_weights(view, rows_of(view), PEAK_HZ, frequency, ratio)[1] < 0.01 < 0.05 < of_light_mode
+
+
+@pytest.mark.parametrize(("answered", "damped"), [(0.0, 0.0), (0.3, 0.3), (0.1, 0.4)])
+def test_free_of_its_mounts_a_mode_is_slower_by_what_they_give_it(view, answered, damped):
+    (hypothesis, *_) = library()["flexible_mode"].hypotheses(view)
+    drive = _resonance(view, rows_of(view), compliant_peaks(view, rows_of(view))[0])[2]
+    stiffness, damping = view.state.stiffness @ drive**2, view.state.damping @ drive**2
+    w = 2.0 * np.pi * MOUNTED_HZ
+    # a structure has 2 % of its own, mounts give stiffness and damping in the ratio of theirs
+    ratio = 0.02 + 0.5 * damped * w * damping / stiffness
+    shape = {"frequency": MOUNTED_HZ, "damping": ratio}
+    count = len(rows_of(view)) + 1
+    coefficients = np.array([*np.ones(count - 1), -answered * w**2 / stiffness])
+    fitted = Fitted(hypothesis, coefficients, np.zeros((count, count)), shape, {"frequency": 0.1, "damping": 0.01})
+    stated = {p.name: p for p in library()["flexible_mode"].parameters(view, fitted)}
+    assert stated["natural frequency"].value == MOUNTED_HZ
+    assert stated["natural frequency"].std == pytest.approx(np.hypot(0.1, 0.005**0.5 * ratio * MOUNTED_HZ))
+    free = stated["natural frequency free of the mounts"]
+    assert free.value == pytest.approx(MOUNTED_HZ * np.sqrt(1.0 - 0.5 * (answered + damped)), rel=0.02)
+    assert (free.std > 0.8) == (answered != damped)
