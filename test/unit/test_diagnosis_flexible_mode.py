@@ -51,8 +51,8 @@ def test_a_mode_is_driven_with_the_phase_that_its_mounts_give_it(view):
     assert frequency == pytest.approx(MOUNTED_HZ, rel=0.03) and ratio == 0.1
     vertical = np.array([p.axis == "z" for p in view.plant.ports])
     assert np.abs(weights[~vertical]).max() < 0.1 * np.abs(weights[vertical]).min()
-    of_light_mode = _drive_weights(view, rows_of(view), PEAK_HZ, PEAK_HZ, 0.02)[1]
-    assert _drive_weights(view, rows_of(view), PEAK_HZ, frequency, ratio)[1] < 0.01 < 0.05 < of_light_mode
+    assert _drive_weights(view, rows_of(view), PEAK_HZ, frequency, ratio)[1] < 0.01
+    assert _drive_weights(view, rows_of(view), PEAK_HZ, PEAK_HZ, 0.02)[1] > 0.05
 
 
 @pytest.mark.parametrize(("answered", "damped"), [(0.0, 0.0), (0.3, 0.3), (0.1, 0.4)])
