@@ -205,13 +205,20 @@ class Selector:
         """Return accepted causes in a model whose installation is calibrated with them.
 
         A fault that nothing named yet bends all tolerances that can make up for a part of it, beyond what a good installation
-        has: readings of other sensors of the same body, of the bases, the CG. They are free again once it is named.
+        has: readings of other sensors of the same body, of the bases, the CG. They are free again once it is named. Where the
+        plant that this leads to explains the run clearly worse, the errors were none of the installation.
         """
         if not self._cal.held and unsettled(accepted) < _BENT:
             return accepted
-        self._hold(dataclasses.replace(self._cal, held={}))
+        held = self._cal
+        self._hold(dataclasses.replace(held, held={}))
         self._fits += 1
-        return self.fitter.fit(accepted.fitted, 3, accepted, settle=True)
+        settled = self.fitter.fit(accepted.fitted, 3, accepted, settle=True)
+        temper = self._common_temper([accepted, settled])
+        if settled.log_likelihood(temper) > accepted.log_likelihood(temper) - self._settings.significance:
+            return settled
+        self._hold(held)
+        return accepted
 
     def _bounded(self, accepted: FullFit | None) -> FullFit | None:
         """Return the accepted model with errors that no good installation has held where their causes count from.
