@@ -170,6 +170,14 @@ def _mechanisms() -> dict[str, Mechanism]:
         "covariance of a placed load": Mechanism(
             "forces.mount_forces", "MountForceEstimator._placed_load", returns(zero6), "a load lies anywhere between the mounts"
         ),
+        "travel of a load": Mechanism(
+            "smoothing.smoothed_forces", "_SmoothedForces._rest", MountForceEstimator._rest,
+            "what transducers show of a load counts once in smoothed forces",
+        ),
+        "covariance of a misread base": Mechanism(
+            "parameters.parameter_estimator", "ParameterEstimator.misread_variance",
+            property(lambda self: np.zeros((len(self.geometry.mounts), 3))), "forces where a base sensor reads too much",
+        ),
         "widening without a base sensor (deflection)": Mechanism(
             "forces.base_fill", "BaseFill.widen", given(0), "deflections of a mount whose base motion is a guess"
         ),

@@ -388,7 +388,7 @@ class Pipeline:
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         self._deflection.forget_bias(self._fill.returned)
-        if self._checks.bases_inconsistent or self._parameters.bases_suspect:
+        if self._checks.bases_inconsistent:
             self._fill.suspect()
         if self.tilting.learns:
             body = force_at(motion.motion, motion.rate, self.geometry.arms)
@@ -475,9 +475,10 @@ class Pipeline:
         self._law.scale(self._parameters.multipliers() * self._factor)
         a, self._forces.mass = self.geometry, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
-        self._forces.cg_offset = cg_offset
+        self._forces.cg_offset, self._forces.loaded = cg_offset, self._parameters.loaded or self._load is not None
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.load_std
         self._forces.parameter_std = self._parameters.stds()
+        self._forces.misread_variance = self._factor**2 * self._parameters.misread_variance
 
     # -- results ----------------------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from worlds.vehicle_text import Belief
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.geometry import Geometry, geometry_of
-from ride_estimation.estimation.forces.mount_forces import STATIC_LOAD_STD, MountForceEstimator
+from ride_estimation.estimation.forces.mount_forces import STATIC_LOAD_STD, MountForceEstimator, static_split
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.loads import InertialLoads
@@ -131,6 +131,10 @@ def test_the_twist_of_static_loads_is_as_uncertain_as_weighing_or_levelling_leav
     drawn = shared * (1.0 + STATIC_LOAD_STD * rng.standard_normal((20_000, 4)))
     right = drawn + (geometry.weight - drawn @ g.T) @ gain.T
     np.testing.assert_allclose(np.sqrt(plain._static_variance()[2::3]), right.std(axis=0), rtol=0.03)
+    # shares rest on stiffness: what is not known of that adds to it
+    known = (geometry.mounts, geometry.wrench, plain.static_force.ravel(), geometry.weight)
+    open_stiffness = np.diag(static_split(*known, share_std=2.0 * STATIC_LOAD_STD)[1])
+    np.testing.assert_allclose(open_stiffness[2::3], 5.0 * plain._static_variance()[2::3], rtol=1e-6)
     loads = {n: Prior(float(v), std=3.0) for n, v in zip(geometry.mount_names, shared)}
     _, weighed = forces_of(with_static_loads(loads))
     assert np.all(np.sqrt(weighed._static_variance()[2::3]) <= 3.0)

@@ -21,6 +21,8 @@ from ride_estimation.vehicles.vehicle import Prior, Vehicle
 TICKS = 400
 #: stated sizes: deflection [m], rate [m/s], logarithm of a parameter, mass, static load [N]
 DEFLECTION, RATE, PARAMETER, MASS, STATIC = 4e-4, 8e-3, 0.1, 0.05, 60.0
+#: force that a misread base is worth [N]
+FORCE = 300.0
 #: covariance of the wrench [N, N m]
 LOAD = np.diag(np.array([200.0, 150.0, 400.0, 120.0, 180.0, 90.0]) ** 2)
 #: ticks so short that nothing is slow, and so long that everything is [s]
@@ -113,6 +115,28 @@ def test_uncertain_stiffness_and_damping(bases: bool):
         drive.forces.law.scale(1.0 + PARAMETER * drive.normal(2, 4, 3))
         errors.append(drive.observe(0.0, 0.0, 0.0).force - exact.force)
     agrees(errors, exact.std_model[0], 0.3)
+
+
+def test_slow_forces_that_are_shared_by_an_uncertain_stiffness():
+    drive = Drive(7, bases=False, dt=SLOW)
+    drive.value[:], drive.rate[:] = 0.0, 0.0
+    drive.support[:] = drive.forces.static_force.ravel() @ drive.forces.geometry.wrench.T + 3.0 * np.sqrt(np.diag(LOAD))
+    drive.forces.parameter_std[0] = PARAMETER
+    exact, errors = drive.stated(), []
+    for _ in range(300):
+        drive.forces.law.scale(1.0 + PARAMETER * drive.normal(2, 4, 3))
+        drive.forces._update_static()
+        errors.append(drive.observe(0.0, 0.0, 0.0).force - exact.force)
+    agrees(errors, exact.std_model[0], 0.35)
+
+
+def test_a_base_sensor_that_reads_too_much_along_one_axis():
+    drive = Drive(8, bases=False)
+    drive.forces.misread_variance[1, 1] = FORCE**2
+    exact, size = drive.stated(1.0, LOAD), np.full((4, 3), DEFLECTION)
+    size[1, 1] = np.hypot(DEFLECTION, FORCE / drive.forces.law.stiffness[1, 1])
+    wrong = [drive.observe(size * drive.normal(TICKS, 4, 3), RATE * drive.normal(TICKS, 4, 3), 0.0) for _ in range(10)]
+    agrees([w.force - exact.force for w in wrong], exact.std_model[0], 0.15)
 
 
 def test_uncertain_motion_of_the_body():

@@ -120,7 +120,10 @@ def test_a_base_sensor_that_reads_too_much_is_named_until_it_does_no_longer():
     gains = BaseGains(geometry_of(load_vehicle("truck_cab")), True)
     wrong, less, right = (np.where(np.arange(len(gains.places)) == 3, gain, 0.0) for gain in (0.3, 0.05, 0.0))
     for gain, suspects in ((less, set()), (wrong, {1}), (less, {1}), (right, set())):
-        gains.judge(memory(0.05, gain), np.zeros(3), PRIOR, 0)
+        gains.judge(memory(0.05, gain), np.zeros(3), PRIOR, 0, np.full(len(gains.places), 1e4))
         assert set(gains.suspects) == suspects
+        # an error of the force at that mount, as large as the gain and no larger
+        std = np.sqrt(gains.force_variance) / 100.0
+        assert std[1, 1] == pytest.approx(gain[3] if suspects else 0.0, rel=0.2) and std[1, 1] == std.max()
         assert all(words.startswith("chassis_front_right reads 1.") and " along y" in words for words in gains.suspects.values())
     assert "chassis_front_right" not in str(gains.suspects)

@@ -69,7 +69,7 @@ def test_a_missing_side_of_the_record_costs_what_is_stated() -> None:
 
 def model(log: float, std: float) -> ForceModel:
     one = np.ones((2, 1, 3))
-    return ForceModel(np.exp(log) * one, std * one, 1000.0, 0.01, np.eye(3), 0.0, np.zeros(3), 1.0)
+    return ForceModel(np.exp(log) * one, std * one, one[0], 1000.0, 0.01, np.eye(3), 0.0, np.zeros(3), False, 1.0)
 
 
 def test_a_run_begins_with_what_was_learned_later_and_a_change_stays_one() -> None:

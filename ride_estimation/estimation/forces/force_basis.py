@@ -23,23 +23,27 @@ class ForceModel:
     ----------
     multipliers, std
         Of stiffness and damping, factor of the mass included, and standard deviation of their logarithms, shape (2, M, 3).
+    misread
+        Variance of the forces for base sensors that read too much or too little, shape (M, 3) [N^2].
     mass, mass_std
         [kg] and its relative standard deviation.
     inertia, inertia_std
         Shape (3, 3) [kg m^2] and its relative standard deviation.
-    cg_offset
-        Of the CG from its place in the file, shape (3,) [m].
+    cg_offset, loaded
+        Of the CG from its place in the file, shape (3,) [m], and whether that is a load's.
     follow
         Share of the rotation of the brackets that the mount axes follow.
     """
 
     multipliers: Array
     std: Array
+    misread: Array
     mass: float
     mass_std: float
     inertia: Array
     inertia_std: float
     cg_offset: Array
+    loaded: bool
     follow: float
 
 
@@ -71,7 +75,7 @@ class ForceBasis:
     ) -> ForceBasis:
         """Return the basis of the block that was estimated just now; ``covariance`` is that of the wrench."""
         model = ForceModel(
-            forces.law.multipliers, forces.parameter_std, forces.mass, forces.mass_relative_std, loads.inertia,
-            loads.inertia_relative_std, loads.cg_offset, forces.follow,
+            forces.law.multipliers, forces.parameter_std, forces.misread_variance, forces.mass, forces.mass_relative_std,
+            loads.inertia, loads.inertia_relative_std, loads.cg_offset, forces.loaded, forces.follow,
         )  # fmt: skip
         return cls(deflection, covariance, forces.constant_load, complete, model)

@@ -97,7 +97,9 @@ def static_share(wrench: Array, stiffness: Array, weight: Array) -> Array:
     return np.asarray(force)
 
 
-def static_split(mounts: Sequence[Mount], wrench: Array, shared: Array, weight: Array) -> tuple[Array, Array]:
+def static_split(
+    mounts: Sequence[Mount], wrench: Array, shared: Array, weight: Array, share_std: Array | float = 0.0
+) -> tuple[Array, Array]:
     """Return the static forces, shape (M, 3) [N], and what equilibrium leaves of their covariance, (3 M, 3 M) [N^2].
 
     Loads that the file states, else shares of the weight, with standard deviations; equilibrium holds without error:
@@ -111,8 +113,10 @@ def static_split(mounts: Sequence[Mount], wrench: Array, shared: Array, weight: 
         As in :func:`static_share`.
     shared
         Its result.
+    share_std
+        Relative standard deviation of the stiffness it rests on, shape (3 M,).
     """
-    prior, std = shared.copy(), STATIC_LOAD_STD * np.abs(shared)
+    prior, std = shared.copy(), np.hypot(STATIC_LOAD_STD, share_std) * np.abs(shared)
     for i, mount in enumerate(mounts):
         if mount.static_load is not None:
             load = mount.static_load
@@ -165,6 +169,8 @@ class MountForceEstimator:
         self.mass_relative_std = 0.0
         #: offset of the CG from its place in the file, shape (3,) [m]
         self.cg_offset = np.zeros(3)
+        #: whether what mass and CG differ from the file by is a load that came on after the body was set level
+        self.loaded = False
         #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
         self.constant_load = np.zeros((6, 6))
         #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
@@ -184,6 +190,8 @@ class MountForceEstimator:
             self._made_up[geometry.mount_names.index(sensor.mount), AXES.index(sensor.axis)] = False
         # log standard deviations of stiffness and damping, set by the parameter estimator
         self.parameter_std = np.zeros((2, count, 3))
+        #: variance of the forces for base sensors that read too much or too little [N^2]
+        self.misread_variance = np.zeros((count, 3))
         free = geometry.free
         self._g = geometry.wrench[free]
         self._free = free
@@ -241,16 +249,17 @@ class MountForceEstimator:
         nothing = np.zeros((0, 0))
         #: wrench, gain, mass and what :meth:`shared` made of them last
         self._shared: tuple[Array, Array, float, Array] = (nothing, nothing, 0.0, nothing)
-        #: stiffness and mass the static forces are those of
-        self._static_of: tuple[Array | None, float, Array] = (None, 0.0, self.cg_offset)
+        #: stiffness, mass, CG and load the static forces are those of
+        self._static_of: tuple[Array | None, float, Array, bool] = (None, 0.0, self.cg_offset, False)
         self._update_static()
 
     def _update_static(self) -> None:
-        of, mass, offset = self._static_of
-        if of is self.law.stiffness and mass == self.mass and np.array_equal(offset, self.cg_offset):
+        of, mass, offset, loaded = self._static_of
+        same = mass == self.mass and loaded is self.loaded and np.array_equal(offset, self.cg_offset)
+        if of is self.law.stiffness and same:
             return
-        self._static_of = self.law.stiffness, self.mass, self.cg_offset
-        weight = self._weight()
+        self._static_of = self.law.stiffness, self.mass, self.cg_offset, self.loaded
+        weight = weight_at(self.geometry, np.zeros(3)) if self.loaded else self._weight()
         stiffness = np.maximum(self.law.stiffness, 0.0).ravel()
         total = float(stiffness.max()) if stiffness.size else 0.0
         self._stiffness = stiffness + 1e-9 * (total if total > 0.0 else 1.0)
@@ -258,9 +267,17 @@ class MountForceEstimator:
         ratio = self._stiffness if self._of_file is None else self._of_file
         share = share_by_stiffness(self._g, ratio)
         shared = static_share(self._g, ratio, weight[self._free])
-        self.static_force, self._static_left = static_split(self.geometry.mounts, self._g, shared, weight[self._free])
+        known = (self.geometry.mounts, self._g, shared, weight[self._free], self.parameter_std[0].ravel())
+        self.static_force, self._static_left = static_split(*known)
         self._gain_slow = np.zeros((3 * self._count, 6))
         self._gain_slow[:, self._free] = share
+        # a load strains the mounts along all axes; what deflections show of that, the slow residual takes back
+        self._strain = (self._gain_slow @ (self._weight() - weight)).reshape(self._count, 3)
+        self.static_force = self.static_force + self._strain
+
+    def _rest(self) -> Array:
+        """Return the forces at rest to which the mount law adds those of the deflections, shape (M, 3)."""
+        return self.static_force
 
     def observe(
         self,
@@ -293,7 +310,7 @@ class MountForceEstimator:
         x, v = np.empty_like(value), np.empty_like(value)
         turned_motion(value, rate, deflection.turn, turn_rate, self.follow, self.known, x, v)
         tension = self.law.tension(x, v, dt)
-        static_force = self.static_force
+        static_force = self._rest()
         if measured.all():
             self._watch(x, v, support, dt)
         if self._time >= self._until:
@@ -384,6 +401,7 @@ class MountForceEstimator:
         count, k, c = self._count, self.law.stiffness, self.law.damping
         elastic = np.maximum(self._elastic_square, self._elastic_now)
         parameters = self.parameter_std[0] ** 2 * elastic + self.parameter_std[1] ** 2 * self._viscous_square
+        parameters += self.misread_variance
         variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2 + parameters
         hidden = (TWIST_SHARE**2) * self._dynamic_square + (0.02 * np.abs(self.static_force)) ** 2
         seen = np.where(self.known & ~self._made_up, variance, hidden).ravel()
@@ -408,6 +426,9 @@ class MountForceEstimator:
         self._innovation[self._free] = np.einsum("ij,j,ij->i", g, seen, g) + np.diag(load_covariance)[self._free]
         rest = np.eye(3 * count) - gain @ g
         left = np.einsum("ij,jk,ik->i", rest, model, rest) + self._static_variance()
+        # what is slower than any deflection is shared by a stiffness that is not known exactly
+        slow = self.parameter_std[0].ravel() * (self._gain_slow @ self._slow)
+        left += (np.eye(3 * count) - self._gain_slow[:, self._free] @ g) ** 2 @ slow**2
         determined = np.einsum("ij,jk,ik->i", gain, load, gain)
         constant = self.constant_load + self._placed_load()
         determined = determined + np.einsum("ij,jk,ik->i", self._gain_slow, constant, self._gain_slow)
@@ -472,6 +493,7 @@ class MountForceEstimator:
         saved = {name[1:]: getattr(self, name).tolist() for name in names}
         return {
             **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
+            "loaded": self.loaded,
             "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
             "cg_offset": self.cg_offset.tolist(),
             "parameter_std": self.parameter_std.tolist(), "frame": self._frame.save() if self._frame is not None else None,
@@ -495,9 +517,10 @@ class MountForceEstimator:
             setattr(self, "_" + name, np.array(saved.get(name, own), dtype=float).reshape(own.shape))
         if self._frame is not None and saved.get("frame") is not None:
             self._frame.load(saved["frame"])
-        self._static_of = None, 0.0, self.cg_offset
+        self._static_of = None, 0.0, self.cg_offset, self.loaded
         self._until, self._time = float(saved["until"]), float(saved["time"])
         self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
+        self.loaded = bool(saved.get("loaded", False))
         self._stiffness = np.array(saved["stiffness"], dtype=float)
         self.mass = float(saved["mass"])
         self.cg_offset = np.array(saved["cg_offset"], dtype=float).reshape(3)

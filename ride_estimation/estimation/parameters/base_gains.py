@@ -52,10 +52,12 @@ class BaseGains:
         }  # fmt: skip
         #: axes that are judged, 3 times the mount plus 0 or 1
         self.places, self._names = tuple(judged), tuple(judged.values())
+        #: variance of the force of every mount that such an error leaves, shape (M, 3) [N^2]
+        self.force_variance = np.zeros((len(geometry.mounts), 3))
         #: what is said of an axis of the mounts, by its index
         self.suspects: dict[int, str] = {}
 
-    def judge(self, memory: IntervalMemory, theta: Array, prior_std: Array, first: int) -> None:
+    def judge(self, memory: IntervalMemory, theta: Array, prior_std: Array, first: int, force_square: Array) -> None:
         """Look at the last intervals.
 
         Parameters
@@ -66,9 +68,12 @@ class BaseGains:
             Parameters and their standard deviations before anything was learned, shape (N,).
         first
             Index of the first gain among what is considered.
+        force_square
+            Mean squared force per unit gain of every axis that is judged, shape (S,) [N^2].
         """
         if memory.length < _ENOUGH or not self.places:
             return
+        self.force_variance[:] = 0.0
         found, std, drop = memory.judge_considered(theta, prior_std, first, RECENT)
         sure = np.abs(found) / np.hypot(std, _TOLERANCE)
         best = int(np.argmax(drop))
@@ -77,6 +82,8 @@ class BaseGains:
             self.suspects = {}
             return
         meant = [n for n in np.argsort(-drop).tolist() if drop[n] > _RIVAL * drop[best]]
+        axes = np.array(self.places)[meant]
+        self.force_variance.reshape(-1)[axes] = (found[meant] ** 2 + std[meant] ** 2) * force_square[meant]
         self.suspects = {axis: _words([(self._names[n], float(found[n])) for n in meant], AXES[axis])}
 
 

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: rate above which the balance is averaged over neighbouring ticks [Hz]
 HIGHEST_RATE = 130.0
+#: memory of the size of forces [s]
+_MEMORY = 5.0
 #: relative step of the derivative with respect to a multiplier of a nonlinear element
 _STEP = 1e-3
 #: standard deviation of the moving force of a mount over its static one, where the motion of its base is not measured: more than
@@ -201,6 +203,8 @@ class ForceBalance:
         self._nonlinear = np.zeros((7, 3 * n))
         self._read, self._read_integrators = np.zeros((3, len(self._gains))), np.zeros((9, len(self._gains)))
         self._offset: tuple[Array, Array, Array] | None = None
+        #: mean squared tension per unit gain of every axis of a base sensor that is judged, shape (S,)
+        self.read_square = np.zeros(len(self._gains))
         #: high-passed deflections and rates of the last chunk, (K, 3 M) each
         self.moved = np.zeros((0, n)), np.zeros((0, n))
         self._left: list[Array] = []
@@ -266,6 +270,7 @@ class ForceBalance:
         # where the CG lies moves the measured side too
         accelerations[:, 12:] *= -1.0
         read = self._read_too_much(base - self._offset[2], dt)
+        self.read_square += min(ticks * dt / _MEMORY, 1.0) * (np.mean(read**2, axis=0) - self.read_square)
         stacked = self._averaged(np.hstack([accelerations, held, read, elastic, viscous, rest]), average)
         return self._assemble(stacked, n, dt * average)
 

@@ -328,9 +328,9 @@ class ParameterEstimator:
         return suspect_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.suspects
 
     @property
-    def bases_suspect(self) -> bool:
-        """Return whether the motion of the body contradicts the horizontal gain of a base sensor."""
-        return bool(self._gains.suspects)
+    def misread_variance(self) -> Array:
+        """Return the variance of the forces that a wrong horizontal gain of a base sensor leaves, shape (M, 3) [N^2]."""
+        return self._gains.force_variance
 
     def null_directions(self) -> list[str]:
         """Return the combinations of parameters are not identifiable from the run, in words; empty before the first estimate."""
@@ -536,7 +536,8 @@ class ParameterEstimator:
             own.hold(np.clip(own.theta, before - largest, before + largest))
             self._take_over(own)
             self._model.prepare(self.theta, step)
-        self._gains.judge(own.memory, self.theta, self._prior_std, len(self._considered_std) - len(self._gains.places))
+        first, square = len(self._considered_std) - len(self._gains.places), self._model.balance.read_square
+        self._gains.judge(own.memory, self.theta, self._prior_std, first, square)
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
             self._drop_look()
@@ -598,6 +599,7 @@ class ParameterEstimator:
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
             "innovation_ratio": self.innovation_ratio, "changes": self.changes, "loaded": self.loaded,
             "before_change": self._before_change, "suspect_gains": {str(a): words for a, words in self._gains.suspects.items()},
+            "misread": self._gains.force_variance.copy(),
         }  # fmt: skip
 
     def save(self) -> dict[str, Any]:
@@ -617,6 +619,7 @@ class ParameterEstimator:
         before = saved["before_change"]
         self._before_change = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
         self._gains.suspects = {int(axis): words for axis, words in saved["suspect_gains"].items()}
+        self._gains.force_variance[:] = np.array(saved.get("misread", 0.0), dtype=float)
         self.status.load(saved["status"])
         self._amplitude.load(saved["amplitude"])
         self._filter = None

@@ -38,6 +38,8 @@ class TransducerBalance:
         self.law = law
         self.corner = 2.0 * np.pi * corner_hz
         self._count = len(geometry.mounts)
+        #: no gains of base sensors are judged
+        self.read_square = np.zeros(0)
         # only heave, roll and pitch
         self._inverse = inverse_mass(geometry)
         self._inverse[[0, 1, 5]] = 0.0

@@ -44,11 +44,13 @@ def smoothed_course(models: Sequence[ForceModel], durations: Array, memory: floa
                 now,
                 multipliers=np.exp(_mixed(np.log(now.multipliers), np.log(later.multipliers), share)),
                 std=np.sqrt(_mixed(now.std**2, later.std**2, share)),
+                misread=np.maximum(now.misread, (1.0 - fresh) * later.misread),
                 mass=now.mass + mass * (later.mass - now.mass),
                 mass_std=float(np.sqrt(now.mass_std**2 + mass * (later.mass_std**2 - now.mass_std**2))),
                 inertia=_mixed(now.inertia, later.inertia, np.array(turn)),
                 inertia_std=float(np.sqrt(now.inertia_std**2 + turn * (later.inertia_std**2 - now.inertia_std**2))),
                 cg_offset=now.cg_offset + (1.0 - fresh) * (later.cg_offset - now.cg_offset),
+                loaded=now.loaded or (mass > 0.5 and later.loaded),
                 follow=now.follow + (1.0 - fresh) * (later.follow - now.follow),
             )
         )

@@ -234,13 +234,18 @@ class _SmoothedForces(MountForceEstimator):
         self.frame = _SmoothedFrame(self._g, stated, tilting, geometry.vehicle.gravity, geometry.arms)
         self._frame = self.frame
 
+    def _rest(self) -> Array:
+        """Return the forces at rest without what transducers show of a load; other deflections have no mean here."""
+        return np.where(self._transducer.reshape(self._strain.shape), self.static_force - self._strain, self.static_force)
+
     def use(self, model: ForceModel) -> None:
         """Take over parameters; laws are made anew only where that matters."""
         change = np.abs(np.log(model.multipliers / self.law.multipliers))
         if np.any(change > np.maximum(_FINE * model.std, 1e-6)):
             self.law.scale(model.multipliers)
         self.mass, self.mass_relative_std = model.mass, model.mass_std
-        self.follow, self.parameter_std, self.cg_offset = model.follow, model.std, model.cg_offset
+        self.misread_variance = model.misread
+        self.follow, self.parameter_std, self.cg_offset, self.loaded = model.follow, model.std, model.cg_offset, model.loaded
 
 
 def second_pass(
