@@ -205,17 +205,21 @@ class Selector:
         """Return accepted causes in a model whose installation is calibrated with them.
 
         A fault that nothing named yet bends all tolerances that can make up for a part of it, beyond what a good installation
-        has: readings of other sensors of the same body, of the bases, the CG. They are free again once it is named. Where the
-        plant that this leads to explains the run clearly worse, the errors were none of the installation.
+        has: readings of other sensors of the same body, of the bases, the CG. They are free again once it is named. Where they
+        leave what a good installation has even then, they make up for a cause that is not named yet; where the plant that they
+        lead to explains the run clearly worse, they were none of the installation. A load is balanced with the CG and the
+        readings of the bases in every fit already.
         """
-        if not self._cal.held and unsettled(accepted) < _BENT:
+        loaded = any(f.hypothesis.moves_cg for f in accepted.fitted)
+        if loaded or (not self._cal.held and unsettled(accepted) < _BENT):
             return accepted
         held = self._cal
         self._hold(dataclasses.replace(held, held={}))
         self._fits += 1
         settled = self.fitter.fit(accepted.fitted, 3, accepted, settle=True)
         temper = self._common_temper([accepted, settled])
-        if settled.log_likelihood(temper) > accepted.log_likelihood(temper) - self._settings.significance:
+        worse = settled.log_likelihood(temper) < accepted.log_likelihood(temper) - self._settings.significance
+        if not worse and settled.penalty <= _STRAINED * self._settings.significance:
             return settled
         self._hold(held)
         return accepted
