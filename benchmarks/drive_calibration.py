@@ -28,7 +28,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 from worlds.adapters import believed_vehicle, recording  # noqa: E402
-from worlds.cab import CabSensor, drive, measure, random_sensors, random_vehicle  # noqa: E402
+from worlds.cab import drive, measure, random_sensors, random_vehicle  # noqa: E402
+from worlds.installation import installed  # noqa: E402
 from worlds.roads import Road  # noqa: E402
 
 from ride_estimation.errors import RideEstimationError  # noqa: E402
@@ -42,24 +43,12 @@ UNITS = {"gain": (100.0, "%"), "misalignment": (np.degrees(1.0), "deg"), "positi
 Errors = dict[str, dict[str, np.ndarray]]
 
 
-def installed(sensors: tuple[CabSensor, ...], seed: int) -> tuple[CabSensor, ...]:
-    """Return sensors with errors drawn from the usual installation."""
-    rng = np.random.default_rng([seed, 9])
-    return tuple(
-        dataclasses.replace(
-            s, true_rotation=s.rotation @ Rotation.from_rotvec(USUAL.misalignment * rng.standard_normal(3)).as_matrix(),
-            true_position=s.position + USUAL.position * rng.standard_normal(3), gain=1.0 + USUAL.gain * rng.standard_normal(3),
-            bias=USUAL.bias * rng.standard_normal(3), delay_s=USUAL.delay * rng.standard_normal(),
-        )
-        for s in sensors
-    )  # fmt: skip
-
-
 def world(seed: int, duration: float) -> tuple[DriveCalibration, Errors]:
     """Return what calibration finds in a world and what is true."""
     rng = np.random.default_rng(seed)
     cab = random_vehicle(rng, "air" if seed % 2 == 0 else "rubber")
-    sensors = installed(random_sensors(cab, rng), seed)
+    errors = {kind: getattr(USUAL, kind) for kind in ("bias", *UNITS)}
+    sensors = installed(random_sensors(cab, rng), seed, **errors)
     follow = tuple(np.random.default_rng([seed, 1]).uniform(0.0, 1.0, 2))
     run = drive(cab, dataclasses.replace(Road.random(rng), follow=follow), duration, seed)
     data = measure(run, sensors, RATE, seed, noise_share=0.01, anti_alias=0.0)

@@ -58,11 +58,8 @@ class Tolerances:
 
         A file that states smaller ones, as after a calibration, makes no fault of what every good installation has.
         """
-        stated = sensor.installation
         usual = Installation(**{f.name: getattr(self, f.name) for f in dataclasses.fields(Installation)})
-        if stated is None:
-            return usual
-        return Installation(**{f: max(value, getattr(stated, f)) for f, value in dataclasses.asdict(usual).items()})
+        return usual if sensor.installation is None else usual.at_least(sensor.installation)
 
 
 @dataclasses.dataclass(frozen=True)

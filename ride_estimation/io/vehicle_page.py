@@ -60,6 +60,8 @@ _SENSORS = {
 _INSTALLATION = (
     "How well a sensor is installed: one standard deviation per kind of error. It is the prior of `calibrate --drive`, which\n"
     "writes here what it leaves uncertain; `diagnose` takes larger errors than usual for calibration where it says so.\n"
+    "In `replay` and the live node it widens intervals and moves the limits of fault tests and hints; a sensor is no fault for\n"
+    "what is usual, also where the file states less.\n"
     "`zero` is for transducers only, which else have `gain` and `delay`."
 )
 

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,5 +40,26 @@ class Installation:
     delay: float = 1.7e-4
     travel_zero: float = 0.001
 
+    @property
+    def cross_sensitivity(self) -> float:
+        """Share of an acceleration that an axis reads wrongly, ``hypot(gain, misalignment)``."""
+        return math.hypot(self.gain, self.misalignment)
+
+    def offset(self, gravity: float) -> float:
+        """Return the standard deviation of the mean reading of an axis at rest, bias and misalignment under gravity [m/s^2]."""
+        return math.hypot(self.bias, self.misalignment * gravity)
+
+    def at_least(self, other: Installation) -> Installation:
+        """Return the larger standard deviation of every kind."""
+        return Installation(**{f: max(value, getattr(other, f)) for f, value in dataclasses.asdict(self).items()})
+
 
 USUAL = Installation()
+
+
+def pooled(installations: Sequence[Installation]) -> Installation:
+    """Return the root mean square of every kind over several sensors, the usual installation where there are none."""
+    if not installations:
+        return USUAL
+    names = [f.name for f in dataclasses.fields(Installation)]
+    return Installation(**{n: math.sqrt(sum(getattr(i, n) ** 2 for i in installations) / len(installations)) for n in names})

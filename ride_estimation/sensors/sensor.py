@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.frames import AXES
-from ride_estimation.sensors.installation import Installation
+from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.signals.correction import NO_CORRECTION, Correction
 
 Array = NDArray[np.float64]
@@ -94,6 +94,16 @@ class Sensor:
     noise_slope: int = 0
     installation: Installation | None = None
     axes: tuple[str, ...] = AXES
+
+    @property
+    def stated_installation(self) -> Installation:
+        """Return how well it is installed: as the vehicle file states, usual where it does not."""
+        return self.installation or USUAL
+
+    @property
+    def tolerated_installation(self) -> Installation:
+        """Return the same, at least usual: a file that states less, as after a calibration, makes no fault of what is usual."""
+        return self.stated_installation.at_least(USUAL)
 
     @property
     def channels(self) -> int:

@@ -171,7 +171,7 @@ def intervals(exponent: float, noise: float, count: int = 80, seed: int = 1) -> 
         amplitude = np.exp(0.4 * rng.standard_normal(2)) * 2e-3
         rows = rng.standard_normal((60, 2)) * (amplitude / 2e-3)
         local = np.array([exponent * np.log(amplitude[0] / 2e-3), 0.0])
-        interval = Interval(2, 0)
+        interval = Interval(2, 0, 0.007)
         interval.information = rows.T @ rows / noise**2
         interval.gradient = rows.T @ (rows @ local + noise * rng.standard_normal(60)) / noise**2
         found.observe(interval, np.zeros(2), amplitude, 1.0)

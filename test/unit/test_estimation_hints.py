@@ -93,8 +93,8 @@ def test_good_sensors_give_no_hint_and_tolerances_are_none():
 def test_false_alarms_of_the_sensor_tests_keep_to_their_level(monkeypatch):
     # without tolerances and at a level of one in five per look the rate is what the t tests state
     monkeypatch.setattr(hint_sensors, "level", lambda tests: 0.2 / tests)
-    groups = tuple((cause, part, unit, 0.0) for cause, part, unit, _ in hint_sensors._GROUPS)
-    monkeypatch.setattr(hint_sensors, "_GROUPS", groups)
+    monkeypatch.setattr(hint_sensors, "_WIDE", 1e6 * hint_sensors._WIDE)
+    monkeypatch.setattr(hint_sensors, "_STDS", 1e-6 * hint_sensors._STDS)
     alarms = sum(bool(run_sensors(*readings(seed, 50.0))) for seed in range(1600, 1700))
     # Bonferroni bound 20 in 100; the best of four sensors is tested only: three binomial standard deviations above
     assert alarms <= 20 + 12
@@ -126,6 +126,18 @@ def test_a_line_is_told_from_broad_noise_and_from_a_line_of_the_road():
     (hint,) = run_spectra(shaken, mounts)
     assert (hint.cause, hint.location, hint.axis) == ("harmonic_disturbance", "cab", "z")
     assert hint.strength == pytest.approx(7.4, abs=0.3)
+
+
+def test_a_resonance_is_no_line():
+    """Wheels on their tyres at 14 Hz, a tenth of critically damped, of which the model misses much."""
+    rng = np.random.default_rng(1343)
+    count = round(60.0 * RATE)
+    mounts = 1000.0 * coloured(rng, count, 6)
+    frequency = np.fft.rfftfreq(count, 1.0 / RATE)
+    gain = 1.0 / (1.0 - (frequency / 14.0) ** 2 + 0.1j * frequency / 14.0)
+    hop = np.fft.irfft(np.fft.rfft(rng.standard_normal((count, 6)), axis=0) * gain[:, None], count, axis=0)
+    missing = 0.03 * mounts + 30.0 * coloured(rng, count, 6) + 20.0 * hop
+    assert run_spectra(missing, mounts) == ()
 
 
 def test_a_model_that_misses_a_third_is_said():

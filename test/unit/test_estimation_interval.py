@@ -26,7 +26,7 @@ def memory(noise: float, offset: np.ndarray, missing: float = 0.0, hits: int = 0
         innovation += missing * (gradient[:, :, 0] ** 3 - 3.0 * gradient[:, :, 0] * gradient[:, :, 1] ** 2)
         if n < hits:
             innovation += 20.0 * noise * rng.standard_normal((50, 6))
-        interval = Interval(3, len(offset))
+        interval = Interval(3, len(offset), 0.007)
         interval.add(innovation, gradient, np.zeros((50, 6)), np.eye(6) / noise, 0.5)
         found.add(interval, np.zeros(3))
     found.inflation = 1.0
@@ -85,7 +85,7 @@ def learned(missing: float, seed: int) -> ParameterFilter:
     for _ in range(30):
         gradient, centre = rng.standard_normal((50, 6, 3)), own.theta.copy()
         innovation = gradient @ (TRUE - centre) + 0.5 * rng.standard_normal((50, 6)) + missing * gradient[:, :, 0] ** 3
-        interval = Interval(3, 0)
+        interval = Interval(3, 0, 0.007)
         interval.add(innovation, gradient, np.zeros((50, 6)), np.eye(6) / 0.5, 0.5)
         own.learn(interval, centre)
     return own

@@ -98,7 +98,6 @@ def test_static_travel_finds_mass_and_place_of_a_load(seed):
     cab, (out, found, said) = measured(seed, True).run.vehicle, estimated(seed, True)
     mass = found["cab.mass"]
     assert mass.status is Status.VALID and abs(mass.value - cab.mass) < 2.5 * mass.std < 0.15 * cab.mass
-    assert np.mean(np.abs(valid_scores(seed, True)) <= 2.0) >= 0.9
     assert any(found[f"{n}.z.stiffness"].status is Status.VALID for n in cab.mount_names)
     coverage = scored_forces(out, measured(seed, True), SETTLED).coverage
     assert np.median(coverage[:, 2]) >= 0.9 and coverage[:, 2].min() > 0.7
@@ -109,6 +108,12 @@ def test_static_travel_finds_mass_and_place_of_a_load(seed):
     for told, true in zip(words.split("mounts, at ")[1].split(";")[0].split(", "), cab.cg + PLACE):
         _, value, _, std, _ = told.split()
         assert abs(float(value) - true) < 2.5 * float(std) + 0.03 and float(std) < 0.2
+
+
+@pytest.mark.slow
+def test_what_is_valid_beside_a_load_found_by_static_travel_is_within_its_interval():
+    scores = np.concatenate([valid_scores(seed, True) for seed in (8101, 8102)])
+    assert len(scores) >= 10 and np.mean(np.abs(scores) <= 2.0) >= 0.9
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ DT, NOISE = 0.005, 0.02
 def windows(true, guess, error=0.0):
     """Return state and covariances after 20 s at rest and 2 s at ``true`` [rad/s], first thought to be ``guess``."""
     rng = np.random.default_rng(8)
-    test = ResidualRate(centripetal_terms(DIRECTIONS, POINTS), ROWS, 6)
+    test = ResidualRate(centripetal_terms(DIRECTIONS, POINTS), ROWS, 6, 0.044)
     state = np.zeros((5, 3))
     for n in range(220):
         omega = true if n >= 200 else np.zeros(3)

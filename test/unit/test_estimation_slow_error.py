@@ -22,6 +22,8 @@ VEHICLE = load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truc
 ARRANGEMENT = geometry_of(VEHICLE.with_noise_scaled(0.01))
 G, DT, BLOCK = 9.80665, 0.01, 10
 ANGLE = np.radians(0.3)
+#: what sensors in good order read wrongly of an acceleration: 0.3 % of gain and 0.004 rad
+SHARE = 0.005
 
 
 def pulling_away(seconds: float) -> np.ndarray:
@@ -96,7 +98,7 @@ def test_slow_error_is_the_density_at_the_corner_it_leads_to(white, slow):
 def test_lasting_acceleration_ignores_vibration_and_a_constant_and_survives_saving():
     time = np.arange(0.0, 20.0, DT)
     shaking = np.column_stack([5.0 * np.sin(30.0 * time), 0.0 * time, G + 3.0 * np.cos(25.0 * time)])
-    calm, pulling = LastingAcceleration(), LastingAcceleration()
+    calm, pulling = LastingAcceleration(SHARE), LastingAcceleration(SHARE)
     for start in range(0, len(time), BLOCK):
         calm.observe(shaking[start : start + BLOCK], BLOCK * DT)
     for start in range(0, 1300, BLOCK):
@@ -106,7 +108,7 @@ def test_lasting_acceleration_ignores_vibration_and_a_constant_and_survives_savi
     # half a per cent of the angle and of the gain, of one axis out of three; 8 s of 13 s are in the mean by then
     whole = 2.0 * (0.005 * 1.5) ** 2 / 3.0
     assert (5.0 / 13.0) ** 2 * whole < pulling.error_variance < whole
-    other = LastingAcceleration()
+    other = LastingAcceleration(SHARE)
     other.load(pulling.save())
     assert other.error_variance == pulling.error_variance
 
@@ -128,13 +130,13 @@ def test_covariance_of_centripetal_terms_agrees_with_drawn_rates():
 
 
 def test_share_read_wrongly_is_learned_from_residuals_and_never_below_the_tolerances():
-    size = LastingAcceleration()
+    size = LastingAcceleration(SHARE)
     for start in range(0, 1300, BLOCK):
         size.observe(pulling_away(13.0)[start : start + BLOCK], BLOCK * DT)
     tolerated = size.error_variance
     noise, reading = np.full(12, 0.02**2), np.full(12, 1.0)
     # twelve channels of which six equations are spare keep half of what every channel reads wrongly
     size.learn_share(0.5 * (noise + 0.03**2 * reading), noise, reading, 6)
-    assert size.error_variance == pytest.approx(0.03**2 / (2.0 * 0.005**2) * tolerated)
+    assert size.error_variance == pytest.approx((0.03 / SHARE) ** 2 / 2.0 * tolerated)
     size.learn_share(0.5 * noise, noise, reading, 6)
     assert size.error_variance == tolerated

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.frames import COORDINATES, skew
+from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import unheld_motions
@@ -103,6 +105,12 @@ class Geometry:
                 # what a nearly upright sensor adds of an axis that it does not measure is small against what is unknown there
                 seen[i] = np.all(np.abs(sensor.rotation[:, ~sensor.measured[:3]]) < _ASKEW, axis=1)
         return seen
+
+    @property
+    def tolerated_cross_sensitivity(self) -> float:
+        """Return the share of an acceleration that sensors in good order read wrongly, body and base of a mount together."""
+        sides = [s for s in self.base_sensors if s is not None], self.body_sensors
+        return math.hypot(*(pooled([s.tolerated_installation for s in side]).cross_sensitivity for side in sides))
 
     @property
     def base_observable(self) -> NDArray[np.bool_]:

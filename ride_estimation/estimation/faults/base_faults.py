@@ -41,8 +41,8 @@ BoolArray = NDArray[np.bool_]
 
 #: pass band [Hz]
 _BAND = (2.0, 10.0)
-#: how far the motion at a base may differ from that of a rigid and twisted frame, as a bias [m/s^2], gain, angle [rad], place [m]
-#: and delay [s]: a bending of a tenth of the motion, with a loss factor of a tenth a quarter of a millisecond at 6 Hz
+#: limits by which the motion at a base may differ from that of a rigid and twisted frame, as a bias [m/s^2], gain, angle [rad],
+#: place [m] and delay [s]: a bending of a tenth of the motion, with a loss factor of a tenth a quarter of a millisecond at 6 Hz
 _FRAME = (0.3, 0.1, 0.1, 0.1, 0.001)
 #: data taken at once [s], least motion [m/s^2], and share of the deviations that an error of one sensor must explain
 _CHUNK, _MOVING, _EXPLAINED = 1.0, 0.1, 0.4
@@ -68,8 +68,9 @@ _AXES = np.array(
 _BETTER, _MEMORY, _LEAST_CHUNKS, _UPRIGHT = 4.0, 10.0, 2, 1.5
 #: share of what a verdict needed that keeps it
 _KEEPS = 0.5
-#: bias that sensors in good order have, as a share of gravity, and the agreement of the two witnesses, as a share of them
-_BIAS, _AGREE = 0.03, 0.35
+#: least mean off gravity that is said, as a share of it, and in standard deviations of the installation; agreement of the two
+#: witnesses, as a share of them
+_MEAN_OFF, _STDS, _AGREE = 0.03, 3.0, 0.35
 #: least time of means [s], their memory [s]
 _MEAN_LEAST, _MEAN_MEMORY = 5.0, 60.0
 
@@ -98,6 +99,7 @@ class BaseFaults:
         self.possible = len(place) >= 3 and bool(spread[1] > LEAST_SPREAD) and all(s.triaxial for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
         self._dc = np.array([s.coupling == "dc" for s in sensors], dtype=bool)
+        self._least_mean = [max(_MEAN_OFF, _STDS * s.tolerated_installation.offset(gravity) / gravity) for s in sensors]
         #: sensors that are left out, and what is said about them; what is said about sensors that are used
         self.refused: dict[int, str] = {}
         self.suspects: dict[str, str] = {}
@@ -111,7 +113,7 @@ class BaseFaults:
         self._inverse = np.linalg.pinv(rows, rcond=1e-6)
         self._project = np.eye(len(rows)) - rows @ self._inverse
         self._moments, self._seen = np.zeros_like(self._project), 0
-        self._test = FaultTest(self._sensors, rows, points[::3], 0.0, _FRAME, _LEAST)
+        self._test = FaultTest(self._sensors, rows, points[::3], 0.0, np.array(_FRAME) / np.sqrt(3.0), _LEAST)
         self._test.set_variance(np.repeat([s.noise_std**2 for s in self._sensors], 3))
         self._chunks, self._next = 0, 0
         self._mean_time, self._mean = 0.0, np.zeros((len(place), 3))
@@ -264,13 +266,14 @@ class BaseFaults:
         along = float(off @ upward)
         across = off - along * upward
         size = float(np.linalg.norm(across))
-        if max(size, abs(along)) <= _BIAS:
+        least = self._least_mean[i]
+        if max(size, abs(along)) <= least:
             return ""
         gain, angle = self._test.errors(i)
-        if size > _BIAS and float(np.linalg.norm(np.cross(upward, angle) - across)) < limit * size:
+        if size > least and float(np.linalg.norm(np.cross(upward, angle) - across)) < limit * size:
             return f"its mean and its motion both look misaligned by {math.degrees(size):.1f} deg"
         level = np.argsort(np.abs(upward))[:2]
-        if abs(along) > _BIAS and bool(np.all(np.abs(gain[level] - along) < limit * abs(along))):
+        if abs(along) > least and bool(np.all(np.abs(gain[level] - along) < limit * abs(along))):
             return f"its mean and its motion are both {100.0 * along:+.0f} % too large"
         return ""
 
@@ -286,9 +289,9 @@ class BaseFaults:
         # of three the one that is off moves the middle of the other two, but not of all
         off = read[i] - np.median(read[level], axis=0)
         tilt = float(np.linalg.norm(off[:2]))
-        if tilt > max(_BIAS, abs(off[2])):
+        if tilt > max(self._least_mean[i], abs(off[2])):
             return f"its mean looks misaligned by {math.degrees(tilt):.1f} deg, or is a bias of {tilt * self._gravity:.2f} m/s^2"
-        if abs(off[2]) > _BIAS:
+        if abs(off[2]) > self._least_mean[i]:
             bias = off[2] * self._gravity
             return f"its mean is {100.0 * off[2]:+.0f} % of gravity off, by its gain or a bias of {bias:+.2f} m/s^2"
         return ""

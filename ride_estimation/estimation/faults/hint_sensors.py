@@ -24,15 +24,16 @@ from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-#: cause, columns, unit, what a good installation may have of it
+#: cause, columns, unit, kind of error of an installation
 _GROUPS = (
-    ("sensor_delay", slice(0, 1), "s", 5e-4),
-    ("sensor_gain", slice(1, 4), "-", 0.01),
-    ("sensor_misalignment", slice(4, 7), "rad", 0.01),
-    ("wrong_sensor_position", slice(7, 10), "m", 0.02),
+    ("sensor_delay", slice(0, 1), "s", "delay"),
+    ("sensor_gain", slice(1, 4), "-", "gain"),
+    ("sensor_misalignment", slice(4, 7), "rad", "misalignment"),
+    ("wrong_sensor_position", slice(7, 10), "m", "position"),
 )
 _COUNT = 10
-_TOLERANCE = np.concatenate([np.full(g[1].stop - g[1].start, g[3]) for g in _GROUPS])
+#: standard deviations of an installation within which nothing is said
+_STDS = 3.0
 #: columns are held to zero with this many tolerances where the motion does not tell them
 _WIDE = 30.0
 #: share of the leading explanation from which on another sensor could be meant as well
@@ -56,6 +57,8 @@ class SensorHints:
 
     def __init__(self, sensors: Sequence[Sensor], rows: Array, weights: Array) -> None:
         self._sensors = tuple(sensors)
+        #: what every sensor may have of every error and nothing is said, shape (S, 10)
+        self._tolerance = np.array([_tolerance(s) for s in self._sensors]).reshape(-1, _COUNT)
         count = 3 * len(self._sensors)
         measured = measured_channels(self._sensors)
         matrix = np.diag(measured.astype(float)) - rows[:count] @ weights[:, :count]
@@ -112,8 +115,8 @@ class SensorHints:
         normal = np.stack([n for n, _ in self._chunks])
         right = np.stack([r for _, r in self._chunks])
         total, sums = normal.sum(axis=0), right.sum(axis=0)
-        prior = np.diag(1.0 / (_WIDE * _TOLERANCE) ** 2)
-        inverse = np.linalg.inv(total + prior)
+        prior = 1.0 / (_WIDE * self._tolerance) ** 2
+        inverse = np.linalg.inv(total + prior[:, :, None] * np.eye(_COUNT))
         found = np.einsum("sij,sj->si", inverse, sums)
         explained = np.einsum("si,si->s", found, sums)
         best = int(np.argmax(explained))
@@ -122,9 +125,9 @@ class SensorHints:
         std = np.sqrt(np.maximum(np.diag(inverse[best] @ spread @ inverse[best]), 0.0))
         tests = _COUNT * len(self._sensors)
         cutoff = float(stats.t.isf(level(tests) / 2.0, count - _COUNT))
-        alone = [_alone(total[best], sums[best], g[1]) for g in _GROUPS]
-        cause, part, unit, tolerance = _GROUPS[int(np.argmax(alone))]
-        excess = np.abs(found[best][part]) - tolerance - cutoff * std[part]
+        alone = [_alone(total[best], sums[best], prior[best], g[1]) for g in _GROUPS]
+        cause, part, unit, _ = _GROUPS[int(np.argmax(alone))]
+        excess = np.abs(found[best][part]) - self._tolerance[best, part] - cutoff * std[part]
         if not np.any(excess > 0.0):
             return ()
         axis = int(np.argmax(excess))
@@ -163,7 +166,11 @@ def _columns(moving: Array, rate: Array, angular: Array) -> Array:
     return out
 
 
-def _alone(normal: Array, right: Array, part: slice) -> float:
+def _tolerance(sensor: Sensor) -> Array:
+    stated = [_STDS * getattr(sensor.tolerated_installation, kind) for *_, kind in _GROUPS]
+    return np.repeat(stated, [part.stop - part.start for _, part, *_ in _GROUPS])
+
+
+def _alone(normal: Array, right: Array, prior: Array, part: slice) -> float:
     """Return the sum of squares that some columns explain without the others."""
-    prior = np.diag(1.0 / (_WIDE * _TOLERANCE[part]) ** 2)
-    return float(right[part] @ np.linalg.solve(normal[part, part] + prior, right[part]))
+    return float(right[part] @ np.linalg.solve(normal[part, part] + np.diag(prior[part]), right[part]))

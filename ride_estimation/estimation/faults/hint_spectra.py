@@ -3,7 +3,8 @@
 
 Spectra of four seconds (Hann, half overlapped) are averaged over a minute. A line stands out of its neighbours by more than the
 scatter of an averaged periodogram lets expect (F distribution), both in the missing force and in its ratio to the force of the
-mounts: a line of the road or of the engine that the bases bring along shows in both alike and is no line of the ratio.
+mounts: a line of the road or of the engine that the bases bring along shows in both alike and is no line of the ratio. It stands
+out of its nearest neighbours too: a resonance, as of wheels on their tyres, is wider than a line.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ _SEGMENT = 4.0
 _BAND = (0.5, 40.0)
 #: lines are looked for above [Hz]: below, slow errors of integrated deflections have edges of their own
 _LOWEST_LINE = 3.0
-#: bins of a line beside its peak; bins beside the line that it is compared with
-_LINE, _BESIDE = 3, 12
+#: bins of a line beside its peak; bins beside the line that it is compared with, many for a sure level and few for a near one
+_LINE, _BESIDE = 2, (12, 2)
 #: spectra before the first look
 _LEAST_SEGMENTS = 12
 #: share of the force on the body, in amplitude, below which a line or a misfit is not worth a word
@@ -122,20 +123,21 @@ class SpectrumHints:
         bins = missing.shape[1]
         # degrees of freedom of the averages: two per spectrum; neighbours of a Hann window share half of theirs
         own = 2.0 * self._weight**2 / self._squares
-        cutoff = float(stats.f.isf(level(missing.size), own, own * _BESIDE))
         ratio = missing / np.maximum(mounts, 1e-12 * total[:, None])
-        over = np.minimum(missing / _beside(missing), ratio / _beside(ratio))
+        # over what chance allows, against the nearest and the wider neighbours
+        allowed = {n: float(stats.f.isf(level(missing.size), own, own * n)) for n in _BESIDE}
+        over = np.min([p / (_beside(p, n) * allowed[n]) for p in (missing, ratio) for n in _BESIDE], axis=0)
         power = np.stack([missing[:, max(i - 1, 0) : i + 2].sum(axis=1) for i in range(bins)], axis=1)
         share = np.sqrt(power / total[:, None])
         over[share < _LEAST_LINE] = 0.0
         over[:, : round((_LOWEST_LINE - _BAND[0]) * _SEGMENT)] = 0.0
-        over[:, bins - _LINE - _BESIDE // 2 :] = 0.0
+        over[:, bins - _LINE - max(_BESIDE) // 2 :] = 0.0
         axis, place = np.unravel_index(int(np.argmax(over)), over.shape)
-        return (int(axis), int(place), float(share[axis, place])) if over[axis, place] > cutoff else None
+        return (int(axis), int(place), float(share[axis, place])) if over[axis, place] > 1.0 else None
 
 
-def _beside(power: Array) -> Array:
-    """Return the larger of the mean levels on both sides of every bin, beyond the reach of a line, shape as given.
+def _beside(power: Array, count: int) -> Array:
+    """Return the larger of the mean levels of so many bins on both sides of every bin, beyond a line, shape as given.
 
     The larger of the two, so that a flank is no line.
     """
@@ -143,9 +145,9 @@ def _beside(power: Array) -> Array:
     padded = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
     index = np.arange(bins)
     out = np.full(power.shape, 1e-300)
-    for low, high in ((index - _LINE - _BESIDE, index - _LINE), (index + _LINE + 1, index + _LINE + 1 + _BESIDE)):
+    for low, high in ((index - _LINE - count, index - _LINE), (index + _LINE + 1, index + _LINE + 1 + count)):
         a, b = np.clip(low, 0, bins), np.clip(high, 0, bins)
-        count = b - a
-        mean = (padded[:, b] - padded[:, a]) / np.maximum(count, 1)
-        out = np.where(count >= _BESIDE // 2, np.maximum(out, mean), out)
+        there = b - a
+        mean = (padded[:, b] - padded[:, a]) / np.maximum(there, 1)
+        out = np.where(there >= count // 2, np.maximum(out, mean), out)
     return out

@@ -109,6 +109,7 @@ class DeflectionEstimator:
         seen = geometry.base_seen
         #: axes along which the base of a mount is measured or follows from others as that of a rigid frame, shape (M, 3)
         self.has_base = np.tile(geometry.base_observable.any(axis=0), (self._count, 1))
+        self._cross_sensitivity = geometry.tolerated_cross_sensitivity / math.sqrt(2.0)
         own = np.array([s.noise_std if s is not None else 0.0 for s in geometry.base_sensors]) ** 2
         self._base_variance = np.where(seen, own[:, None], _UNKNOWN_RELATIVE**2)
         wrench = geometry.wrench[geometry.free]
@@ -138,7 +139,7 @@ class DeflectionEstimator:
 
     def restart(self) -> None:
         """Start again from rest; deflections may be as large as they were."""
-        self._lasting = LastingAcceleration()
+        self._lasting = LastingAcceleration(self._cross_sensitivity)
         self._begin_from_rest()
 
     def _begin_from_rest(self) -> None:

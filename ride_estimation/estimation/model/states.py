@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.sensors.installation import USUAL, Installation
+from ride_estimation.sensors.installation import Installation
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -142,7 +142,7 @@ def slow_states(mechanical: Sequence[tuple[Array, Array]], sensors: Sequence[Sen
         for kind, count in (TRANSDUCER_ERRORS if travel else ACCELEROMETER_ERRORS).items():
             errors[sensor.name][kind] = slice(at, at + count)
             at += count
-            stds.append(np.full(count, error_std(sensor.installation or USUAL, kind, travel)))
+            stds.append(np.full(count, error_std(sensor.stated_installation, kind, travel)))
     named = dict(zip([field.name for field in dataclasses.fields(SlowStates)], parts))
     mean = np.concatenate([mean, np.zeros(at - len(mean))])
     return SlowStates(sensors=errors, mean=mean, std=np.concatenate(stds), **named)

@@ -35,6 +35,7 @@ from ride_estimation.estimation.motion.residuals import MEANINGFUL, ResidualSums
 from ride_estimation.estimation.motion.sensor_drift import motion_error
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
+from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.layout import measured_channels, motion_rows
 from ride_estimation.sensors.sensor import Sensor
 
@@ -113,6 +114,7 @@ class CgMotionEstimator:
         self.gyros = tuple(i for i, s in enumerate(self.sensors) if s.kind == "imu")
         self._free = np.asarray(free, dtype=bool)
         self._gravity, self._settings = gravity, settings or PipelineSettings()
+        self._installation = pooled([s.tolerated_installation for s in self.sensors])
         directions, points = channel_geometry(self.sensors, np.asarray(cg, dtype=float))
         rows = motion_rows(self.sensors, np.asarray(cg, dtype=float))
         extra = 3 * len(self.gyros)
@@ -141,7 +143,8 @@ class CgMotionEstimator:
         self._used_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._estimated])
         self._centripetal = centripetal_terms(self.directions, self.points)
         spare = self._spare if self._free[3:].all() else 0
-        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, spare)
+        offset = self._installation.offset(gravity)
+        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, spare, offset)
         self._faults = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self._faults.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
@@ -162,7 +165,7 @@ class CgMotionEstimator:
         #: residuals while the angular rate is not known yet
         self._early = ResidualSums.empty(3 * len(self.sensors))
         self._last_good, self._slow = np.array([0.0, 0.0, self._gravity, 0.0, 0.0, 0.0]), np.zeros(4)
-        s, self._lasting = self._settings, LastingAcceleration()
+        s, self._lasting = self._settings, LastingAcceleration(self._installation.cross_sensitivity)
         #: last speed of the vehicle, stages of the low-pass of its rate, ticks; stages of that of the innovation of the pitch
         self._speed, self._surge = np.zeros(4), np.zeros(2)
         self._slow_square = (s.tilt_acceleration_std / self._gravity) ** 2 * s.tilt_correlation_time / (2.0 * _SLOW_TIME)
@@ -341,7 +344,9 @@ class CgMotionEstimator:
         if tells:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
             said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
-            (self._sums if self._rate_known else self._early).add(said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY))
+            (self._sums if self._rate_known else self._early).add(
+                said, predicted, motion, math.exp(-len(y) * dt / _TEST_MEMORY), dt
+            )
             left = said - predicted
             self._fresh += [*np.sum(left, axis=0), len(y)]
             if not use_gyro and mask.all() and self._turning.observe(left, rate, dt):
@@ -466,7 +471,7 @@ class CgMotionEstimator:
             self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
         if sums.noise_ratio(self.variance) / max(self._spare, 1) <= MEANINGFUL:
             return factor, np.zeros((6, 6)), constant
-        test = residual_test(sums, stated, self._used_rows, [s.name for s in self.sensors])
+        test = residual_test(sums, stated, self._used_rows, self.sensors, self._gravity)
         share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
         if share == 0.0 or not test.sensor:
             return factor, np.zeros((6, 6)), constant
@@ -487,7 +492,7 @@ class CgMotionEstimator:
         before, self._drift = np.diagonal(self._drift), np.zeros((6, 6))
         mean, moving = self._sums.moments()
         change = np.array(fresh) / ticks - mean
-        if more_than_chance(change, np.diagonal(moving), ticks, self._spare):
+        if more_than_chance(change, np.diagonal(moving), ticks, self._spare, self._installation.bias):
             moved = motion_error(change, self._accelerometer_rows, self.weights(self._mask, dt).matrix[:, : len(change)])
             self._drift = np.outer(moved, moved)
         if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on
@@ -502,7 +507,7 @@ class CgMotionEstimator:
         return (self._early, self.variance + _CENTRIPETAL**2) if early else (self._sums, self.variance)
 
     def _sized(self) -> ResidualTest:
-        return residual_test(*self._compared(), self._used_rows, [s.name for s in self.sensors])
+        return residual_test(*self._compared(), self._used_rows, self.sensors, self._gravity)
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.motion.sensor_drift import error_of_residuals, residual_of_errors
-from ride_estimation.estimation.sensor_errors.sensor_faults import BIAS_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -23,8 +22,8 @@ Array = NDArray[np.float64]
 _DEPENDENT = 4.0
 #: standard deviations by which a mean square must exceed what was stated
 _CLEARLY = 3.0
-#: change of a bias within a minute that sensors in good order do not show [m/s^2], and by chance [standard deviations]
-_DRIFT, _CHANGE_BY_CHANCE = 0.5 * BIAS_TOLERANCE, 2.0
+#: change of a mean within a minute that is more than chance [standard deviations]
+_CHANGE_BY_CHANCE = 2.0
 
 
 def residual_covariance(
@@ -90,7 +89,7 @@ def error_of_one(
     return np.asarray(weights[:, part] @ error @ weights[:, part].T), np.asarray(moved @ moved.T)
 
 
-def more_than_chance(change: Array, moving: Array, ticks: float, spare: int) -> bool:
+def more_than_chance(change: Array, moving: Array, ticks: float, spare: int, bias: float) -> bool:
     """Return whether the mean residual of some ticks differs from that of the run by more than chance and good sensors explain.
 
     Parameters
@@ -103,6 +102,8 @@ def more_than_chance(change: Array, moving: Array, ticks: float, spare: int) -> 
         How many.
     spare
         Equations more than unknowns.
+    bias
+        Standard deviation of a zero error of sensors in good order, which does not change more within a minute [m/s^2].
     """
     chance = _CHANGE_BY_CHANCE**2 * _DEPENDENT * float(np.sum(moving)) / ticks
-    return float(change @ change) >= spare * _DRIFT**2 + chance
+    return float(change @ change) >= spare * bias**2 + chance

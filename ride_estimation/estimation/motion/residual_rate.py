@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.motion.sensor_drift import residual_of_errors
-from ride_estimation.estimation.sensor_errors.sensor_faults import BIAS_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -39,10 +38,12 @@ class ResidualRate:
         H of the same, shape (C, 6).
     spare
         Equations more than unknowns, 0 where nothing is to be taken.
+    offset
+        Standard deviation of the mean reading of sensors in good order [m/s^2].
     """
 
-    def __init__(self, terms: Array, rows: Array, spare: int) -> None:
-        self._terms, self._rows, self._spare = terms.reshape(len(terms), 3, 3), rows, spare
+    def __init__(self, terms: Array, rows: Array, spare: int, offset: float) -> None:
+        self._terms, self._rows, self._spare, self._offset = terms.reshape(len(terms), 3, 3), rows, spare, offset
         self._bias, self._seen, self._age = np.zeros(len(terms)), np.zeros((len(terms), 3)), 0.0
         self.reset()
 
@@ -87,7 +88,7 @@ class ResidualRate:
         self._seen += gain * (seen - self._seen)
         left, seen = mean - self._bias, seen - self._seen
         # what d d / 2 leaves, errors that last, and a mean in which the window itself may be: of a faulty sensor that is large
-        size = max(BIAS_TOLERANCE, float(np.sqrt(self._bias @ self._bias / self._spare)))
+        size = max(self._offset, float(np.sqrt(self._bias @ self._bias / self._spare)))
         known = size * min(1.0, _ALIKE / self._age)
         lasting = (slow + known**2) * max(_ALIKE / duration, 1.0) + float(np.mean(self._terms**2)) * float(variance @ variance)
         stated = _DEPENDENT * noise / ticks + lasting

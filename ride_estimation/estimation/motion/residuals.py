@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ride_estimation.estimation.motion.motion_kernel import add_residuals
-from ride_estimation.estimation.sensor_errors.sensor_faults import BIAS_TOLERANCE, GAIN_TOLERANCE, PLACE_TOLERANCE, Fault
+from ride_estimation.estimation.sensor_errors.sensor_faults import Fault
+from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -74,6 +75,8 @@ class ResidualSums:
         Of the residuals, shapes (C, C) and (C,).
     signal_square, signal_mean
         Of the readings, shape (C,).
+    slope_square
+        Of the slope of the readings, shape (C,) [(m/s^3)^2].
     turn_square
         Of the angular acceleration.
     count
@@ -84,15 +87,17 @@ class ResidualSums:
     mean: Array
     signal_square: Array
     signal_mean: Array
+    slope_square: Array
     turn_square: float = 0.0
     count: float = 0.0
 
     @classmethod
     def empty(cls, channels: int) -> ResidualSums:
         """Return sums over nothing."""
-        return cls(np.zeros((channels, channels)), np.zeros(channels), np.zeros(channels), np.zeros(channels))
+        mean, square, signal, slope = np.zeros((4, channels))
+        return cls(np.zeros((channels, channels)), mean, square, signal, slope)
 
-    def add(self, samples: Array, predicted: Array, motion: Array, keep: float) -> None:
+    def add(self, samples: Array, predicted: Array, motion: Array, keep: float, dt: float) -> None:
         """Add ticks.
 
         Parameters
@@ -103,10 +108,15 @@ class ResidualSums:
             Shape (K, 6).
         keep
             Factor on what was there.
+        dt
+            Tick [s].
         """
         sums = np.array([self.turn_square, self.count])
         add_residuals(samples, predicted, motion, keep, self.products, self.mean, self.signal_square, self.signal_mean, sums)
         self.turn_square, self.count = float(sums[0]), float(sums[1])
+        self.slope_square *= keep
+        if len(samples) > 1:
+            self.slope_square += len(samples) * np.mean(np.diff(samples, axis=0) ** 2, axis=0) / dt**2
 
     def noise_ratio(self, stated: Array) -> float:
         """Return the sum over the channels of the mean squared residual over the stated variance."""
@@ -128,22 +138,27 @@ class ResidualSums:
     @classmethod
     def load(cls, saved: dict[str, Any]) -> ResidualSums:
         """Return sums from :meth:`save`."""
-        products, mean, square, signal = (
-            np.array(saved[n], dtype=float) for n in ("products", "mean", "signal_square", "signal_mean")
+        products, mean, square, signal, slope = (
+            np.array(saved[n], dtype=float) for n in ("products", "mean", "signal_square", "signal_mean", "slope_square")
         )
-        return cls(products, mean, square, signal, float(saved["turn_square"]), float(saved["count"]))
+        return cls(products, mean, square, signal, slope, float(saved["turn_square"]), float(saved["count"]))
 
 
-def _tolerated(sums: ResidualSums, stated: Array, measured: NDArray[np.bool_]) -> Array:
-    """Return the variance of a channel: stated noise plus gain and place tolerances times the motion, shape (C,)."""
+def _tolerated(sums: ResidualSums, stated: Array, measured: NDArray[np.bool_], sensors: Sequence[Sensor]) -> Array:
+    """Return the variance of a channel: stated noise plus what the installation makes of the motion, shape (C,)."""
     count, dynamic = sums.count, sums.dynamic()
     # cross sensitivity: a channel sees a share of what the other channels of its sensor see
     shared = np.repeat(dynamic.reshape(-1, 3).sum(axis=1) / np.maximum(measured.reshape(-1, 3).sum(axis=1), 1), 3)
-    turn = sums.turn_square / (3.0 * count)
-    return np.asarray(stated + GAIN_TOLERANCE**2 * shared + PLACE_TOLERANCE**2 * turn)
+    # of a place that is off along all axes, what the angular acceleration across makes of it
+    turn = 2.0 * sums.turn_square / (3.0 * count)
+    own = [s.tolerated_installation for s in sensors]
+    share, place, delay = (np.repeat(v, 3) for v in zip(*((i.cross_sensitivity, i.position, i.delay) for i in own), strict=True))
+    return np.asarray(stated + share**2 * shared + place**2 * turn + delay**2 * sums.slope_square / count)
 
 
-def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequence[str]) -> ResidualTest:
+def residual_test(
+    sums: ResidualSums, stated: Array, free: Array, sensors: Sequence[Sensor], gravity: float
+) -> ResidualTest:  # fmt: skip
     """Compare the spare equations with noise and tolerances (document 000 has none; ride_models 4.4).
 
     With ``Q = R^-1 - R^-1 H (H^T R^-1 H)^-1 H^T R^-1`` the statistic is ``tr(Q C)``, C the covariance of the residuals, and a
@@ -158,15 +173,18 @@ def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequenc
         Stated noise variance of the channels, shape (C,).
     free
         Rows of B of the free coordinates, zero for channels that are not measured, shape (C, F).
-    names
-        Of the sensors, three channels each.
+    sensors
+        Three channels each.
+    gravity
+        [m/s^2].
     """
+    names = [s.name for s in sensors]
     count, measured = 3 * len(names), np.any(free != 0.0, axis=1)
     spare = int(measured.sum()) - (int(np.linalg.matrix_rank(free, tol=1e-6)) if free.size else 0)
     empty = ResidualTest(1.0, np.inf, "", 0.0, (), np.ones(count))
     if spare <= 0 or sums.count < 50:
         return empty
-    variance = _tolerated(sums, stated, measured)
+    variance = _tolerated(sums, stated, measured, sensors)
     inverse = np.diag(1.0 / variance)
     covariance = np.linalg.pinv(free.T @ inverse @ free, hermitian=True)
     q = inverse - inverse @ free @ covariance @ free.T @ inverse
@@ -174,7 +192,8 @@ def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequenc
     # the residuals of the weighted least squares pass through Q's own projection, whatever weights made them
     project = np.eye(count) - free @ covariance @ free.T @ inverse
     c = project @ c @ project.T
-    offset = (project @ mean) * np.sqrt(variance / (variance + BIAS_TOLERANCE**2))
+    tolerated = np.repeat([s.tolerated_installation.offset(gravity) for s in sensors], 3)
+    offset = (project @ mean) * np.sqrt(variance / (variance + tolerated**2))
     # gammaincinv: the quantile of chi-squared, without the detours of scipy.stats
     # one draw of the mean with ``spare`` degrees of freedom: what chance and tolerance explain of it does not count
     slack = float(2.0 * special.gammaincinv(0.5 * spare, 0.999)) / spare
@@ -184,6 +203,9 @@ def residual_test(sums: ResidualSums, stated: Array, free: Array, names: Sequenc
     # samples of an anti-alias filtered signal are not independent: count a quarter of them
     freedom = spare * max(sums.count, 50.0) / 4.0
     limit = MEANINGFUL * float(2.0 * special.gammaincinv(0.5 * freedom, 0.999) / freedom)
+    # errors of the installation are one draw however long the run is: at a level of 5 %, as they are found by their score too
+    drawn = float(2.0 * special.gammaincinv(0.5 * spare, 0.95)) / spare
+    limit *= 1.0 + (drawn - 1.0) * float(np.mean(1.0 - stated[measured] / variance[measured]))
     residual_variance = np.maximum(variance - np.einsum("ij,jk,ik->i", free, covariance, free), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         channel = np.sqrt(np.diag(c) / np.where(residual_variance > 1e-12, residual_variance, np.inf))

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.sensor_errors.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
 from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
 
-#: standard deviation of what a channel reads wrongly per acceleration of its sensor: angle and gain
-_SHARE = math.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)
+#: standard deviations of the installation that count: what lasts is integrated, and an attitude that believes its sensors too
+#: much returns slowly (with 1 instead of sqrt 2, sensors 0.3 degrees off and 1.5 m/s^2 for 8 s: 2 degrees left after 20 s, not 1)
+_STDS = math.sqrt(2.0)
 #: times over which an acceleration counts as slow (twice, one after the other: what a road excites at a hertz or two does not
 #: last), after which it is part of gravity, and memory of its size [s]
 _SLOW, _LASTING, _MEMORY = 0.5, 30.0, 5.0
@@ -55,15 +55,21 @@ def follow_lasting(accel: Array, gain: float, lasting: float, state: Array) -> f
 
 
 class LastingAcceleration:
-    """Size of the acceleration that lasts longer than half a second, and what sensors in good order make of it."""
+    """Size of the acceleration that lasts longer than half a second, and what sensors in good order make of it.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    share
+        Standard deviation of what a channel reads wrongly per acceleration of its sensor: gain and misalignment.
+    """
+
+    def __init__(self, share: float) -> None:
         #: acceleration slow once and twice, and its mean
         self._state = np.zeros((3, 3))
         self._age = 0.0
         self._square = 0.0
         #: squared share of an acceleration that a channel reads wrongly
-        self._share = _SHARE**2
+        self._share = self._least = (_STDS * share) ** 2
 
     @property
     def error_variance(self) -> float:
@@ -81,7 +87,7 @@ class LastingAcceleration:
             Equations more than unknowns.
         """
         excess = float(np.sum(residual)) / spare - float(np.mean(noise))
-        self._share = max(_SHARE**2, excess / max(float(np.mean(reading)), 1e-12))
+        self._share = max(self._least, excess / max(float(np.mean(reading)), 1e-12))
 
     def observe(self, accel: Array, duration: float) -> None:
         """Take the specific force at the ticks of a block, shape (K, 3), which lasts so long [s]."""

@@ -10,6 +10,7 @@ vehicle file. Mounts side by side have the same lever: a sensor that explains ne
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,9 +24,8 @@ Array = NDArray[np.float64]
 
 #: intervals that are looked at, about five seconds, and least number that tells how far they agree
 RECENT, _ENOUGH = 10, 8
-#: gain that sensors in good order show [-]: tolerance on both sides of the mounts and what the noise of the bases, which their
-#: readings multiply, leaves; 0.03 at most in a dozen drawn cabs
-_TOLERANCE = 0.02
+#: gain that the noise of the bases, which their readings multiply, leaves [-]; 0.03 at most in a dozen drawn cabs
+_NOISE = 0.02
 #: gain over its standard deviation from which on it is an error, and down to which it stays one; 1.4 at most in these cabs
 _BEGINS, _ENDS = 3.0, 2.0
 #: share of what the best explains that makes another sensor a rival
@@ -54,6 +54,7 @@ class BaseGains:
         self.places, self._names = tuple(judged), tuple(judged.values())
         #: variance of the force of every mount that such an error leaves, shape (M, 3) [N^2]
         self.force_variance = np.zeros((len(geometry.mounts), 3))
+        self._tolerance = math.hypot(_NOISE, geometry.tolerated_cross_sensitivity)
         #: what is said of an axis of the mounts, by its index
         self.suspects: dict[int, str] = {}
 
@@ -75,7 +76,7 @@ class BaseGains:
             return
         self.force_variance[:] = 0.0
         found, std, drop = memory.judge_considered(theta, prior_std, first, RECENT)
-        sure = np.abs(found) / np.hypot(std, _TOLERANCE)
+        sure = np.abs(found) / np.hypot(std, self._tolerance)
         best = int(np.argmax(drop))
         axis = self.places[best] % 3
         if sure[best] <= (_ENDS if axis in self.suspects else _BEGINS):

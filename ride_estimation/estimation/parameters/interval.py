@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 _LENGTH = 40
 #: factor on standard deviations for what linearisation and few intervals leave out; measured on worlds of their own
 _MARGIN = 1.2
-#: share of an acceleration that gains and angles of good sensors may be off, on both sides of the mounts
-_TOLERANCE = 0.01
 #: intervals' worth of white-noise theory that the scatter is mixed with
 _SHRINK = 4.0
 #: scatter over white-noise theory before it is known, and its bounds
@@ -40,6 +38,8 @@ class Interval:
         Number of parameters.
     considered
         Number of quantities that are not estimated but whose uncertainty is considered; c are their gradients.
+    cross_sensitivity
+        Share of an acceleration that sensors in good order read wrongly, on both sides of the mounts.
 
     Attributes
     ----------
@@ -51,7 +51,8 @@ class Interval:
         Of the innovations, and what of it noise and tolerances of the sensors explain.
     """
 
-    def __init__(self, count: int, considered: int) -> None:
+    def __init__(self, count: int, considered: int, cross_sensitivity: float) -> None:
+        self._cross_sensitivity = cross_sensitivity
         self.information = np.zeros((count, count))
         self.cross = np.zeros((count, considered))
         self.considered_information, self.considered_gradient = np.zeros((considered, considered)), np.zeros(considered)
@@ -83,7 +84,7 @@ class Interval:
         self.gradient += rows.T @ white.reshape(-1)
         self.square += float(np.sum(white**2))
         noise = len(white) * int(np.count_nonzero(np.diag(weights)))
-        self.explained += noise + _TOLERANCE**2 * float(np.sum((measured @ weights) ** 2))
+        self.explained += noise + self._cross_sensitivity**2 * float(np.sum((measured @ weights) ** 2))
         self.duration += duration
 
 

@@ -44,8 +44,8 @@ from ride_estimation.estimation.parameters.refinement import Kept, Refinement
 from ride_estimation.estimation.parameters.suspect_axes import suspect_axes
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
 from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
-from ride_estimation.estimation.sensor_errors.sensor_faults import GAIN_TOLERANCE
 from ride_estimation.frames import AXES
+from ride_estimation.sensors.installation import USUAL, pooled
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,8 @@ _SETTLE_DEFLECTION = 16.0
 #: time in which a simulated body that begins where the measured one is forgets that beginning [s]
 _FADE = 1.0
 #: rotation against the brackets from which on nothing is learned [rad]: the balance is that of small rotations, and half
-#: their square, which it leaves out, exceeds what the gains of good sensors are off
-_LARGEST_ROTATION = float(np.sqrt(2.0 * GAIN_TOLERANCE))
+#: their square, which it leaves out, exceeds what good sensors read wrongly
+_LARGEST_ROTATION = float(np.sqrt(2.0 * USUAL.cross_sensitivity))
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the stretch that is looked at as a whole [s]
@@ -71,8 +71,6 @@ _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
 #: standard deviation of a CG that a load has moved, and farthest that it is looked for [m]
 _LOADED_CG, _REACH = 0.1, 0.5
-#: least standard deviation of a CG in accelerations: what gains of good sensors that differ by half a per cent move it by [m]
-_CALIBRATED_CG = 0.004
 #: share of mass or inertia that mounts without a base sensor must leave to the others: below, only ratios are observable
 _WEIGHED = 0.2
 #: a CG is off its file with this probability, and with this one it still is when its place has been estimated
@@ -121,6 +119,8 @@ class ParameterEstimator:
         corner = settings.parameter_corner_hz
         model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._gains.places, corner, by_transducers)
         self._model = ParameterModel(*model)
+        #: least standard deviation of a CG in accelerations: that of the positions of sensors [m]
+        self._position_std = pooled([s.tolerated_installation for s in geometry.body_sensors]).position
         #: standard deviation of what is considered, not estimated
         self._considered_std = self._considered()
         variances = [b.noise_std**2 for b in geometry.base_sensors if b is not None]
@@ -179,7 +179,7 @@ class ParameterEstimator:
         self._drop_look()
 
     def _begin_interval(self) -> None:
-        self._interval = Interval(len(self.theta), len(self._considered_std))
+        self._interval = Interval(len(self.theta), len(self._considered_std), self.geometry.tolerated_cross_sensitivity)
         #: sums of squares of deflection and rate in it, shape (2, 3 M), and their ticks
         self._squares, self._square_ticks = np.zeros((2, 3 * len(self.geometry.mounts))), 0
 
@@ -256,7 +256,7 @@ class ParameterEstimator:
             spread = np.zeros(len(self.theta))
             spread[: self.count] = self._amplitude.std
             found, covariance = own.memory.estimate_considered(self.theta, self._prior_std, spread, size)
-        expected = np.diag((np.maximum(self._cg_std[axes], _CALIBRATED_CG) / OFFSET_UNIT) ** 2)
+        expected = np.diag((np.maximum(self._cg_std[axes], self._position_std) / OFFSET_UNIT) ** 2)
         beyond = float(found @ np.linalg.solve(covariance + expected, found))
         if beyond <= stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
             return None

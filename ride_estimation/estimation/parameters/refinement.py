@@ -143,7 +143,7 @@ class Refinement:
     def _interval(self, kept: Kept, theta: Array, weights: Array) -> Interval:
         chunk = self._rescaled(kept, theta)
         innovation, gradient = self.model.response.observe(chunk)
-        interval = Interval(len(theta), gradient.shape[2] - len(theta))
+        interval = Interval(len(theta), gradient.shape[2] - len(theta), self.model.geometry.tolerated_cross_sensitivity)
         interval.add(innovation, gradient, chunk.measured, weights, len(chunk.measured) * chunk.step)
         return interval
 

@@ -8,10 +8,10 @@ off by up to ``epsilon z / d`` and its damping by ``epsilon z' / d'`` or, as far
 ``r epsilon k z / (c d')`` (rms values). r is their correlation: a frame that bends with the motion has one, and N independent
 values of a run leave it ``1 / sqrt(N)``.
 
-epsilon is a tenth of a degree (a machined face) or, where that is more, what gravity shows: a sensor that leans reads
-``epsilon g`` all the time. So does one with a bias, and nothing here tells which it is; that a reading is zero proves no right
-angle either, zeros are often set so. In the sum is how far the mean of M base sensors leans against that of B sensors of the
-body: by ``epsilon sqrt(1 / M + 1 / B)`` or, where that is more, by what gravity shows.
+epsilon is what the installation of the sensor states (standard deviation s) and gravity shows: a sensor that leans reads
+``epsilon g`` all the time, and so does one with a bias (b). Of a mean reading ``r g`` the share ``w = s^2 / (s^2 + (b / g)^2)``
+is lean, with the standard deviation ``s sqrt(1 - w)``. In the sum is how far the mean of M base sensors leans against that of B
+sensors of the body: by ``epsilon sqrt(1 / M + 1 / B)`` or, where that is more, by what gravity shows.
 
 Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
 four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
@@ -33,16 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry, plate_fit
-from ride_estimation.estimation.sensor_errors.sensor_faults import ANGLE_TOLERANCE, GAIN_TOLERANCE
+from ride_estimation.sensors.installation import Installation, pooled
 
 Array = NDArray[np.float64]
 
-#: least standard deviation of the angle at which a sensor is mounted [rad]: a tenth of a degree, on a machined face
-_ANGLE = np.radians(0.1)
-#: standard deviation of what a sensor wrongly takes for vertical motion: limits of gain and angle, rectangular (GUM 4.3.7)
-_SHARE = float(np.hypot(ANGLE_TOLERANCE, GAIN_TOLERANCE)) / np.sqrt(3.0)
-#: standard deviation of a gain, of the same kind
-_GAIN = GAIN_TOLERANCE / np.sqrt(3.0)
 #: pattern of vertical stiffnesses that rigid motion tells this little of, share of what it tells of equal ones
 _UNOBSERVABLE = 0.25
 #: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
@@ -69,6 +63,11 @@ class InstallationUncertainty:
         wrench = geometry.wrench[geometry.free]
         self._rigid = np.linalg.pinv(wrench) @ wrench
         self._count, self._gravity = len(geometry.mounts), geometry.vehicle.gravity
+        self._bases = pooled([s.stated_installation for s in geometry.base_sensors if s is not None])
+        body = pooled([s.stated_installation for s in geometry.body_sensors])
+        #: standard deviation of what a sensor wrongly takes for vertical motion, and of a gain, at the body or at a base
+        self._share = max(self._bases.cross_sensitivity, body.cross_sensitivity)
+        self._gain = max(self._bases.gain, body.gain)
         #: angle between the means of base sensors and sensors of the body, share of that of one sensor
         self._mean = np.sqrt(1.0 / max(self._count, 1) + 1.0 / max(len(geometry.body_sensors), 1))
         variance = np.array([s.noise_std**2 if s is not None else 0.0 for s in geometry.base_sensors])
@@ -113,7 +112,7 @@ class InstallationUncertainty:
         """Return the angle a base sensor may lean by along x and y, and their mean against the body's, shape (2,) each [rad]."""
         lean = self._relative / (max(self._weighed, 1e-9) * self._gravity)
         common = lean.mean(axis=0)
-        own = np.sqrt(np.mean(np.maximum(np.abs(lean - common), _ANGLE) ** 2, axis=0))
+        own = np.sqrt(lean_square(lean - common, self._bases, self._gravity))
         return own, np.maximum(own * self._mean, np.abs(common))
 
     def std(self, stiffness: Array, damping: Array, prior: Array) -> Array:
@@ -146,14 +145,14 @@ class InstallationUncertainty:
             common = together * error / np.maximum(total[role, 1, :2], floor)
             split = own * error / np.maximum(total[role, 2, :2] * np.sqrt(1.0 - noise), floor)
             out[role, :, :2] = np.sqrt(common**2 + split**2 + (noise * prior[role, :, :2]) ** 2)
-            wrong = _SHARE * total[role, 0, 2]
+            wrong = self._share * total[role, 0, 2]
             if role == 1:
-                wrong = np.hypot(wrong, chance * _SHARE * total[0, 0, 2] * stiffness[:, 2] / np.maximum(damping[:, 2], 1e-9))
+                wrong = np.hypot(wrong, chance * self._share * total[0, 0, 2] * stiffness[:, 2] / np.maximum(damping[:, 2], 1e-9))
             vertical = wrong / max(total[role, 2, 2] * np.sqrt(1.0 - share[2]), floor)
             out[role, :, 2] = self._open * np.hypot(vertical, share[2] * prior[role, :, 2])
         if not total[:, 0].all():
             return out
-        gain = np.full((self._count, 3), _GAIN)
+        gain = np.full((self._count, 3), self._gain)
         gain[:, 2] *= np.sqrt(np.maximum(self._lifted / np.maximum(self._vertical, 1e-300), 1.0))
         out[0] = np.hypot(out[0], gain)
         phase = stiffness * total[0, 0] / np.maximum(damping * total[1, 0], 1e-9)
@@ -186,6 +185,23 @@ class InstallationUncertainty:
         self._vertical = np.array(saved["vertical"], dtype=float).reshape(self._count)
         self._lifted = float(saved["lifted"])
         self._relative = np.array(saved["relative"], dtype=float).reshape(self._relative.shape)
+
+
+def lean_square(lean: Array, installation: Installation, gravity: float) -> Array:
+    """Return the mean square of the angle by which base sensors lean along x and y, shape (2,) [rad^2].
+
+    Parameters
+    ----------
+    lean
+        Mean horizontal readings beyond what all have in common, share of gravity, shape (M, 2).
+    installation
+        Of the sensors.
+    gravity
+        [m/s^2].
+    """
+    whole = installation.offset(gravity)
+    share = (installation.misalignment * gravity / whole) ** 2 if whole else 0.0
+    return np.asarray(np.mean((share * lean) ** 2, axis=0) + installation.misalignment**2 * (1.0 - share))
 
 
 def _unobservable_share(place: Array) -> Array:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,8 @@ from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-#: largest difference of sensors in good order: bias [m/s^2], gain [1], mounting angle [rad], place [m], delay [s]
-BIAS_TOLERANCE, GAIN_TOLERANCE, ANGLE_TOLERANCE, PLACE_TOLERANCE, DELAY_TOLERANCE = 0.05, 0.005, 0.005, 0.005, 5e-4
-TOLERANCES = (BIAS_TOLERANCE, GAIN_TOLERANCE, ANGLE_TOLERANCE, PLACE_TOLERANCE, DELAY_TOLERANCE)
+#: kinds of installation error whose columns are tested, and how many columns each has
+_ERRORS = {"bias": 3, "gain": 3, "misalignment": 3, "position": 3, "delay": 1}
 #: standard deviation of the errors of a sensor that is wrong, same order: what happens on vehicles
 _WRONG = (0.5, 0.2, 0.2, 0.2, 0.02)
 #: parts of the errors of one sensor: name -> columns
@@ -94,23 +93,25 @@ class FaultTest:
         Places from the CG, shape (S, 3).
     rate_std
         Standard deviation of slow errors of the angular rate [rad/s], 0 where gyros measure it.
-    tolerances
-        Largest bias, gain, mounting angle, place and delay by which sensors in good order differ.
+    further
+        Standard deviations of bias, gain, mounting angle, place and delay beyond those of the installation.
     least
         Averages needed before anything is judged.
     """
 
     def __init__(
-        self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float, tolerances: Sequence[float] = TOLERANCES,
-        least: int = _LEAST,
+        self, sensors: Sequence[Sensor], rows: Array, points: Array, rate_std: float,
+        further: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0), least: int = _LEAST,
     ) -> None:  # fmt: skip
         self._names = tuple(s.name for s in sensors)
         self._rotation = np.array([s.rotation for s in sensors])
         self._rows, self._points, self._rate_std = rows, points, rate_std
         self._size, self._least = _COLUMNS * len(self._names), least
-        # a limit as a standard deviation: rectangular distribution (GUM 4.3.7)
-        self._unit = np.repeat(tolerances, (3, 3, 3, 3, 1)) / np.sqrt(3.0)
-        self._weight = (self._unit / np.repeat(_WRONG, (3, 3, 3, 3, 1))) ** 2
+        counts = tuple(_ERRORS.values())
+        own = [[getattr(s.tolerated_installation, kind) for kind in _ERRORS] for s in sensors]
+        #: standard deviation of the errors of every sensor in good order, shape (S, 13)
+        self._unit = np.repeat(np.hypot(np.reshape(own, (len(own), len(_ERRORS))), further), counts, axis=1)
+        self._weight = (self._unit / np.repeat(_WRONG, counts)) ** 2
         self._whitening = np.zeros((0, len(rows)))
         self._information = np.zeros((self._size, self._size))
         self._score = np.zeros(self._size)
@@ -219,7 +220,7 @@ class FaultTest:
         errors[..., 6:9] = _skew(force)
         errors[..., 9:12] = np.einsum("sij,kil->ksjl", self._rotation, spin)
         errors[..., 12] = -np.einsum("sij,ksi->ksj", self._rotation, change)
-        errors *= self._unit
+        errors *= self._unit[:, None]
         spare = len(self._whitening)
         parts = self._whitening.reshape(spare, count, 3).transpose(1, 0, 2)
         columns = np.matmul(parts, errors).transpose(0, 2, 1, 3).reshape(ticks * spare, self._size)
@@ -289,8 +290,9 @@ class FaultTest:
             return np.zeros(3), np.zeros(3)
         both = self._solved(self._noise())
         parts = (KINDS["gain"], KINDS["mounting angle"])
-        found = [self._score_test(*both, _COLUMNS * sensor + np.arange(p.start, p.stop))[1][0] * self._unit[p] for p in parts]
-        return found[0], found[1]
+        tests = (self._score_test(*both, _COLUMNS * sensor + np.arange(p.start, p.stop)) for p in parts)
+        gain, angle = (value * self._unit[sensor, p] for (_, (value, _)), p in zip(tests, parts, strict=True))
+        return gain, angle
 
     def _judge(self) -> Fault | None:
         if not self.possible or self._count < self._least * len(self._whitening):
@@ -314,14 +316,14 @@ class FaultTest:
         name, part = list(KINDS.items())[kind]
         value, std = amounts[best, kind]
         return Fault(
-            self._names[best], name, _words(name, value * self._unit[part], std * self._unit[part]),
+            self._names[best], name, _words(name, value * self._unit[best, part], std * self._unit[best, part]),
             self._share(best, noise), rivals, float(table.min()),
         )  # fmt: skip
 
-    def _explained(self, information: Array, score: Array, sensors: Iterable[int], noise: float = 1.0) -> float:
+    def _explained(self, information: Array, score: Array, sensors: Sequence[int], noise: float = 1.0) -> float:
         """Return how much errors of some sensors, as large as they happen, lessen the squared deviations."""
         columns = np.concatenate([_COLUMNS * s + np.arange(_COLUMNS) for s in sensors])
-        weight = noise * np.tile(self._weight, len(columns) // _COLUMNS)
+        weight = noise * self._weight[list(sensors)].ravel()
         u = score[columns]
         return float(u @ np.linalg.solve(information[np.ix_(columns, columns)] + np.diag(weight), u))
 

@@ -21,8 +21,9 @@ from ride_estimation.estimation.kinematics.deformation_spectrum import Deformati
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.estimation.kinematics.frame_kernel import straighten
 from ride_estimation.estimation.motion.motion_kernel import motion_at
-from ride_estimation.estimation.sensor_errors.sensor_faults import GAIN_TOLERANCE
+from ride_estimation.estimation.sensor_errors.installation_uncertainty import lean_square
 from ride_estimation.estimation.smoothing.zero_phase import EDGES, ZeroPhaseBank, zero_phase_bank
+from ride_estimation.sensors.installation import pooled
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -35,9 +36,6 @@ _SILENCE = 8.0
 _PORTION = 4.0
 #: share of the twist's mean square its error must be below for its tilt to be taken out
 _TRUSTED = 0.25
-#: least standard deviation of the angle at which a base sensor is mounted [rad] and that of its gain, as in
-#: installation_uncertainty
-_ANGLE, _GAIN = np.radians(0.1), GAIN_TOLERANCE / np.sqrt(3.0)
 #: largest corner over the rate of the ticks
 _RESOLVED = 0.05
 
@@ -116,6 +114,7 @@ class DeflectionSmoother:
         self._cost = np.mean(stiffness**2, axis=0), np.mean(damping**2, axis=0)
         self._deforming = frame.projector
         self._rigid = np.eye(len(frame.projector)) - frame.projector
+        self._installation = pooled([s.stated_installation for s in geometry.base_sensors if s is not None])
         self._base_variance = float(np.mean([s.noise_std**2 for s in geometry.base_sensors if s is not None]))
 
     def smooth(
@@ -202,13 +201,13 @@ class _Window:
     def _wrongly_read(self, apart: Array) -> Array:
         """Return the density of what a base sensor wrongly takes from the vertical motion of its bracket, shape (F, 3).
 
-        It is turned by a tenth of a degree, or by what gravity shows beyond what all have in common; its gain is a little off.
+        It leans as its installation states and gravity shows beyond what all have in common; its gain is a little off.
         """
         flat = self._base.reshape(len(self._base), -1)
         vertical = self._measured(flat - flat.mean(axis=0), np.eye(flat.shape[1])).density[:, 2:]
         lean = apart[:, :, :2].mean(axis=0) / self._s._gravity
-        own = np.mean(np.maximum(np.abs(lean - lean.mean(axis=0)), _ANGLE) ** 2, axis=0)
-        return np.asarray(vertical * np.append(own, _GAIN**2))
+        own = lean_square(lean - lean.mean(axis=0), self._s._installation, self._s._gravity)
+        return np.asarray(vertical * np.append(own, self._s._installation.gain**2))
 
     def _second_order(self, value: Array, rate: Array, turn: Array) -> Array:
         """Return what turning axes add to the relative acceleration, gravity apart, (n, M, 3).
