@@ -21,13 +21,13 @@ import time
 
 import numpy as np
 from scipy import signal
-from scipy.spatial.transform import Rotation
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 from worlds.adapters import START_NS, arrivals, believed_vehicle  # noqa: E402
 from worlds.cab import CabSensor, CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle, simulate  # noqa: E402
+from worlds.installation import installed as with_errors  # noqa: E402
 from worlds.roads import Road, base_motion  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
 
@@ -35,6 +35,7 @@ from ride_estimation.estimation.kinematics.deformation_filter import FilterBank 
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
+from ride_estimation.sensors.installation import USUAL  # noqa: E402
 
 RATE = 500.0
 START = 1.0  # seconds at rest before the ramp
@@ -75,17 +76,9 @@ def ticks_of(blocks: list[OutputBlock], data: Measurement) -> tuple[np.ndarray, 
 
 
 def installed(sensors: tuple[CabSensor, ...], seed: int) -> tuple[CabSensor, ...]:
-    """Return sensors that lean by a tenth of a degree (standard deviation) about every axis and whose gains are half a per cent
-    off at most: what the estimator takes for usual.
-    """
-    rng = np.random.default_rng([seed, 2])
-    return tuple(
-        dataclasses.replace(
-            s, true_rotation=s.rotation @ Rotation.from_rotvec(np.radians(0.1) * rng.standard_normal(3)).as_matrix(),
-            gain=1.0 + rng.uniform(-0.005, 0.005, 3),
-        )
-        for s in sensors
-    )  # fmt: skip
+    """Return sensors with errors of every kind drawn from the usual installation: what the estimator has to reckon with."""
+    stds = {kind: getattr(USUAL, kind) for kind in ("bias", "gain", "misalignment", "position", "delay")}
+    return with_errors(sensors, seed, **stds)
 
 
 def world(
@@ -323,7 +316,7 @@ def main() -> None:
     parser.add_argument(
         "--anti-alias", type=float, default=0.0, help="corner of the sensors' filters over their rate, 0 none (default 0)"
     )
-    parser.add_argument("--installed", action="store_true", help="sensors that lean and have gains as usual, for the intervals")
+    parser.add_argument("--installed", action="store_true", help="sensors with all errors of a usual installation")
     given = parser.parse_args()
     start = time.perf_counter()
     seeds = range(given.first, given.first + given.seeds)
