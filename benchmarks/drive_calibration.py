@@ -27,16 +27,16 @@ from scipy.spatial.transform import Rotation
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
+from estimator_targets import installed  # noqa: E402
 from worlds.adapters import believed_vehicle, recording  # noqa: E402
 from worlds.cab import drive, measure, random_sensors, random_vehicle  # noqa: E402
-from worlds.installation import installed  # noqa: E402
 from worlds.roads import Road  # noqa: E402
 
 from ride_estimation.errors import RideEstimationError  # noqa: E402
 from ride_estimation.estimation.model.drive_calibration import DriveCalibration, calibrate_drive  # noqa: E402
 from ride_estimation.io.bags import read_recording  # noqa: E402
 from ride_estimation.io.vehicle_file import load_vehicle  # noqa: E402
-from ride_estimation.sensors.installation import USUAL, Installation  # noqa: E402
+from ride_estimation.sensors.installation import Installation  # noqa: E402
 
 RATE = 200.0
 UNITS = {"gain": (100.0, "%"), "misalignment": (np.degrees(1.0), "deg"), "position": (1e3, "mm"), "delay": (1e3, "ms")}
@@ -47,8 +47,7 @@ def world(seed: int, duration: float) -> tuple[DriveCalibration, Errors]:
     """Return what calibration finds in a world and what is true."""
     rng = np.random.default_rng(seed)
     cab = random_vehicle(rng, "air" if seed % 2 == 0 else "rubber")
-    errors = {kind: getattr(USUAL, kind) for kind in ("bias", *UNITS)}
-    sensors = installed(random_sensors(cab, rng), seed, **errors)
+    sensors = installed(random_sensors(cab, rng), seed)
     follow = tuple(np.random.default_rng([seed, 1]).uniform(0.0, 1.0, 2))
     run = drive(cab, dataclasses.replace(Road.random(rng), follow=follow), duration, seed)
     data = measure(run, sensors, RATE, seed, noise_share=0.01, anti_alias=0.0)

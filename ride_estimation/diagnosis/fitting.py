@@ -452,10 +452,11 @@ class FullFitter:
             temper = temper_of(result.misfit / self._dof, view.inefficiency)
             faults = _faults(result.fitted) if settle else faults
             simulated = _simulated(view, result.fitted)
-            plant, bodies = view.plant, settle and explains(result.misfit / self._dof)
+            plant = view.plant
             if settle:
+                bodies = explains(result.misfit / self._dof)
                 plant = moved_plant(plant, adjustables, result.coefficients[: regression.count], view.settings, bodies)
-            if loaded and not bodies:
+            elif loaded:
                 own = [i for i, a in enumerate(adjustables) if a.place in loaded]
                 plant = rebalanced(plant, tuple(adjustables[i] for i in own), result.coefficients[own], view.settings)
             view = RunView(view.data.with_plant(plant), _advanced(view, result), self._cal.view.noise)

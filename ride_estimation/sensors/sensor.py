@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ class Sensor:
         """Return how well it is installed: as the vehicle file states, usual where it does not."""
         return self.installation or USUAL
 
-    @property
+    @functools.cached_property
     def tolerated_installation(self) -> Installation:
         """Return the same, at least usual: a file that states less, as after a calibration, makes no fault of what is usual."""
         return self.stated_installation.at_least(USUAL)

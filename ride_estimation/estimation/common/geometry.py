@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 
@@ -106,7 +107,7 @@ class Geometry:
                 seen[i] = np.all(np.abs(sensor.rotation[:, ~sensor.measured[:3]]) < _ASKEW, axis=1)
         return seen
 
-    @property
+    @functools.cached_property
     def tolerated_cross_sensitivity(self) -> float:
         """Return the share of an acceleration that sensors in good order read wrongly, body and base of a mount together."""
         sides = [s for s in self.base_sensors if s is not None], self.body_sensors

@@ -619,7 +619,7 @@ class ParameterEstimator:
         before = saved["before_change"]
         self._before_change = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
         self._gains.suspects = {int(axis): words for axis, words in saved["suspect_gains"].items()}
-        self._gains.force_variance[:] = np.array(saved.get("misread", 0.0), dtype=float)
+        self._gains.force_variance[:] = np.array(saved["misread"], dtype=float)
         self.status.load(saved["status"])
         self._amplitude.load(saved["amplitude"])
         self._filter = None

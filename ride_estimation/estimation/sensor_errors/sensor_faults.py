@@ -35,7 +35,7 @@ _ERRORS = {"bias": 3, "gain": 3, "misalignment": 3, "position": 3, "delay": 1}
 _WRONG = (0.5, 0.2, 0.2, 0.2, 0.02)
 #: parts of the errors of one sensor: name -> columns
 KINDS = {"gain": slice(3, 6), "mounting angle": slice(6, 9), "place": slice(9, 12), "delay": slice(12, 13)}
-_COLUMNS = 13
+_COLUMNS = sum(_ERRORS.values())
 #: probability that anything is called faulty where all sensors are within tolerance
 FALSE_ALARM = 1e-3
 #: a sensor is a rival when its fault is not this many times less likely than that of the best

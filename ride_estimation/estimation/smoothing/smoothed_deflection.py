@@ -146,16 +146,9 @@ class DeflectionSmoother:
             end = ticks if i == count - 1 else int(centre[i + 1])
             low, high = max(start - margin, 0), min(end + margin, ticks)
             at = slice(low, high)
+            inside = low > 0, high < ticks
             window = _Window(
-                self,
-                motion[at],
-                spin[at],
-                base[at],
-                frame_turn[at],
-                (low > 0, high < ticks),
-                centre[i] - low,
-                motion_variance,
-                dt,
+                self, motion[at], spin[at], base[at], frame_turn[at], inside, centre[i] - low, motion_variance, dt
             )
             own = window.deflection()
             weight = np.interp(np.arange(start, end), centre, np.eye(count)[i])[:, None]
@@ -246,9 +239,8 @@ class _Window:
         )
         deforming = self._deformation(flat @ s._deforming.T)
         total = motion @ s._rigid.T + deforming @ s._deforming.T
-        return self._signals(total) + second_order @ s._deforming.T, self._signals(
-            slope * total
-        ) + second_order_rate @ s._deforming.T
+        value, rate = self._signals(total), self._signals(slope * total)
+        return value + second_order @ s._deforming.T, rate + second_order_rate @ s._deforming.T
 
     def _rigid_motion(self, relative: Array) -> tuple[Complex, Complex]:
         """Return spectra of the deflections that count for rigid motion, (F, 3 M), and of the mean rotation, (F, 3)."""

@@ -286,16 +286,9 @@ def _search_physical(
     def run(theta: Array, positive: NDArray[np.bool_]) -> VariableProjectionResult:
         linear = model.layout.linear
         return minimise(
-            evaluate,
-            theta,
-            lower,
-            upper,
-            linear,
-            model.sensitivities,
-            positive,
-            cost_tolerance=tolerance,
-            prediction_error=prediction_error,
-        )
+            evaluate, theta, lower, upper, linear, model.sensitivities, positive,
+            cost_tolerance=tolerance, prediction_error=prediction_error,
+        )  # fmt: skip
 
     found = run(start, free)
     repairs = 0
