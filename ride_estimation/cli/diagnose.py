@@ -14,6 +14,7 @@ from ride_estimation.api.runs import read_run
 from ride_estimation.cli.parts import part_of_options
 from ride_estimation.cli.progress import Progress
 from ride_estimation.cli.reading import reading_options
+from ride_estimation.diagnosis.parallel import allocate_from_one_heap
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.identification.bench.record import BenchRecord
@@ -55,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
     folder = output_folder(options.out)
     rate = options.rate if options.rate > 0.0 else None
     begin, end = part_of_options(options)
+    allocate_from_one_heap()  # before the first thread has a heap of its own
     with Progress("diagnose", shares=STAGES) as progress:
         progress.begin("reading")
         run = read_run(

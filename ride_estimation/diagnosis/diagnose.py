@@ -216,10 +216,14 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     seen = view if accepted is None else accepted.view
     named = name_causes(work.selection, soft, seen, work.splits.train)
     verdict, remaining, known = _verdict(work, base, judged, named)
+    residual = residual_summary(base, extended, remaining, accepted is not None)
+    ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
+    said = [*filter(None, [judged.refused]), *_bound_warnings(work, state)], judged.warnings
+    del base, extended, judged  # views of a minute take a hundred megabytes each, which the copies of the run need
     stable = stability(work, verdict) if settings.stability else None
     sure = known if stable is None else known * stable.factor
     causes = tuple(dataclasses.replace(c, confidence=c.confidence * sure) for c in named)
-    warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
+    warnings = [*work.plant.warnings, *said[0]]
     if work.selection.spent:
         warnings.append(
             f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"
@@ -234,7 +238,6 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     warnings += isolability
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
     remarks += _installation(work, {c.location for c in causes})
-    residual = residual_summary(base, extended, remaining, accepted is not None)
     further = next_run(work) if settings.plan_next and causes else None
     rivals = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
     sentence = describe(verdict, causes, gain, remaining, law) + rivals + (f" {stable.sentence}" if stable is not None else "")
@@ -244,12 +247,12 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
         causes=causes,
         gain=gain,
         residual=residual,
-        warnings=(*warnings, *judged.warnings),
+        warnings=(*warnings, *said[1]),
         extended=vehicle,
-        ladder=_ladder(work, base, extended),
+        ladder=ladder,
         parameters=_calibrations(work, state, log_std, verdict),
         remarks=remarks,
-        evidence=make_evidence(base, extended),
+        evidence=evidence,
         isolability=isolability,
         stability=stable,
         next_run=further,

@@ -92,28 +92,32 @@ def measured_gain(
         except KeyError as error:
             warnings.append(f"validation run {other.name}: sensor {error} is missing; not used")
             continue
-        probe = predict(data, work.baseline)
-        count = probe.view.blocks.count
+        count = data.blocks.count
         if count < LEAST_BLOCKS:
             warnings.append(f"validation run {other.name}: too short; not used")
             continue
         bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
         refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
         judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
-        better = predict(data, work.extended, refit) if work.extended.fitted else probe
-        if not better.settled:
-            warnings.append(
-                f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
-            )
-            continue
-        (e0, s0), (e1, _) = block_squares(probe), block_squares(better)
+        left_errors, known = None, judged
+        if work.extended.fitted:
+            better = predict(data, work.extended, refit)
+            if not better.settled:
+                warnings.append(
+                    f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
+                )
+                continue
+            left_errors, known = block_squares(better)[0], _in_range(work.selection.accepted, better.view, judged)
+            del better  # a view of a minute takes a hundred megabytes
+        probe = predict(data, work.baseline)
+        e0, s0 = block_squares(probe)
+        e1 = e0 if left_errors is None else left_errors
         if work.extended.fitted and pooled_nrmse(e1, s0, judged) > _AS_GOOD * pooled_nrmse(e0, s0, judged):
             warnings.append(
                 f"validation run {other.name}: the extended model is worse there than the calibrated one; "
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
             )
         before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
-        known = _in_range(work.selection.accepted, better.view, judged)
         inside = None
         if len(known) < len(judged):
             there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]

@@ -111,12 +111,11 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     fitted = list(model.fitted)
     # a law may carry most of its mount: without its equivalent of the fitted run the first deflections would be far too large
     start = dataclasses.replace(state, held=model.state.held) if fitted else state
-    view = RunView(data, start, scales=model.scales, sees_outputs=bool(fitted))
     if blocks is not None:
-        fitted = [_refitted(view, f, np.asarray(blocks, dtype=int)) for f in fitted]
-    missed = 0.0
-    if fitted:
-        view, missed = _settled(view, state, model, fitted)
+        seen = RunView(data, start, scales=model.scales)
+        fitted = [_refitted(seen, f, np.asarray(blocks, dtype=int)) for f in fitted]
+        del seen  # a view of a minute takes a hundred megabytes
+    view, missed = _settled(data, start, state, model, fitted) if fitted else (_unseen(data, start, model), 0.0)
     adjustables, spectra, _ = baseline_spectra(view, mean_table(view), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     weights = np.array([values.get(a.name, 0.0) for a in adjustables])
@@ -127,8 +126,13 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     return Prediction(view, adjusted, missed < _GUESS)
 
 
+def _unseen(data: RunData, state: ModelState, model: Model) -> RunView:
+    """Return a view whose motion is not corrected by the measured outputs."""
+    return RunView(data, state, scales=model.scales, sees_outputs=False)
+
+
 def _settled(
-    view: RunView, state: ModelState, model: Model, fitted: list[Fitted]
+    data: RunData, start: ModelState, state: ModelState, model: Model, fitted: list[Fitted]
 ) -> tuple[RunView, float]:
     """Return the view whose effects are those of the laws along its own deflection, and by which share they still are not.
 
@@ -141,7 +145,7 @@ def _settled(
         return combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
 
     before: tuple[Effect, ...] = ()
-    first, nearest, best = view, np.inf, view
+    view, nearest, best = RunView(data, start, scales=model.scales), np.inf, start
     tried: list[Array] = []
     missed: list[Array] = []
     for number in range(_PASSES):
@@ -151,7 +155,7 @@ def _settled(
             target = tuple(e for e in target if (e.where, e.index) in known)
             change = _relative_change(target, known)
             if change < nearest:
-                nearest, best = change, view
+                nearest, best = change, view.state
             if change < _SETTLED or not change < _LOST * nearest:
                 break
             tried.append(np.concatenate([known[e.where, e.index] for e in target]))
@@ -159,16 +163,15 @@ def _settled(
             step = _extrapolated(tried[-_HISTORY:], missed[-_HISTORY:])
             target = tuple(Effect(e.where, e.index, part) for e, part in zip(target, np.split(step, len(target))))
         before = target
-        view = RunView(view.data, with_effects(view, state, target), scales=model.scales, sees_outputs=False)
-    if nearest < _GUESS or not any(e.where is Where.PORT for e in before):
-        return best, nearest
-    view = first
-    for _ in range(_NEWTON_PASSES):
-        view = RunView(view.data, port_forces(view, laws), scales=model.scales, sees_outputs=False)
-        change = _missed_laws(view, laws(view))
-        if change < _SETTLED:
-            return view, change
-    return best, nearest
+        view = _unseen(data, with_effects(view, state, target), model)
+    if nearest >= _GUESS and any(e.where is Where.PORT for e in before):
+        view = RunView(data, start, scales=model.scales)
+        for _ in range(_NEWTON_PASSES):
+            view = _unseen(data, port_forces(view, laws), model)
+            change = _missed_laws(view, laws(view))
+            if change < _SETTLED:
+                return view, change
+    return (view if view.state is best else _unseen(data, best, model)), nearest
 
 
 def _missed_laws(view: RunView, target: tuple[Effect, ...]) -> float:

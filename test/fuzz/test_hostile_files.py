@@ -59,7 +59,7 @@ def test_the_sound_files_are_accepted(name: str, seeds: dict[str, list[bytes]], 
 def test_damaged_files_are_read_or_refused(name: str, seeds: dict[str, list[bytes]], tmp_path: Path) -> None:
     """Nothing but success or an error of this package; ``benchmarks/fuzz_files.py`` does the same a million times."""
 
-    @settings(max_examples=25, deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow])
+    @settings(max_examples=15, deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow])
     @given(st.integers(0, 2**31), st.integers(0, len(seeds[name]) - 1))
     def check(number: int, which: int) -> None:
         data = mutated(seeds[name][which], seeds[name], TARGETS[name].words, random.Random(number))

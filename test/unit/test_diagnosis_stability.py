@@ -52,8 +52,12 @@ def test_copies_of_a_run_give_its_answer(form, size, cause):
 
 
 @pytest.mark.parametrize(
-    ("named", "copied"), [("jenkins_chain", ""), ("", "jenkins_chain"), ("jenkins_chain", "foam_both_sides")]
-)
+    ("named", "copied"),
+    [
+        ("jenkins_chain", ""), pytest.param("", "jenkins_chain", marks=pytest.mark.slow),
+        pytest.param("jenkins_chain", "foam_both_sides", marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 def test_a_copy_that_shows_something_else_is_told_and_costs_confidence(monkeypatch, named, copied):
     """Copies of another run: without the effect, with one where there is none, with another one."""
     run, other = (quarter_car_run(11, law=hiding_law(form, 0.3)) if form else quarter_car_run(11) for form in (named, copied))

@@ -47,6 +47,7 @@ def test_of_many_usual_installations_few_are_said_to_be_off():
     assert not [words for run in said for words in run if "harmonic" in words]
 
 
+@pytest.mark.slow
 def test_a_worse_installation_is_a_fault_unless_the_file_states_it():
     worse = Installation(**{name: 5.0 * value for name, value in dataclasses.asdict(USUAL).items()})
     unstated, stated = findings(6403, 5.0), findings(6403, 5.0, worse)

@@ -23,8 +23,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 #: what leaves nothing in the band: the calibrated model holds the soft mount, and an offset moves mean readings alone
 NOT_IN_BAND = ("one_soft_mount", "sensor_bias")
 ANGLES = {"roll": "x", "pitch": "y", "yaw": "z"}
-#: cheap, one in a mount and one in a sensor
-FAST = ("coulomb_friction", "sensor_delay")
+#: cheap
+FAST = ("coulomb_friction",)
 
 
 def slow_but(*fast: str) -> list[object]:

@@ -50,7 +50,7 @@ def first_number(value: Any, change: Callable[[float], Any]) -> Any:
 
 def test_a_saved_state_is_taken_up_whole(tmp_path: Path) -> None:
     first = Pipeline(vehicle())
-    for k in range(2000):
+    for k in range(600):
         first.observe(next(iter(vehicle().sensors)), 10**15 + k * 5_000_000, [0.1, 0.2, 9.8 + 0.1 * (k % 7), 0.0, 0.0, 0.0])
     save_state(tmp_path / "deep" / "s.json", first)
     second = Pipeline(vehicle())
@@ -73,8 +73,8 @@ def test_a_state_with_every_number_written_out_is_still_taken_up(tmp_path: Path)
 def test_a_snapshot_stays_what_it_was_while_the_estimator_goes_on(tmp_path: Path) -> None:
     pipeline = Pipeline(vehicle())
     sensor = next(iter(vehicle().sensors))
-    for k in range(2000):
-        if k == 1000:
+    for k in range(600):
+        if k == 300:
             snapshot = Snapshot.of(pipeline)
             then = json.dumps(snapshot.state)
         pipeline.observe(sensor, 10**15 + k * 5_000_000, [0.1, 0.2, 9.8 + 0.1 * (k % 7), 0.0, 0.0, 0.0])

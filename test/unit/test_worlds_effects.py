@@ -64,7 +64,13 @@ def test_every_cause_changes_the_measurement_or_the_file(reference: Reference, c
         assert {reference.vehicle.mount_names[i] for i, *_ in vehicle.hidden.laws} == {effect.location}
 
 
-@pytest.mark.parametrize("cause", ["coulomb_friction", "damping_nonlinearity", "sensor_delay", "harmonic_disturbance"])
+@pytest.mark.parametrize(
+    "cause",
+    [
+        pytest.param("coulomb_friction", marks=pytest.mark.slow), pytest.param("damping_nonlinearity", marks=pytest.mark.slow),
+        "sensor_delay", "harmonic_disturbance",
+    ],
+)  # fmt: skip
 def test_size_leaves_the_wanted_residual(reference: Reference, best: BestLinear, cause: str) -> None:
     effect = plant(cause, reference, np.random.default_rng(6), mount="all" if cause in FORMS else None)
     size, residual = best.size_for(effect, 0.04)
