@@ -182,7 +182,11 @@ def _mechanisms() -> dict[str, Mechanism]:
             "forces.base_fill", "BaseFill.widen", given(0), "deflections of a mount whose base motion is a guess"
         ),
         "widening without a base sensor (force)": Mechanism(
-            "forces.base_fill", "BaseFill.widen_forces", given(0), "forces while a base motion is a guess"
+            "forces.base_fill", "BaseFill.widen_forces", given(0), "forces while a base sensor may be wrong"
+        ),
+        "frame begins anew": Mechanism(
+            "kinematics.frame_deformation", "FrameDeformation.undeform", returns(None),
+            "what a wrong base sensor made of the deformation of the frame is forgotten when it is left out",
         ),
         # parameters
         "installation errors in parameters": Mechanism(

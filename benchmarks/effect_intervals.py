@@ -1,12 +1,15 @@
 # Copyright 2026 ride_estimation contributors
 """Judge the intervals of live and smoothed forces in worlds with one effect that the vehicle file does not know.
 
-    python benchmarks/effect_intervals.py --seeds 9001 9002 [--only base_gain load_with_travel]
+    python benchmarks/effect_intervals.py --seeds 9001 9002 [--only base_gain load_with_travel] [--drawn]
 
 Truth from test/worlds: a drawn cab on a drawn road for 40 s at 100 Hz, sensors installed as usual, a file whose stiffness is off
-by 5 %. Printed per effect and seed, for live and smoothed, vertical and horizontal forces: error over the standard deviation of
-the true force (median over the mounts), share within two standard deviations (median and lowest), and stated standard deviation
-over the error, rms values (median): intervals are wrong where they are too narrow and where they are too wide.
+by 5 %; with ``--drawn`` one whose mass, CG, inertia, stiffness, damping and static loads are all off by what it states. In
+``base_lost`` and ``base_wrong`` a base sensor is silent or reads 1.6 times the specific force from 15 s on. Printed per effect
+and seed, for live and smoothed, vertical and horizontal forces: error over the standard deviation of the true force (median over
+the mounts), share within two standard deviations (median and lowest), and stated standard deviation over the error, rms values
+(median): intervals are wrong where they are too narrow and where they are too wide. Then the same over all seeds, with the share
+pooled over all mounts.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import argparse
 import dataclasses
 import pathlib
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,11 +31,13 @@ from sensor_layouts import recording_of  # noqa: E402
 from worlds import effects  # noqa: E402
 from worlds.adapters import START_NS, believed_vehicle  # noqa: E402
 from worlds.cab import Measurement, drive, measure, random_sensors, random_vehicle  # noqa: E402
+from worlds.drawn import drawn_belief, drawn_split  # noqa: E402
 from worlds.roads import Road  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
 
 from ride_estimation.estimation.offline import run_offline  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
+from ride_estimation.signals.recording import Channel, Recording  # noqa: E402
 
 DURATION_S, RATE_HZ, FROM_S, END_S = 40.0, 100.0, 10.0, 0.5
 #: cause of test/worlds/effects.py, whether at a base sensor, and its size
@@ -40,7 +46,9 @@ PLANTED = {
     "body_gain": ("sensor_gain", False, 0.9), "body_misalignment": ("sensor_misalignment", False, 1.0),
     "flexible_mode": ("flexible_mode", None, 1.0), "friction": ("coulomb_friction", None, 1.0),
 }  # fmt: skip
-CASES = ("none", *PLANTED, "load", "load_with_travel")
+#: what a base sensor reads times the truth from :data:`BASE_FROM_S` on
+BASE_FAULTS, BASE_FROM_S = {"base_lost": 0.0, "base_wrong": 1.6}, 15.0
+CASES = ("none", *PLANTED, *BASE_FAULTS, "load", "load_with_travel")
 BELIEF = Belief(
     stiffness_off=0.05, stiffness_std=0.1, damping_off=0.0625, damping_std=0.125, mass_std=0.005, cg_std=0.0075, inertia_std=0.04
 )
@@ -72,15 +80,44 @@ def world(case: str, seed: int) -> Measurement:
     return measure(run, sensors, RATE_HZ, seed, noise_share=0.01)
 
 
-def judge(case: str, seed: int) -> dict[str, tuple[float, float, float, float]]:
+def with_base_fault(case: str, seed: int, run: Recording) -> Recording:
+    """Return a recording in which a base sensor is lost or reads too much."""
+    name = str(np.random.default_rng([seed, 3]).choice([n for n in run.channels if n.startswith("chassis")]))
+    channel = run.channels[name]
+    late = channel.stamp_ns > START_NS + BASE_FROM_S * 1e9
+    if BASE_FAULTS[case]:
+        changed = dataclasses.replace(channel, values=np.where(late[:, None], BASE_FAULTS[case], 1.0) * channel.values)
+    else:
+        changed = Channel(name, channel.stamp_ns[~late], channel.values[~late], channel.arrival_ns[~late])
+    return Recording(run.name, {**run.channels, name: changed})
+
+
+def judge(case: str, seed: int, drawn: bool = False) -> dict[str, tuple[float, float, float, float]]:
     """Return error, share inside (median, lowest) and std over error of live and smoothed, vertical and horizontal forces."""
+    return {
+        key: (float(np.median(error)), float(np.median(inside)), float(inside.min()), float(np.median(ratio)))
+        for key, (error, inside, ratio) in by_axis(case, seed, drawn).items()
+    }
+
+
+def pooled(case: str, seeds: Sequence[int], drawn: bool) -> dict[str, float]:
+    """Return the shares inside two standard deviations over all seeds, mounts and axes."""
+    found = [by_axis(case, seed, drawn) for seed in seeds]
+    return {key: float(np.mean([f[key][1].mean() for f in found])) for key in found[0]}
+
+
+def by_axis(case: str, seed: int, drawn: bool) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return relative error, share inside and std over error of every mount axis, of :func:`judge`."""
     data = world(case, seed)
-    vehicle = believed_vehicle(data, BELIEF, seed)
-    run = run_offline(recording_of(data, vehicle), Pipeline(vehicle))
+    vehicle = believed_vehicle(data, drawn_belief(BELIEF, seed) if drawn else BELIEF, seed)
+    recording = recording_of(data, vehicle)
+    run = run_offline(with_base_fault(case, seed, recording) if case in BASE_FAULTS else recording, Pipeline(vehicle))
     seconds = (run.stamp_ns - START_NS) * 1e-9
     keep = run.valid & (seconds > FROM_S) & (seconds < data.time[-1] - END_S)
     flat = data.truth["mount_force"].reshape(len(data.time), -1).T
     true = np.stack([np.interp(seconds[keep], data.time, row) for row in flat], axis=1).reshape(-1, len(run.mount_names), 3)
+    if drawn:
+        true = true + drawn_split(data.run.vehicle, seed)
     figures = {}
     live = (run.signals["mount_force"], run.signals["mount_force_std"])
     for path, (force, std) in (("live", live), ("smoothed", (run.force, run.force_std))):
@@ -88,8 +125,7 @@ def judge(case: str, seed: int) -> dict[str, tuple[float, float, float, float]]:
         size, stated = np.sqrt(np.mean(error**2, axis=0)), np.sqrt(np.mean(std[keep] ** 2, axis=0))
         inside, relative = np.mean(np.abs(error) <= 2.0 * std[keep], axis=0), size / true.std(axis=0)
         for kind, axes in (("vertical", slice(2, 3)), ("horizontal", slice(0, 2))):
-            within, middle = inside[:, axes], [float(np.median(a[:, axes])) for a in (relative, inside, stated / size)]
-            figures[f"{path} {kind}"] = (middle[0], middle[1], float(within.min()), middle[2])
+            figures[f"{path} {kind}"] = (relative[:, axes], inside[:, axes], (stated / size)[:, axes])
     return figures
 
 
@@ -97,13 +133,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", default=[9001, 9002, 9003, 9004])
     parser.add_argument("--only", nargs="*", choices=CASES, default=CASES)
+    parser.add_argument("--drawn", action="store_true", help="a file that errs in everything by what it states")
     given = parser.parse_args()
     for case in given.only:
+        rows: dict[str, list[tuple[np.ndarray, ...]]] = {}
         for seed in given.seeds:
             print(f"{case} {seed}")
-            for key, (error, middle, low, ratio) in judge(case, seed).items():
-                inside = f"inside 2 std {middle:4.0%} (lowest {low:4.0%})"
-                print(f"  {key:19s} error {error:6.1%}, {inside}, std over error {ratio:.1f}", flush=True)
+            for key, row in by_axis(case, seed, given.drawn).items():
+                rows.setdefault(key, []).append(row)
+                show(key, row)
+        print(f"{case}, all")
+        for key, many in rows.items():
+            show(key, tuple(np.concatenate(parts) for parts in zip(*many)))
+
+
+def show(key: str, row: tuple[np.ndarray, ...]) -> None:
+    error, inside, ratio = row
+    shares = f"{np.median(inside):4.0%} (lowest {inside.min():4.0%}, pooled {inside.mean():6.1%})"
+    print(f"  {key:19s} error {np.median(error):6.1%}, inside 2 std {shares}, std over error {np.median(ratio):.1f}", flush=True)
 
 
 if __name__ == "__main__":

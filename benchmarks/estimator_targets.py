@@ -8,7 +8,8 @@ random road, 500 Hz, noise 1 % of the signal; parameters are judged 10 s after e
 Horizontal forces between brackets follow from how the frame deforms between them, and nothing but its twice integrated
 acceleration tells that: beside the measured error stands the least that any estimate leaves which knows noise and spectrum of
 the deformation exactly and how the brackets tilt, at once and with all that comes after. ``--installed`` mounts every sensor as
-badly as the estimator has to reckon with; without, they are perfect, and intervals that contain such errors are too wide.
+badly as the estimator has to reckon with; without, they are perfect, and intervals that contain such errors are too wide. The
+same holds for the vehicle file: with ``--drawn`` its mass, inertia and static loads err by what it states, else they are exact.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 from worlds.adapters import START_NS, arrivals, believed_vehicle  # noqa: E402
 from worlds.cab import CabSensor, CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle, simulate  # noqa: E402
+from worlds.drawn import drawn_belief, drawn_split  # noqa: E402
 from worlds.installation import installed as with_errors  # noqa: E402
 from worlds.roads import Road, base_motion  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
@@ -146,10 +148,12 @@ def parameter_errors(cab: CabVehicle, estimates: list) -> list[tuple[str, float,
     return found
 
 
-def judge_drive(rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool) -> tuple[CabVehicle, Measurement]:
+def judge_drive(
+    rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool, drawn: bool = False
+) -> tuple[CabVehicle, Measurement]:
     """Add errors, coverage and consistency of the drive of a world to figures; return the world."""
     cab, data = world(seed, 15.0, noise, anti_alias, real)
-    vehicle = believed_vehicle(data, seed=seed)
+    vehicle = believed_vehicle(data, drawn_belief(Belief(), seed) if drawn else None, seed=seed)
     pipeline = Pipeline(vehicle)
     blocks, estimates = through(pipeline, data, START + 10.0)
     for group, error, ratio in parameter_errors(cab, estimates):
@@ -158,7 +162,7 @@ def judge_drive(rows: dict[str, list], seed: int, noise: float, anti_alias: floa
     good, row = ticks_of(blocks, data)
     late = data.time[row] > 8.0
     force, std = joined(blocks, "mount_force")[good][late], joined(blocks, "mount_force_std")[good][late]
-    true = data.truth["mount_force"][row][late]
+    true = data.truth["mount_force"][row][late] + (drawn_split(cab, seed) if drawn else 0.0)
     score = np.sqrt(np.mean((force - true) ** 2, axis=0)) / np.std(true, axis=0)
     inside = np.mean(np.abs(force - true) < 2.0 * std, axis=0)
     # as for the parameters: the part that is not the mass's, which is right here
@@ -190,10 +194,10 @@ def judge_drive(rows: dict[str, list], seed: int, noise: float, anti_alias: floa
     return cab, data
 
 
-def nominal(seeds: range, noise: float, anti_alias: float, real: bool = False) -> dict[str, list]:
+def nominal(seeds: range, noise: float, anti_alias: float, real: bool = False, drawn: bool = False) -> dict[str, list]:
     rows: dict[str, list] = {}
     for seed in seeds:
-        cab, data = judge_drive(rows, seed, noise, anti_alias, real)
+        cab, data = judge_drive(rows, seed, noise, anti_alias, real, drawn)
         for when, least in zip(("causal", "smoothed"), least_error(cab, data)):
             rows.setdefault(f"least {when}", []).extend(least.ravel())
         stiffness, force = (100 * max(rows[f"{what} vertical"][-4:]) for what in ("k", "force"))
@@ -317,11 +321,12 @@ def main() -> None:
         "--anti-alias", type=float, default=0.0, help="corner of the sensors' filters over their rate, 0 none (default 0)"
     )
     parser.add_argument("--installed", action="store_true", help="sensors with all errors of a usual installation")
+    parser.add_argument("--drawn", action="store_true", help="a vehicle file that errs by what it states")
     given = parser.parse_args()
     start = time.perf_counter()
     seeds = range(given.first, given.first + given.seeds)
     few = range(given.first, given.first + max(given.seeds // 4, 1))
-    rows = nominal(seeds, given.noise, given.anti_alias, given.installed)
+    rows = nominal(seeds, given.noise, given.anti_alias, given.installed, given.drawn)
     table(rows, masses(few, given.noise), changes(few, given.noise))
     print(f"{given.seeds} worlds, {time.perf_counter() - start:.0f} s")
 

@@ -346,6 +346,9 @@ class Pipeline:
     def _learned(self) -> dict[str, Any]:
         return {"parameters": self._parameters.snapshot(), "anchor": self._mass_reference.save(), "tilt": self.tilting.save()}
 
+    def _integrated(self) -> dict[str, Any]:
+        return {"deflection": self._deflection.save(), "frame": self._forces.frame_bias()}
+
     def _go_back_to(self, learned: dict[str, Any]) -> None:
         """Return to what was learned at another time; filters of the signals begin anew."""
         self._parameters.load(learned["parameters"])
@@ -368,12 +371,15 @@ class Pipeline:
 
     def _take_back(self, verdict: GateVerdict) -> None:
         """Return to what was learned before a sensor became faulty; deflections it spoiled start again from rest."""
-        spoiled = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
+        spoiled = bases = [i for i, stream, _, _ in self._layout.base if stream in verdict.newly_refused]
         if any(stream in verdict.newly_refused for stream in self._layout.body_streams):
             spoiled = list(range(len(self.geometry.mounts)))
         copies = self._checkpoints.take(self._run_time, verdict.spoiled)
         if copies is not None and spoiled:
-            self._deflection.load(restarted(self._deflection.save(), copies[1], spoiled))
+            self._deflection.load(restarted(self._deflection.save(), copies[1]["deflection"], spoiled))
+        if bases:
+            self._forces.undeform([] if copies is None else copies[1]["frame"])
+            self._fill.spoil()
         self._parameters.restart()
         if copies is not None:
             self._go_back_to(copies[0])
@@ -401,7 +407,9 @@ class Pipeline:
             self._restarts["forces on the body contradicted the deflections"] += 1
             self._forces.renew_gains()
             self._parameters.restart()
-        return self._fill.widen(found, ticks * dt)
+        found = self._fill.widen(found, ticks * dt)
+        self._forces.take_made_up(self._fill.made_up)
+        return found
 
     def _settle(self) -> None:
         """Learn from the last block; put off until the next call so that the block's forces are handed out first."""
@@ -434,7 +442,7 @@ class Pipeline:
                 p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
-        self._checkpoints.keep(self._run_time, self._learned, self._deflection.save)
+        self._checkpoints.keep(self._run_time, self._learned, self._integrated)
 
     def _look_for_load(self) -> None:
         """Ask static travel and the place of the CG whether the body carries something that its file does not know."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.forces.base_fill import BaseFill
+from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
 from ride_estimation.io.vehicle_file import load_vehicle
 
 BLOCK, DT = 10, 0.01
@@ -70,3 +71,20 @@ def test_offsets_of_sensors_outlast_a_new_time_base() -> None:
     ok[:, 0] = False
     found, _ = fill.fill(base, ok, BLOCK * DT)
     np.testing.assert_allclose(found[:, 0], base[:, 0], atol=1e-9)
+
+
+def test_a_sensor_that_is_lost_in_the_first_seconds_is_made_up_with_its_offset_too() -> None:
+    found, truth, _ = used((5.0, 9.0), 9.0)
+    np.testing.assert_allclose((found - truth)[52:].mean(axis=0), OFFSETS[0], atol=0.05)
+
+
+def test_what_is_made_up_errs_by_what_its_bracket_and_those_that_stand_for_it_move_on_their_own() -> None:
+    """The blend of three noisy brackets minus the noise of the fourth, in units of the variance of one."""
+    fill, rng = BaseFill(geometry_of(load_vehicle("truck_cab"))), np.random.default_rng(6)
+    own, ok = rng.standard_normal((20_000, 4, 3)), np.ones((20_000, 4), dtype=bool)
+    ok[:, 0] = False
+    base, _ = fill.fill(own, ok, 1e-3)
+    still = DeflectionBlock(*(np.zeros((1, 4, 3)) for _ in range(6)), np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((1, 4, 3)))
+    fill.widen(still, 1e-3)
+    np.testing.assert_allclose(fill.made_up[0], np.var(base[:, 0] - own[:, 0], axis=0), rtol=0.05)
+    assert not fill.made_up[1:].any()

@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-from effect_intervals import judge
+from effect_intervals import judge, pooled
 
 
 @pytest.mark.slow
@@ -26,3 +26,17 @@ def test_smoothed_forces_hold_a_load_that_transducers_show_once():
     for path in ("live", "smoothed"):
         error, middle, low, _ = figures[f"{path} horizontal"]
         assert error < 0.3 and middle > 0.85 and low > 0.7
+
+
+@pytest.mark.slow
+def test_intervals_beside_a_file_that_errs_by_what_it_states_are_neither_too_narrow_nor_too_wide():
+    for key, share in pooled("none", range(52_000, 52_012), drawn=True).items():
+        assert 0.90 <= share <= 0.985, key
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("case", "largest"), [("base_lost", 0.35), ("base_wrong", 0.8)])
+def test_forces_without_a_base_sensor_err_and_are_uncertain_by_what_its_bracket_moves_on_its_own(case: str, largest: float):
+    for seed in (62_000, 62_003):
+        error, middle, low, ratio = judge(case, seed, drawn=True)["live horizontal"]
+        assert error < largest and middle > 0.9 and low > 0.75 and ratio < 2.0

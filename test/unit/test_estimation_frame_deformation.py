@@ -197,3 +197,22 @@ def test_bank_knows_what_its_filters_do(index: int) -> None:
     value, rate = (v[index] for v in bank.errors(np.zeros(40), np.zeros(40), 1.0, 1e6))
     assert value == pytest.approx(spread[2, 2], rel=1e-2)
     assert rate == pytest.approx(spread[3, 3], rel=1e-2)
+
+
+def test_what_a_wrong_sensor_made_of_the_deformation_is_forgotten() -> None:
+    """A bracket reads 5 m/s^2 too much for half a second, then is left out: a tenth of its trace is the start anew."""
+    deflection, acceleration = twist(2.0, 18.0)
+    begins, ends, judged = (round(t / DT) for t in (15.0, 15.5, 17.5))
+    errors = []
+    for anew in (False, True):
+        frame = make()
+        integrate(frame, acceleration[:begins])
+        bias = frame.bias
+        wrong = acceleration[begins:ends].copy()
+        wrong[:, 0, 2] += 5.0
+        integrate(frame, wrong)
+        if anew:
+            frame.undeform(bias)
+        error = integrate(frame, acceleration[ends:]) - deflection[ends:]
+        errors.append(float(np.abs(error[judged - ends :]).max()))
+    assert errors[1] < 0.1 * errors[0]

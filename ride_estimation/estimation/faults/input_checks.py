@@ -194,7 +194,8 @@ class InputChecks:
     @property
     def bases_inconsistent(self) -> bool:
         """Return whether one of the base sensors is wrong though nothing tells which."""
-        weighed = self._balance.possible and self._balance.inconsistent
+        # of readings that are no longer used a contradiction is none
+        weighed = self._balance.possible and self._balance.inconsistent and self._readings is not None
         return self._bases.inconsistent or self._noise.inconsistent or weighed
 
     @property

@@ -33,8 +33,6 @@ _OWN_SHARE, _LEAST_LEVER = 0.3, 1e-3
 #: time of a mean, which counts as long afterwards: until then a fault of the sensor is found [s]; absence after which an offset
 #: may be another, and time in which the new one is looked for [s]
 _MEAN, _LONG, _SETTLES = 10.0, 5.0, 3.0
-#: share of the usual dynamic force that stays unknown: what the frame twists moves force between all mounts
-_UNKNOWN_FORCE = 1.0
 
 
 class BaseFill:
@@ -79,6 +77,8 @@ class BaseFill:
         """Begin a new time base: no base motion is a guess any more; sizes stay, and offsets, which are those of the sensors."""
         count = len(self._place)
         self._unknown = np.zeros(count)
+        #: variance of made-up motion of the bases in units of that of what a bracket moves on its own, (M, 3)
+        self.made_up, self._blend = np.zeros((count, 3)), np.ones((count, 3))
         self._wrong, self._now_square = 0.0, np.zeros((count, 3))
 
     def _map(self, there: BoolArray) -> Array:
@@ -124,15 +124,17 @@ class BaseFill:
             self._hear(base, duration)
         if not there.any() or not (missing.any() or self._made_up.any()):
             return base, ok
-        filled, filled_ok = base.copy(), ok.copy()
+        filled, filled_ok, mean = base.copy(), ok.copy(), self._offsets()
         for m in np.flatnonzero(missing):
-            estimate = self._mean[m] + np.einsum("aj,kja->ka", self._map(there)[:, m], base - self._mean)
+            estimate = mean[m] + np.einsum("aj,kja->ka", self._map(there)[:, m], base - mean)
             lost = ~ok[:, m] | settling[m]
             if settling[m]:
                 self._excess[m] += duration / _SETTLES * (base[:, m] - estimate).mean(axis=0)
             filled[lost, m] = estimate[lost]
             filled_ok[lost, m] = True
             self._unknown[m] = 1.0
+            # what it moves on its own is lost, what those do that stand for it is added
+            self._blend[m] = 1.0 + np.sum(self._map(there)[:, m] ** 2, axis=1)
         for m in np.flatnonzero(self._made_up.any(axis=1)):
             estimate = np.einsum("aj,kja->ka", self._map(there)[:, m], base)
             filled[:, m, self._made_up[m]] = estimate[:, self._made_up[m]]
@@ -146,6 +148,14 @@ class BaseFill:
         if self._heard >= _MEAN:
             self._mean, self._next = self._next, self._sum / self._heard
             self._sum, self._heard = np.zeros_like(self._sum), 0.0
+
+    def _offsets(self) -> Array:
+        """Return the means of the readings as far as they are known, shape (M, 3)."""
+        if self._mean.any():
+            return self._mean
+        if self._next.any():
+            return self._next
+        return self._sum / self._heard if self._heard >= _SETTLES else self._mean
 
     def _settling(self, gone: BoolArray, duration: float) -> BoolArray:
         """Return which sensors are back from a long absence and still compared with what is made up for them, shape (M,)."""
@@ -166,14 +176,20 @@ class BaseFill:
         """Say that the base motion of any mount may be wrong."""
         self._unknown[:], self._wrong = _WRONG, 1.0
 
+    def spoil(self) -> None:
+        """Say that the deformation of the frame began anew: what brackets moved on their own is lost at all of them."""
+        self._unknown = np.maximum(self._unknown, 1.0)
+
     def widen(self, block: DeflectionBlock, duration: float) -> DeflectionBlock:
         """Return the deflections with the standard deviation of mounts whose base motion was a guess."""
         gain = np.where(self._unknown < 0.05, min(duration / _MEMORY, 1.0), 0.0)
         follow_squares(block.deflection, gain, self._square)
         follow_squares(block.rate, gain, self._rate_square)
-        if self._unknown.max(initial=0.0) < 0.05:
+        unknown = np.where(self._unknown < 0.05, 0.0, self._unknown)[:, None]
+        self.made_up = unknown**2 * self._blend
+        if not unknown.any():
             return block
-        share = (_UNKNOWN_SHARE * self._unknown)[:, None]
+        share = _UNKNOWN_SHARE * unknown
         return dataclasses.replace(
             block,
             std=np.hypot(block.std, share * np.sqrt(self._square)),
@@ -181,17 +197,13 @@ class BaseFill:
         )
 
     def widen_forces(self, block: ForceBlock, duration: float) -> ForceBlock:
-        """Return the forces with what a guessed base motion leaves open added to the part of the mount model."""
-        unknown = float(self._unknown.max(initial=0.0))
-        # a missing sensor leaves the size of the forces to be seen, also where it is missing from the start; a wrong one does not
+        """Return the forces with what a sensor that may be wrong makes of them beyond their usual size, for the mount model."""
         if self._wrong < 0.05:
             self._age += duration
-            gain = duration / min(max(self._age, duration), _MEMORY)
-            follow_scatter(block.force, gain, self._force, self._force_square)
-        if unknown < 0.05:
+            follow_scatter(block.force, duration / min(max(self._age, duration), _MEMORY), self._force, self._force_square)
             return block
         now = np.mean((block.force - self._force) ** 2, axis=0)
         self._now_square += min(duration / _NOW, 1.0) * (now - self._now_square)
-        open_square = (_UNKNOWN_FORCE * unknown) ** 2 * self._force_square + self._wrong * self._now_square
-        model = np.sqrt(block.std_model**2 + open_square)
+        beyond = self._wrong * np.maximum(self._now_square - self._force_square, 0.0)
+        model = np.sqrt(block.std_model**2 + beyond)
         return dataclasses.replace(block, std_model=model, std=np.sqrt(block.std_equilibrium**2 + model**2))

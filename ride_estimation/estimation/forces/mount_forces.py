@@ -43,6 +43,8 @@ _CONSISTENCY_MEMORY = 5.0
 _ROWS = ((0, 1, 5), (2, 3, 4))
 #: corner below which the residual wrench is shared by stiffness [rad/s]
 _SLOW_CORNER = 0.8
+#: growth of the variance of made-up motion from which on gains do not wait: a sensor was left out just now
+_SUDDENLY = 2.0
 #: deflection that no mount is known better than, keeps the equations regular [m]
 _LEAST_DEFLECTION = 2e-6
 
@@ -192,6 +194,8 @@ class MountForceEstimator:
         self.parameter_std = np.zeros((2, count, 3))
         #: variance of the forces for base sensors that read too much or too little [N^2]
         self.misread_variance = np.zeros((count, 3))
+        #: variance of made-up base motion over that of what a bracket moves on its own, now and when gains were made, (M, 3)
+        self._made_up_now = self._made_up_then = np.zeros((count, 3))
         free = geometry.free
         self._g = geometry.wrench[free]
         self._free = free
@@ -215,9 +219,24 @@ class MountForceEstimator:
         if self._frame is not None:
             self._frame.take_tilt()
 
+    def frame_bias(self) -> list[float]:
+        """Return the constant relative accelerations of the deformation of the frame, (3 M,), as a plain list; empty without."""
+        return [] if self._frame is None else self._frame.bias
+
+    def undeform(self, bias: list[float]) -> None:
+        """Begin the deformation of the frame from rest, with the :meth:`frame_bias` of before a base sensor spoiled it."""
+        if self._frame is not None:
+            self._frame.undeform(bias)
+
     def renew_gains(self) -> None:
         """Let the next block have gains of its own: the deflections are suddenly known less well."""
         self._until = self._time
+
+    def take_made_up(self, made_up: Array) -> None:
+        """Take the variance of made-up motion of the bases over that of what a bracket moves on its own, shape (M, 3)."""
+        self._made_up_now = made_up
+        if np.any(made_up > _SUDDENLY * self._made_up_then):
+            self.renew_gains()
 
     def reset(self) -> None:
         """Forget running statistics and what the elements remember."""
@@ -396,6 +415,7 @@ class MountForceEstimator:
 
     def _update_gains(self, deflection: DeflectionBlock, load_covariance: Array) -> None:
         self._until = self._time + _INTERVAL
+        self._made_up_then = self._made_up_now
         self._judge()
         self._update_static()
         count, k, c = self._count, self.law.stiffness, self.law.damping
@@ -412,6 +432,8 @@ class MountForceEstimator:
             spread = float(np.mean(hidden)) / float(np.mean(self._stiffness))
             prior = np.diag(np.where(self.known.ravel(), np.diag(prior), self._stiffness * spread))
         elif self._frame is not None:
+            if not self._frame.seen:
+                parameters = parameters + float(self._made_up_now.max(initial=0.0)) * hidden
             prior = self._covariance(deflection, self._frame, parameters) + np.diag(floor)
             # errs with the wrench, of the same rate: stated, but equilibrium must not be satisfied by it
             stiff = k.ravel()
@@ -456,6 +478,9 @@ class MountForceEstimator:
         value, rate = frame.covariance()
         value = value + (rigid * spread) @ rigid.T
         rate = rate + (rigid * rate_spread) @ rigid.T
+        if frame.seen and self._made_up_now.any():
+            own, own_rate = frame.made_up_covariance(self._made_up_now)
+            value, rate = value + own, rate + own_rate
         for total, measured in ((value, spread), (rate, rate_spread)):
             total[self._transducer] = 0.0
             total[:, self._transducer] = 0.0

@@ -178,6 +178,10 @@ class FilterBank:
         whole, whole_rate = self._widths / self._omega4 @ signal, self._widths / np.sqrt(self._omega4) @ signal
         return value + start * whole, rate + start * whole_rate
 
+    def passed(self, index: int, noise: Array) -> tuple[float, float]:
+        """Return what a filter lets through of noise, as variances of value and rate."""
+        return float(self._passed[index] @ noise), float(self._passed_rate[index] @ noise)
+
     def left(self, index: int, signal: Array, noise: Array) -> Array:
         """Return the density of the error of the value of a filter, shape (F,) [m^2/Hz]."""
         return np.asarray((self._missed[index] * signal + self._passed[index] * noise) / self._widths)

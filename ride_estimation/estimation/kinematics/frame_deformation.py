@@ -15,6 +15,7 @@ in second order is no deformation and comes from the rotation itself.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,20 @@ class FrameDeformation:
         #: error variance of value and rate of a channel before projection, per axis
         self.variance, self.rate_variance = np.full(3, _UNKNOWN**2), np.full(3, _UNKNOWN_RATE**2)
 
+    @property
+    def bias(self) -> list[float]:
+        """Return the constant relative accelerations, (3 M,) as a plain list [m/s^2]."""
+        found: list[float] = self._state[4].tolist()
+        return found
+
+    def undeform(self, bias: Sequence[float]) -> None:
+        """Begin from an undeformed frame with biases of an earlier time, none for unknown ones; filters and spectrum stay."""
+        self._state[:] = 0.0
+        if bias:
+            self._state[4] = bias
+        else:
+            self._age = 0.0
+
     def take_tilt(self) -> None:
         """Take over how the brackets tilt: the maps of the twist, and the spread of its shares."""
         self._turn_map = self._tilting.maps.mean(axis=0)
@@ -151,6 +166,36 @@ class FrameDeformation:
         """Return the error covariances of value and rate, shape (3 M, 3 M) each."""
         q = self.projector
         return (q * np.tile(self.variance, self._count)) @ q, (q * np.tile(self.rate_variance, self._count)) @ q
+
+    @property
+    def seen(self) -> bool:
+        """Return whether something is known of the spectrum."""
+        return bool(self._step and self._spectrum.averaged)
+
+    def made_up_covariance(self, share: Array) -> tuple[Array, Array]:
+        """Return what made-up motion of bases leaves of value and rate, covariances of shape (3 M, 3 M) each.
+
+        Its error is noise of the spectrum of what a bracket moves on its own; along the vertical it also tilts the brackets.
+
+        Parameters
+        ----------
+        share
+            Variance of the error over that of what a bracket moves on its own, shape (M, 3).
+        """
+        spectrum, q = self._spectrum, self.projector
+        white = 2.0 * self._base_variance * self._step
+        signal = spectrum.split(2, white, np.zeros(len(spectrum.frequencies)))[0]
+        whole = signal / (2.0 * np.pi * spectrum.frequencies) ** 4
+        chosen = self._chosen.tolist()
+        own = [self._bank.passed(n, spectrum.density[:, a]) for a, n in enumerate(chosen)]
+        tilted = [self._bank.passed(n, whole) for n in chosen]
+        turned = self.tilt @ q[2::3, 2::3]
+        found = []
+        for kind in range(2):
+            moved = (q * (share * [p[kind] for p in own]).ravel()) @ q
+            scale = np.sqrt(np.tile([p[kind] for p in tilted], self._count))[:, None] * turned
+            found.append(moved + (scale * share[:, 2]) @ scale.T)
+        return found[0], found[1]
 
     @property
     def static_gain(self) -> Array:
