@@ -99,6 +99,8 @@ class FrameDeformation:
     def undeform(self, bias: Sequence[float]) -> None:
         """Begin from an undeformed frame with biases of an earlier time, none for unknown ones; filters and spectrum stay."""
         self._state[:] = 0.0
+        if self._step:  # a new filter would be given the states of what is remembered
+            self._spectrum.interrupt()
         if bias:
             self._state[4] = bias
         else:
