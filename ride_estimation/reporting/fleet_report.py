@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -132,8 +133,9 @@ def _place(name: str) -> str:
     return name.partition(_EQUIVALENT)[0].replace(".", " ")
 
 
-def _reading(metric: Metric) -> tuple[str, float]:
-    """Return the unit a metric is read in and the factor to it."""
+def _reading(name: str, runs: Iterable[tuple[str, Mapping[str, Metric]]]) -> tuple[str, float]:
+    """Return the unit a metric of some runs is read in and the factor to it."""
+    metric = next(metrics[name] for _, metrics in runs if name in metrics)
     return ("kN", 1e-3) if _EQUIVALENT in metric.name else reading_unit(metric.unit)
 
 
@@ -172,7 +174,7 @@ def _by_tag(names: Sequence[str], groups: Mapping[str, Sequence[tuple[str, Mappi
     for name in names:
         values = [[value for _, value in _known(name, runs)] for runs in groups.values()]
         if sum(map(bool, values)) > 1:
-            unit, factor = next(_reading(metrics[name]) for runs in groups.values() for _, metrics in runs if name in metrics)
+            unit, factor = _reading(name, itertools.chain.from_iterable(groups.values()))
             lines.append([name, unit, *(factor * float(np.median(own)) if own else "" for own in values)])
     return lines
 
@@ -182,7 +184,7 @@ def _known(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[
 
 
 def _spread(name: str, runs: Sequence[tuple[str, Mapping[str, Metric]]]) -> list[object]:
-    unit, factor = next(_reading(metrics[name]) for _, metrics in runs if name in metrics)
+    unit, factor = _reading(name, runs)
     values = factor * np.array([value for _, value in _known(name, runs)])
     middle = float(np.median(values))
     robust = 1.4826 * float(np.median(np.abs(values - middle))) if len(values) > 1 else ""
@@ -204,7 +206,7 @@ def _strips(
         axes = figure.add_subplot(rows, 3, place)
         known = _known(name, runs)
         colours = ["#cf222e" if (runs[i][0], name) in odd else "#0969da" for i, _ in known]
-        unit, factor = next(_reading(metrics[name]) for _, metrics in runs if name in metrics)
+        unit, factor = _reading(name, runs)
         axes.scatter([numbers[i] for i, _ in known], [factor * value for _, value in known], s=10, c=colours)
         axes.set_title(name if len(name) < 46 else f"{name[:44]}...", fontsize=7)
         axes.set_ylabel(f"[{unit}]", fontsize=7)
