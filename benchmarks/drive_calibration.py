@@ -7,7 +7,7 @@
 A world is a random cab over a random road for 60 s, 200 Hz, noise 1 % of the signal; bias, gain, misalignment, position and
 delay of every sensor are drawn from the usual installation. Printed per kind of error: 95th percentile, share within two
 standard deviations, share of the values the drive determines (standard deviation below half the prior) and the same for those.
-Drives that calibration calls unfit to use (conflicts) are left out of the table. Delays are compared without
+Drives that calibration calls unfit to use are left out of the table. Delays are compared without
 what all sensors have in common: nothing can show that. Installed errors of a foreign run are those of
 its ``truth.json``, its priors the tolerances of its ``vehicle.json`` (two standard deviations).
 """
@@ -124,7 +124,7 @@ def main() -> None:
     total: dict[str, list[tuple[float, float, bool]]] = {}
     cases: list[object] = list(range(given.first, given.first + given.seeds))
     if given.foreign is not None:
-        cases = [c for c in sorted(given.foreign.iterdir()) if (c / "vehicle.yaml").exists()]
+        cases = [c for c in sorted(given.foreign.glob("cab_*")) if (c / "vehicle.yaml").exists()]
     for case in cases:
         began = time.process_time()
         try:
@@ -135,9 +135,9 @@ def main() -> None:
         rows = scores(found, truth)
         inside = np.mean([abs(e) < 2.0 * s for values in rows.values() for e, s, _ in values])
         spent = time.process_time() - began
-        said = f", conflicts {len(found.conflicts)}" if found.conflicts else ""
+        said = "" if found.usable else f", not usable, conflicts {len(found.conflicts)}"
         print(f"{getattr(case, 'name', case)}: NIS {found.nis:.2f}, inside {inside:.0%}, {spent:.0f} s{said}", flush=True)
-        if found.conflicts:
+        if not found.usable:
             continue
         for kind, values in rows.items():
             total.setdefault(kind, []).extend(values)

@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
 
         drive = calibrate_drive(recording, vehicle)
         lines, calibrated = summary_lines(drive), drive.vehicle(vehicle)
-        refused = bool(drive.conflicts)
+        refused = not drive.usable
     else:
         standstill = calibrate(recording, vehicle)
         lines, calibrated = standstill_lines(standstill), standstill.vehicle(vehicle)

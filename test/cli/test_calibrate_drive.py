@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from worlds.adapters import believed_vehicle, recording, vehicle_of_text
 from worlds.cab import Measurement, drive, measure, random_sensors, random_vehicle
+from worlds.installation import installed
 from worlds.roads import Road
 from worlds.vehicle_text import vehicle_yaml
 
@@ -19,8 +20,9 @@ from ride_estimation.cli.main import main
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model import drive_calibration
 from ride_estimation.estimation.model.drive_calibration import DriveCalibration, calibrate_drive, summary_lines
+from ride_estimation.io.bags import read_recording
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
-from ride_estimation.sensors.installation import Installation
+from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -63,7 +65,7 @@ def test_hidden_errors_come_back(found: DriveCalibration) -> None:
     assert sensors[2].errors["position"][1] == pytest.approx(MOVED[1], abs=0.005)
     delays = np.array([c.errors["delay"][0] for c in sensors])
     assert delays[5] - np.mean(np.delete(delays, 5)) == pytest.approx(0.001, abs=1e-4)
-    assert sensors[5].determined["gain"].all() and found.nis == pytest.approx(1.0, abs=0.1)
+    assert sensors[0].determined["gain"].all() and found.usable and found.nis == pytest.approx(1.0, abs=0.1)
     assert found.covariance.shape == (len(found.names),) * 2
     assert "relative to the mean of all sensors" in "\n".join(summary_lines(found))
 
@@ -79,6 +81,28 @@ def test_what_was_found_is_not_found_again(data: Measurement, vehicle: Vehicle, 
     for name, c in again.sensors.items():
         for kind in ("gain", "misalignment", "position", "delay"):
             assert np.all(np.abs(c.errors[kind]) < 2.0 * found.sensors[name].stds[kind] + 1e-12), (name, kind)
+
+
+@pytest.mark.slow
+def test_errors_of_installed_sensors_are_inside_as_often_as_stated() -> None:
+    """Fresh cabs on fresh roads, every error drawn from the usual installation: neither too few nor all inside two std."""
+    inside = []
+    for seed in range(7000, 7006):
+        rng = np.random.default_rng(seed)
+        cab = random_vehicle(rng, "air" if seed % 2 else "rubber")
+        stds = {kind: getattr(USUAL, kind) for kind in ("bias", "gain", "misalignment", "position", "delay")}
+        sensors = installed(random_sensors(cab, rng), seed, **stds)
+        run = drive(cab, dataclasses.replace(Road.random(rng), follow=(0.4, 0.7)), 40.0, seed)
+        data = measure(run, sensors, 200.0, seed, noise_share=0.01, anti_alias=0.0)
+        found = calibrate_drive(recording(data), believed_vehicle(data, seed=seed))
+        late = np.mean([found.sensors[s.name].errors["delay"][0] - s.delay_s for s in sensors])
+        for s in sensors:
+            c = found.sensors[s.name]
+            turn = Rotation.from_matrix(s.rotation.T @ s.true_rotation).as_rotvec()
+            true = {"gain": np.asarray(s.gain) - 1.0, "misalignment": turn, "position": s.true_position - s.position,
+                    "delay": np.array([s.delay_s + late]), "bias": np.asarray(s.bias)}  # fmt: skip
+            inside += [np.abs(c.errors[kind] - true[kind]) < 2.0 * c.stds[kind] for kind in true]
+    assert 0.90 <= np.concatenate(inside).mean() <= 0.985
 
 
 @pytest.fixture(scope="module")
@@ -128,14 +152,22 @@ def test_a_recording_that_cannot_be_used_is_refused_in_one_line(plain: Vehicle) 
 
 
 @pytest.mark.slow
-def test_a_frame_the_model_does_not_describe_is_said_and_nothing_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Base sensors seem 2 % off here: the truth is 0.1 %."""
+def test_friction_is_said_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "v.yaml"
-    assert main(["calibrate", "--drive", str(ROOT / "bags/nominal/bag"), "--vehicle", "truck_cab", "--out", str(out)]) != 0
+    bag = str(ROOT / "bags/hidden_friction/bag")
+    assert main(["calibrate", "--drive", bag, "--vehicle", "truck_cab", "--out", str(out)]) != 0
     said = capsys.readouterr()
     assert "do not use this" in said.out and "not written" in said.err and not out.exists()
+
+
+@pytest.mark.slow
+def test_an_elastic_frame_does_not_pass_for_gains() -> None:
+    """Whatever moves the bases is an unknown input: the good sensors of the example stay good."""
+    vehicle = load_vehicle("truck_cab")
+    found = calibrate_drive(read_recording(ROOT / "bags/nominal/bag", vehicle), vehicle)
+    assert found.usable and found.nis == pytest.approx(1.0, abs=0.1)
+    gains = np.array([c.errors["gain"] / c.stds["gain"] for c in found.sensors.values() if "gain" in c.errors])
+    assert np.all(np.abs([c.errors["gain"] for c in found.sensors.values()]) < 0.006) and np.mean(np.abs(gains) < 2.0) > 0.85
 
 
 @pytest.mark.slow

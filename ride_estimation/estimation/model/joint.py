@@ -1,11 +1,13 @@
 # Copyright 2026 ride_estimation contributors
-"""Joint estimation of all slow states of a run: maximum of the likelihood of the innovations, with priors.
+"""Joint estimation of all slow states of a run: errors in variables in the frequency domain, with priors.
 
-``-ln p = 1/2 sum (nu^T S^-1 nu + ln det S) + 1/2 (theta - mean)^T Sigma^-1 (theta - mean)`` is minimised by Fisher scoring
-(Ljung, System Identification, 1999, 7.4; Watson and Engle, J. Econometrics 23, 1983). Gain and covariance of the filter change
-with theta: held, they would turn what no run can tell, a common gain of all sensors, into information. Levels and corners of the
-base motion are slow states too, so that they say nothing of a scale. Second-order terms are renewed from the smoothed states
-between the steps.
+At every frequency the readings are ``y = T(theta) w + G(theta) b + noise``: w the unknown acceleration of base and its patterns,
+b the unknown difference of the states before and after a segment, noise white and of known size. There are more channels than
+inputs: ``sum |(1 - T T^+)(y - G b)|^2`` is minimised together with the priors of theta (Gauss-Newton). No spectrum of the base is
+assumed, so none can be wrong. Derivatives are taken at the estimate of w that is shrunk by its signal-to-noise ratio: a function
+of ``T^+ y``, it is independent of what is left over, so the score has mean zero and the covariance that is stated (conditional
+score, Stefanski and Carroll, Biometrika 74, 1987). Second-order terms are renewed from the states between the steps, and so is
+the factor on the noise, per frequency, of what the model does not describe.
 """
 
 from __future__ import annotations
@@ -15,45 +17,43 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.model.dynamics import Dynamics, diffusion, discretise, dynamics, transition
-from ride_estimation.estimation.model.kalman import (
-    CHUNK,
-    Derivatives,
-    Filter,
-    filter_derivatives,
-    run,
-    sensitivities,
-    smooth,
-    stationary,
-)
+from ride_estimation.estimation.model.dynamics import Dynamics, dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
-from ride_estimation.estimation.model.readings import reading, readings
-from ride_estimation.estimation.model.second_order import SecondOrder, second_order
+from ride_estimation.estimation.model.readings import readings
+from ride_estimation.estimation.model.second_order import second_order
+from ride_estimation.estimation.model.spectral import Lines, Response, response
 from ride_estimation.frames import point_motion_matrix
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
-#: time after the start of a segment in which the filter forgets its start [s]
-SETTLE_S = 1.0
 #: step of differences in slow states, in their own unit
-_STEP = 1e-4
-#: largest change of ln k and ln c, and of a logarithm of the noise, in one step
-_LARGEST_STEP, _LARGEST_NOISE_STEP = 0.5, 1.0
-#: unmodelled share of the readings at the first step, where stiffness and damping are those of the file
-_FIRST_MODEL = 0.05
-#: length of the part that is estimated from first [s]
-_FIRST_S = 15.0
-#: scoring steps at most; converged when the largest step is this share of its standard deviation
-_STEPS, _CONVERGED = 15, 0.1
-#: how often the second order is computed anew before the whole run is fitted
-_FIRST_RENEWALS = 3
+_STEP = 1e-5
+#: largest change of ln k and ln c in one step
+_LARGEST_STEP = 0.5
+#: length of the part that is estimated from first; longer segments are divided into equal ones [s]
+_FIRST_S, _LONGEST_S = 15.0, 60.0
+#: scoring steps at most; converged when the largest step is this share of its standard deviation, not before the second order
+#: was renewed so often
+_STEPS, _CONVERGED, _RENEWALS = 12, 0.1, 3
 #: times a step is halved at most while it does not lower the cost by more than its rounding
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
-#: length of the blocks whose scores state the covariance [s]
-_BLOCK_S = 1.0
+#: below this frequency [Hz] a base deforms too slowly for its acceleration to show it: integrated noise was 100 times the
+#: deflection of a drive, and its products with forces made the second order diverge
+_DEFORMS_HZ = 0.3
+#: slowest motion that differs much between the ends of a segment [Hz]: size of the prior of that difference
+_ENDS_HZ = 0.5
+#: rms of the inputs [m/s^2, rad/s^2] and of the deformation of the base [m] before they are estimated: rough roads stay below
+_FIRST_SIZE, _FIRST_BENT = 10.0, 0.02
+#: angular rates slower than this are left out of the second order [Hz]
+_RATE_HZ = 0.2
+#: share of the mean second-order reading that higher orders change (drawn cabs on roads of pitch up to 1.2 degrees rms: 0.08)
+_HIGHER_ORDER = 0.1
+_UNFIT = "the errors of the sensors cannot be estimated: the vehicle file does not fit this drive"
+#: lines of the Jacobian handled together: bounds the memory
+_CHUNK = 256
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,24 +64,75 @@ class Model:
     ----------
     constants, dynamics
         What it was built from.
-    filter
-        System in discrete time with its gain.
-    Q, R
-        Covariance of the process noise (N, N), diagonal of the covariance of the readings (C,).
-    constant
-        Part of the readings that does not move: gravity and bias, shape (C,).
-    push, direct
-        Effect of a known specific force of the body on the next state (N, 6) and on the readings (C, 6).
+    rows, constant
+        Readings: rows over states and inputs (C, V), part that does not move: gravity and bias, shape (C,).
+    direct
+        Effect of an acceleration of the body on the readings, shape (C, 6).
+    lean
+        Effect on the readings of gravity, where a bracket does not tilt as its neighbours moved, shape (C, 3 M) [1/s^2].
     """
 
     constants: Constants
     dynamics: Dynamics
-    filter: Filter
-    Q: Array
-    R: Array
+    rows: Array
     constant: Array
-    push: Array
     direct: Array
+    lean: Array
+
+
+@dataclasses.dataclass
+class _Segment:
+    """Transform of the readings of a segment, what is known beside them and what is not described, per line.
+
+    ``factor`` on the variance of the noise; ``wandering`` is the variance of what every mount moves by itself [m^2], ``size``
+    (W,) the rms of the inputs, ``bent`` that of the deformations [m].
+    """
+
+    lines: Lines
+    mean: Array
+    moving: Complex
+    second_mean: Array
+    second_readings: Complex
+    second_accel: Complex
+    factor: Array
+    wandering: Array
+    size: Array
+    bent: float
+
+    @classmethod
+    def of(cls, readings: Array, dt: float, inputs: int) -> _Segment:
+        """Return a segment of readings (N, C) of a model with so many inputs."""
+        lines = Lines.of(len(readings), dt)
+        count, channels = len(lines.frequency), readings.shape[1]
+        nothing = np.zeros((count, channels), dtype=np.complex128)
+        return cls(
+            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, nothing[:, :6], np.ones(count),
+            np.zeros(count), np.full(inputs, _FIRST_SIZE), _FIRST_BENT,
+        )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class _Projected:
+    """A segment at one model, whitened: what no input explains, and what is needed for the inputs.
+
+    ``late`` (F, C) are the phases of the delays, ``free`` (F, C - W, C) whitens what no input explains, ``left`` (F, C - W) is
+    the residual there, ``jump`` (F, C - W, X) the effect of the ends, ``ends`` (X,) their estimate and ``ends_information`` its
+    information, ``basis`` (F, C, W) and ``root`` (F, W, W) factors of T, ``seen`` (F, C) the readings less what is known,
+    ``jump_readings`` (F, C, X) the effect of the ends on them.
+    """
+
+    response: Response
+    late: Complex
+    free: Complex
+    left: Complex
+    jump: Complex
+    ends: Array
+    ends_information: Array
+    basis: Complex
+    root: Complex
+    seen: Complex
+    jump_readings: Complex
+    cost: float
 
 
 class JointEstimate:
@@ -99,252 +150,289 @@ class JointEstimate:
     Attributes
     ----------
     theta, covariance
-        Slow states (P,) and their covariance (P, P); rows of held states are zero.
+        Slow states (P,) and their covariance (P, P); rows of held states are zero, delays are relative to their mean.
     nis
-        Mean normalised innovation squared: 1 where model and noise are right.
+        Mean normalised square of what no input explains: 1 where model and noise are right.
     """
 
     def __init__(self, plant: Plant, segments: Sequence[Array], dt: float) -> None:
         self.plant, self.dt = plant, dt
-        self._segments = [np.asarray(s, dtype=float) for s in segments]
-        self._settle = round(SETTLE_S / dt)
-        moving = np.vstack([s - s.mean(axis=0) for s in self._segments])
+        self._raw = [part for s in segments for part in np.array_split(s, max(1, round(len(s) * dt / _LONGEST_S)))]
+        inputs = plant.states.drive
+        self._inputs = inputs.stop - inputs.start
+        self._segments = [_Segment.of(s, dt, self._inputs) for s in self._raw]
         widths = [_width(s.kind) for s in plant.sensors]
-        travel = np.repeat([s.kind == "displacement" for s in plant.sensors], widths)
         self._white = np.repeat([s.noise_std for s in plant.sensors], widths)
-        self._size = np.empty(len(travel))
-        for kind in (True, False):
-            if np.any(travel == kind):
-                self._size[travel == kind] = np.sqrt(np.mean(moving[:, travel == kind] ** 2))
-        self._mean = plant.slow.mean.copy()
-        first = 3 * len(plant.geometry.body_sensors)
-        base = moving[:, first : first + 3 * len(plant.base_sensors)].reshape(len(moving), -1, 3)
-        turned = np.hstack([base[:, i] @ s.rotation.T for i, s in enumerate(plant.base_sensors)])
-        rigid = np.linalg.pinv(plant.points(plant.geometry.body.cg))
-        for part, signal in ((plant.slow.log_rigid, turned @ rigid.T), (plant.slow.log_deforming, turned @ plant.patterns)):
-            self._mean[part] = 0.5 * np.log(np.mean(signal**2, axis=0))
-        self.theta = self._mean.copy()
-        self._second: list[SecondOrder] | None = None
-        self._scores = np.zeros((0, 0))
+        self._travel = np.repeat([s.kind == "displacement" for s in plant.sensors], widths)
+        delays = [plant.slow.sensors[s.name]["delay"].start for s in plant.sensors]
+        self._delay = np.repeat(delays, widths)
+        self._delays = np.array(delays) if np.all(plant.slow.std[delays] > 0.0) else np.zeros(0, dtype=np.int64)
+        self.theta = plant.slow.mean.copy()
         self.covariance = np.diag(plant.slow.std**2)
         self.nis = np.nan
 
-    def _system(self, theta: Array) -> tuple[Constants, Dynamics, Array, Array, Array, Array, Array]:
-        """Return constants, dynamics and F, Q, H, the diagonal of R and the constant part of the readings."""
+    def model(self, theta: Array | None = None) -> Model:
+        """Return the model at slow states, the present ones unless given."""
+        theta = self.theta if theta is None else theta
         m = self.plant.constants(theta)
         d = dynamics(self.plant, m)
-        F, Q = discretise(d.A, diffusion(self.plant, m), self.dt)
-        H, constant = readings(self.plant, d, theta)
-        return m, d, F, Q, H, self._white**2 + (m.model * self._size) ** 2, constant
-
-    def model(self) -> Model:
-        """Return the model at the present slow states."""
-        plant = self.plant
-        m, d, F, Q, H, R, constant = self._system(self.theta)
-        size = plant.states.size
-        wide = np.zeros((size + 6, size + 6))
-        wide[:size, :size] = d.A
-        wide[plant.states.relative_rate, size:] = np.eye(6)
-        direct = np.zeros((len(H), 6))
-        for i, s in enumerate(plant.geometry.body_sensors):
+        rows, constant = readings(self.plant, d, theta)
+        direct = np.zeros((len(rows), 6))
+        for i, s in enumerate(self.plant.geometry.body_sensors):
             direct[3 * i : 3 * i + 3] = s.rotation.T @ point_motion_matrix(s.position - m.cg)
-        found = stationary(F, H, Q, np.diag(R))
-        return Model(m, d, found, Q, R, constant, transition(wide, self.dt)[:size, size:], direct)
-
-    def innovations(self, model: Model, segment: int) -> tuple[Array, Array]:
-        """Return innovations (T, C) and predicted states (T, N) of one segment."""
-        y, known = self._shifted(segment) - model.constant, None
-        if self._second is not None:
-            second = self._second[segment]
-            y = y - second.readings - second.accel @ model.direct.T
-            known = _between(second.accel) @ model.push.T
-        return run(model.filter, y, known)
-
-    def _shifted(self, segment: int) -> Array:
-        """Return the readings of a segment at the instants they belong to: every sensor earlier by its delay."""
-        y = self._segments[segment].copy()
-        at = 0
-        for sensor in self.plant.sensors:
-            part = slice(at, at + _width(sensor.kind))
-            at = part.stop
-            late = float(self.theta[self.plant.slow.sensors[sensor.name]["delay"]][0])
-            if late != 0.0:
-                y[:, part] = CubicSpline(np.arange(len(y)), y[:, part])(np.arange(len(y)) + late / self.dt)
-        return y
+        lean = np.zeros((len(rows), len(m.tilt)))
+        first = 3 * len(self.plant.geometry.body_sensors)
+        for i, s in enumerate(self.plant.base_sensors):
+            turn = m.tilt[3 * i : 3 * i + 3]
+            tilted = self.plant.gravity * np.stack([turn[1], -turn[0], 0.0 * turn[2]])
+            lean[first + 3 * i : first + 3 * i + 3] = s.rotation.T @ tilted
+        return Model(m, d, rows, constant, direct, lean)
 
     def fit(self) -> None:
-        """Estimate the slow states: first from the liveliest part, then from the whole run."""
-        whole = self._segments
-        self.theta[self.plant.slow.log_model] = np.log(_FIRST_MODEL)
-        self._segments = [_liveliest(whole, round(_FIRST_S / self.dt))]
-        self._iterate()
-        self._segments, self._second = whole, None
-        # states without the second order are poor in lively parts: what follows from them first is too
-        for _ in range(_FIRST_RENEWALS):
-            self._renew()
-        self._iterate()
-        self.covariance = self._covariance()
-
-    def _iterate(self) -> None:
-        """Repeat scoring steps until they are small against their standard deviation.
+        """Estimate the slow states: first from the liveliest part, then from the whole run.
 
         Raises
         ------
         InputDataError
             The numbers left what can be computed.
         """
+        try:
+            self._fit()
+        except np.linalg.LinAlgError as error:
+            raise InputDataError(_UNFIT) from error
+
+    def _fit(self) -> None:
+        whole = self._segments
+        self._segments = [_Segment.of(_liveliest(self._raw, round(_FIRST_S / self.dt)), self.dt, self._inputs)]
+        self._iterate()
+        self._segments = whole
+        for _ in range(_RENEWALS):
+            self.renew()
+        self._iterate()
+        information, _ = self.normal_equations(self.model())
+        free = self.plant.slow.free
+        out = np.zeros((len(self.theta),) * 2)
+        out[np.ix_(free, free)] = self._inverse(information)
+        self.covariance = self._relative(out)
+
+    def _inverse(self, information: Array) -> Array:
+        """Return the inverse of an information, computed in units of the prior standard deviations."""
+        unit = self.plant.slow.std[self.plant.slow.free]
+        return np.asarray(unit[:, None] * np.linalg.inv(unit[:, None] * information * unit) * unit)
+
+    def _relative(self, covariance: Array) -> Array:
+        """Return the covariance without what all delays have in common: a shift of the time, which no run shows."""
+        if not len(self._delays):
+            return covariance
+        turn = np.eye(len(covariance))
+        turn[np.ix_(self._delays, self._delays)] -= 1.0 / len(self._delays)
+        return np.asarray(turn @ covariance @ turn.T)
+
+    def _iterate(self) -> None:
+        """Repeat Gauss-Newton steps until they are small against their standard deviation."""
         slow, free = self.plant.slow, self.plant.slow.free
         laws = free < slow.log_damping.stop
-        noise = (free >= slow.log_rigid.start) & (free < slow.system)
-        for _ in range(_STEPS):
-            model = self.model()
-            information, gradient = self.normal_equations(model)
+        for step in range(_STEPS):
+            information, gradient = self.normal_equations(self.model())
             if not (np.all(np.isfinite(information)) and np.all(np.isfinite(gradient))):
-                raise InputDataError("the errors of the sensors cannot be estimated: the vehicle file does not fit this drive")
-            change = -np.linalg.solve(information, gradient)
+                raise InputDataError(_UNFIT)
+            inverse = self._inverse(information)
+            change = -inverse @ gradient
             scale = min(1.0, _LARGEST_STEP / max(float(np.abs(change[laws]).max()), 1e-12))
-            change = np.where(noise, np.clip(change, -_LARGEST_NOISE_STEP, _LARGEST_NOISE_STEP), scale * change)
-            before, start = self.cost(model), self.theta.copy()
+            before, start = self.cost(self.model()), self.theta.copy()
             for halved in range(_HALVINGS):
                 self.theta = start.copy()
-                self.theta[free] += 0.5**halved * change
+                self.theta[free] += 0.5**halved * scale * change
                 if self.cost(self.model()) < before + _NOISE_OF_COST:
                     break
             else:
                 self.theta = start
-            moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(np.linalg.inv(information)))
-            if scale == 1.0 and moved[~noise].max() < _CONVERGED:
+            moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(inverse))
+            self.renew()
+            if scale == 1.0 and moved.max() < _CONVERGED and step >= _RENEWALS:
                 break
-            self._renew()
 
     def cost(self, model: Model) -> float:
-        """Return the negative logarithm of likelihood times prior, up to a constant."""
-        slow, white = self.plant.slow, model.filter.whitening()
+        """Return the negative logarithm of likelihood times prior, up to a constant, at the present second order and noise."""
+        slow = self.plant.slow
         free = slow.free
-        total = 0.5 * float(np.sum(((self.theta - self._mean)[free] / slow.std[free]) ** 2))
-        for i in range(len(self._segments)):
-            w = self.innovations(model, i)[0][self._settle :] @ white.T
-            total += 0.5 * float(np.sum(w**2)) + 0.5 * len(w) * model.filter.log_determinant()
+        total = 0.5 * float(np.sum(((self.theta - slow.mean)[free] / slow.std[free]) ** 2))
+        for segment in self._segments:
+            white, offset = self._offset(model, segment)
+            total += self._project(model, segment).cost + 0.5 * float(np.sum((white @ offset) ** 2))
         return total
 
-    def _covariance(self) -> Array:
-        """Return the covariance of the slow states at the solution.
+    def _offset(self, model: Model, segment: _Segment) -> tuple[Array, Array]:
+        """Return what whitens the mean readings of accelerometers and what they differ from the model.
 
-        ``I^-1 (sum s s^T + Sigma^-1) I^-1`` with the scores s of blocks of a second (White, Econometrica 50, 1982): what the
-        model does not describe correlates the innovations, and the information alone would state too little.
+        Means of a segment are not zero: those of accelerations are changes of velocity over its duration, the deformation
+        wanders, and the body follows both. The mean of a travel depends on the load and tells nothing of the transducer.
         """
-        slow, free = self.plant.slow, self.plant.slow.free
-        information, _ = self.normal_equations(self.model())
-        inverse = np.linalg.inv(information)
-        length = max(1, round(_BLOCK_S / (CHUNK * self.dt)))
-        count = len(self._scores) // length
-        scores = self._scores[: count * length].reshape(count, length, -1).sum(axis=1)
-        scores -= scores.mean(axis=0)
-        spread = scores.T @ scores * (len(self._scores) / length / max(count - 1, 1)) + np.diag(slow.std[free] ** -2.0)
-        out = np.zeros((len(self.theta),) * 2)
-        out[np.ix_(free, free)] = inverse @ spread @ inverse
-        return out
+        at, lines = ~self._travel, segment.lines
+        offset = (segment.mean - model.constant - segment.second_mean)[at]
+        rows, std = self._slow_motion(model, segment)
+        higher = _HIGHER_ORDER * np.std(segment.second_mean[at])
+        covariance = np.diag(segment.factor[0] * self._white[at] ** 2 / lines.count + higher**2)
+        covariance += (rows[at] * std**2) @ rows[at].T
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance))), offset
+
+    def _slow_motion(self, model: Model, segment: _Segment) -> tuple[Array, Array]:
+        """Return rows of the mean readings over independent causes, shape (C, K), and their standard deviations."""
+        s, A = self.plant.states, model.dynamics.A
+        relative = slice(0, s.relative_rate.stop)
+        inverse = np.linalg.inv(A[relative, relative])
+        answer = model.rows[:, relative] @ inverse
+        follows = model.rows - answer @ A[relative]
+        duration, slow = segment.lines.count * segment.lines.dt, 2.0 * np.pi * _ENDS_HZ
+        change = np.sqrt(2.0) * segment.size / slow / duration
+        rows = np.hstack([follows[:, s.drive], follows[:, s.deformation], answer])
+        patterns = s.deformation.stop - s.deformation.start
+        wanders = np.full(patterns, segment.bent / np.sqrt(duration * _ENDS_HZ))
+        return rows, np.concatenate([change, wanders, change[:6] / slow, change[:6]])
+
+    def _project(self, model: Model, segment: _Segment) -> _Projected:
+        """Return what the inputs leave over of a segment."""
+        states, lines = self.plant.states, segment.lines
+        found = response(model.dynamics.A, lines, states.relative_rate)
+        rows = model.rows[:, states.motion]
+        late = np.exp(-lines.laplace[:, None] * self.theta[self._delay])
+        pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
+        known = segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T
+        covariance = segment.factor[:, None, None] * np.diag(self._white**2)
+        covariance = covariance + segment.wandering[:, None, None] * (model.lean @ model.lean.T)
+        white = np.linalg.inv(np.linalg.cholesky(covariance))
+        seen = np.matmul(white, (segment.moving - late * known)[:, :, None])[:, :, 0]
+        inputs = np.matmul(white, late[:, :, None] * (np.matmul(rows, found.drive) + model.rows[:, states.drive]))
+        jump = np.matmul(white, late[:, :, None] * np.matmul(rows, found.jump))
+        q, r = np.linalg.qr(inputs, mode="complete")
+        count = inputs.shape[2]
+        basis, free, root = q[:, :, :count], q[:, :, count:].conj().transpose(0, 2, 1), r[:, :count]
+        left, over = np.matmul(free, seen[:, :, None])[:, :, 0], np.matmul(free, jump)
+        prior = self._ends_std(basis, root, seen, lines)
+        stacked = over.reshape(-1, over.shape[2])
+        information = (stacked.conj().T @ stacked).real + np.diag(0.5 * prior**-2.0)
+        ends = np.linalg.solve(information, (stacked.conj().T @ left.ravel()).real)
+        left = left - over @ ends
+        cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
+        return _Projected(found, late, np.matmul(free, white), left, over, ends, information, basis, root, seen, jump, cost)
+
+    def _ends_std(self, basis: Complex, root: Complex, seen: Complex, lines: Lines) -> Array:
+        """Return the standard deviation of the difference of the states between both ends, shape (X,), as transforms count it."""
+        raw = np.linalg.solve(root, np.matmul(basis.conj().transpose(0, 2, 1), seen[:, :, None]))[:, :, 0]
+        rms = np.sqrt(2.0 * np.sum(np.abs(raw[lines.frequency > _ENDS_HZ]) ** 2, axis=0) / lines.count)
+        slow = 2.0 * np.pi * _ENDS_HZ
+        rigid, patterns = rms[:6], rms[6:]
+        size = np.concatenate([rigid / slow**2, rigid / slow, patterns / slow**2, patterns / slow])
+        return np.asarray(np.sqrt(2.0 / lines.count) * size)
+
+    def _states(self, segment: _Segment, p: _Projected) -> tuple[Complex, Array]:
+        """Return states and inputs of a segment without the second order, shape (F, V), and the spectra of the inputs (F, W).
+
+        Inputs are shrunk by their signal-to-noise ratio (Wiener).
+        """
+        lines, states = segment.lines, self.plant.states
+        adjoint = p.root.conj().transpose(0, 2, 1)
+        moved = p.seen - p.jump_readings @ p.ends
+        raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), moved[:, :, None]))
+        information = np.matmul(adjoint, p.root)
+        noise = lines.smooth(np.sum(np.abs(np.linalg.inv(p.root)) ** 2, axis=2))
+        power = lines.smooth(np.abs(raw[:, :, 0]) ** 2) - (1.0 + 2.0 * lines.smoothing_error()) * noise
+        power = np.maximum(power, 1e-6 * noise)
+        total = information + np.eye(raw.shape[1]) / power[:, :, None]
+        drive = np.linalg.solve(total, np.matmul(information, raw))[:, :, 0]
+        deforms = (1.0 / (1.0 + (_DEFORMS_HZ / lines.frequency) ** 8))[:, None]
+        drive[:, 6:] *= deforms
+        bends = np.arange(len(p.ends)) >= states.deformation.start
+        motion = np.matmul(p.response.drive, drive[:, :, None])[:, :, 0]
+        motion += p.response.jump @ np.where(bends, 0.0, p.ends) + deforms * (p.response.jump @ np.where(bends, p.ends, 0.0))
+        return np.hstack([motion, drive]), power
 
     def normal_equations(self, model: Model) -> tuple[Array, Array]:
-        """Return Fisher information and gradient of the negative log-likelihood, priors included, of the free slow states."""
+        """Return information and gradient of the negative log-likelihood, priors included, of the free slow states."""
         slow, free = self.plant.slow, self.plant.slow.free
-        d = self._derivatives(model)
-        gains, covariances = filter_derivatives(model.filter, d)
-        white = model.filter.whitening()
-        spread = np.matmul(np.matmul(white, covariances), white.T)
-        flat = spread.reshape(len(free), -1)
-        delays = self._common_delay()
-        flat[delays] -= flat[delays].mean(axis=0)
-        trace = np.trace(flat.reshape(spread.shape), axis1=1, axis2=2)
+        turned, rows, constants = self._derivatives(model)
         information = np.diag(slow.std[free] ** -2.0)
-        gradient = (self.theta - self._mean)[free] / slow.std[free] ** 2
-        pair = 0.5 * flat @ flat.T
-        squares, count, scores = 0.0, 0, []
-        for i in range(len(self._segments)):
-            nu, x = self.innovations(model, i)
-            for first, part in sensitivities(model.filter, nu, x, d, gains, self._known_rate(model, i)):
-                skip = max(self._settle - first, 0)
-                if skip >= len(part):
-                    continue
-                J = np.matmul(white, part[skip:])
-                J[:, :, delays] -= J[:, :, delays].mean(axis=2, keepdims=True)
-                w = nu[first + skip : first + len(part)] @ white.T
-                J = J.reshape(-1, J.shape[2])
-                information += J.T @ J + len(w) * pair
-                score = J.T @ w.ravel() + 0.5 * (len(w) * trace - flat @ (w.T @ w).ravel())
-                scores.append(score)
-                gradient += score
-                squares, count = squares + float(np.sum(w**2)), count + w.size
+        gradient = (self.theta - slow.mean)[free] / slow.std[free] ** 2
+        squares, count = 0.0, 0
+        for segment in self._segments:
+            p = self._project(model, segment)
+            v, _ = self._states(segment, p)
+            own, cross, score = self._jacobian(model, segment, p, v, turned, rows)
+            information += 2.0 * (own - cross @ np.linalg.solve(p.ends_information, cross.T))
+            gradient -= 2.0 * score
+            white, offset = self._offset(model, segment)
+            slope = white @ constants[:, ~self._travel].T
+            information += slope.T @ slope
+            gradient -= slope.T @ (white @ offset)
+            squares += float(np.sum(np.abs(p.left) ** 2 * segment.factor[:, None]))
+            count += p.left.size
         self.nis = squares / max(count, 1)
-        self._scores = np.array(scores)
         return information, gradient
 
-    def _derivatives(self, model: Model) -> Derivatives:
-        """Return the derivatives of the system with respect to the free slow states."""
-        plant, slow = self.plant, self.plant.slow
-        f, constant = model.filter, model.constant
-        system: list[list[Array]] = [[], [], []]
-        rows: list[Array] = []
-        offsets: list[Array] = []
-        for i in slow.free[slow.free < slow.system]:
+    def _jacobian(
+        self, model: Model, segment: _Segment, p: _Projected, v: Complex, turned: Array, rows: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return sums over the lines: Jacobian by itself (P, P), by the ends (P, X), by the residual (P,)."""
+        free, states = self.plant.slow.free, self.plant.states
+        parameters = len(free)
+        own, cross, score = np.zeros((parameters,) * 2), np.zeros((parameters, len(p.ends))), np.zeros(parameters)
+        effect = np.matmul(model.rows[:, states.motion], p.response.accel)
+        late = [(c, int(np.searchsorted(free, place))) for c, place in enumerate(self._delay) if self.plant.slow.std[place] > 0.0]
+        common = np.searchsorted(free, self._delays)
+        flat, flat_rows = turned.reshape(-1, turned.shape[2]).T, rows.reshape(-1, rows.shape[2]).T
+        channels = rows.shape[1]
+        for first in range(0, len(v), _CHUNK):
+            at = slice(first, first + _CHUNK)
+            x = v[at]
+            push = (x @ flat).reshape(len(x), parameters, 6).transpose(0, 2, 1)
+            J = np.matmul(effect[at], push) + (x @ flat_rows).reshape(len(x), parameters, channels).transpose(0, 2, 1)
+            moving = x @ model.rows.T
+            for channel, place in late:
+                J[:, channel, place] = -segment.lines.laplace[at] * moving[:, channel]
+            if len(common):
+                J[:, :, common] -= J[:, :, common].mean(axis=2, keepdims=True)
+            J = np.matmul(p.free[at], p.late[at][:, :, None] * J).reshape(-1, parameters)
+            real = np.vstack([J.real, J.imag])
+            own += real.T @ real
+            over, left = p.jump[at].reshape(-1, len(p.ends)), p.left[at].ravel()
+            cross += real.T @ np.vstack([over.real, over.imag])
+            score += real.T @ np.r_[left.real, left.imag]
+        return own, cross, score
+
+    def _derivatives(self, model: Model) -> tuple[Array, Array, Array]:
+        """Return derivatives with the free slow states: of q'' (P, 6, V), rows (P, C, V) and constant (P, C) of the readings."""
+        rate = self.plant.states.relative_rate
+        turned, rows, constants = [], [], []
+        for i in self.plant.slow.free:
             theta = self.theta.copy()
             theta[i] += _STEP
-            _, _, F, Q, H, R, c = self._system(theta)
-            for kept, new, old in zip((*system, rows, offsets), (F, Q, R, H, c), (f.F, model.Q, model.R, f.H, constant)):
-                kept.append((new - old) / _STEP)
-        at, own = 0, np.full(len(constant), -1)
-        for sensor in plant.sensors:
-            width = _width(sensor.kind)
-            for kind, part in slow.sensors[sensor.name].items():
-                for i in range(part.start, part.stop):
-                    if slow.std[i] <= 0.0:
-                        continue
-                    theta, late = self.theta.copy(), 0.0
-                    if kind == "delay":
-                        late = _STEP
-                        own[at : at + width] = len(rows)
-                    else:
-                        theta[i] += _STEP
-                    H, c = reading(plant, model.dynamics, sensor, theta, model.constants.cg, late)
-                    rows.append(np.zeros_like(f.H))
-                    offsets.append(np.zeros_like(constant))
-                    rows[-1][at : at + width] = (H - f.H[at : at + width]) / _STEP
-                    offsets[-1][at : at + width] = (c - constant[at : at + width]) / _STEP
-            at += width
-        F, Q, R = (np.array(kept) for kept in system)
-        return Derivatives(F, Q, np.array(rows), np.array(offsets), R, own)
+            other = self.model(theta)
+            turned.append((other.dynamics.A[rate] - model.dynamics.A[rate]) / _STEP)
+            rows.append((other.rows - model.rows) / _STEP)
+            constants.append((other.constant - model.constant) / _STEP)
+        return np.array(turned), np.array(rows), np.array(constants)
 
-    def _common_delay(self) -> NDArray[np.int64]:
-        """Return the places of all delays among the free states, or none where a delay is held and defines the time.
-
-        A delay that all sensors have in common is a shift of the time: no run shows it, and what discretisation makes of it is no
-        information.
-        """
-        slow = self.plant.slow
-        delays = np.array([part["delay"].start for part in slow.sensors.values()])
-        return np.searchsorted(slow.free, delays) if np.all(slow.std[delays] > 0.0) else np.zeros(0, dtype=np.int64)
-
-    def _known_rate(self, model: Model, segment: int) -> Array | None:
-        """Return how the second order, which no state holds, changes the readings of late sensors, shape (T, C)."""
-        if self._second is None:
-            return None
-        second = self._second[segment]
-        moving = np.gradient(second.readings + second.accel @ model.direct.T, self.dt, axis=0)
-        return -(moving + second.accel @ model.filter.H[:, self.plant.states.relative_rate].T)
-
-    def _renew(self) -> None:
-        """Compute the second order from the smoothed states."""
-        model = self.model()
-        found = []
-        for i in range(len(self._segments)):
-            x = smooth(model.filter, *self.innovations(model, i))
-            found.append(second_order(self.plant, model.constants, model.dynamics, self.theta, x, self.dt))
-        self._second = found
-
-
-def _between(known: Array) -> Array:
-    """Return the mean of every value and the next: what acts until the next sample, shape (T, ...)."""
-    return 0.5 * (known + np.vstack([known[1:], known[-1:]]))
+    def renew(self) -> None:
+        """Compute the second order from the states, and the factor on the noise from what is left over."""
+        model, states = self.model(), self.plant.states
+        for segment in self._segments:
+            lines = segment.lines
+            p = self._project(model, segment)
+            v, power = self._states(segment, p)
+            v[:, states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
+            fast = 1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2)
+            rate = v[:, states.base_accel][:, 3:] * (fast / lines.laplace)[:, None]
+            both = lines.back(np.hstack([v, rate]))
+            found = second_order(self.plant, model.constants, model.dynamics, self.theta, both[:, :-3], both[:, -3:])
+            excess = np.mean(np.abs(p.left) ** 2, axis=1) * segment.factor
+            segment.second_mean = found.readings.mean(axis=0)
+            segment.second_readings, segment.second_accel = lines.transform(found.readings), lines.transform(found.accel)
+            segment.factor = np.maximum(lines.smooth(excess), 1.0)
+            # the twist of a frame is one pattern and known to tilt brackets: the median pattern is what mounts do by themselves
+            own = np.median(power[:, 6:], axis=1) / (1.0 + (_DEFORMS_HZ / lines.frequency) ** 8)
+            segment.wandering = own / np.abs(lines.laplace) ** 4
+            segment.size = np.sqrt(2.0 * power.sum(axis=0) / lines.count)
+            segment.bent = float(np.sqrt(np.mean(both[:, states.deformation] ** 2)))
 
 
 def _liveliest(segments: Sequence[Array], length: int) -> Array:

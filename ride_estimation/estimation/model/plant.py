@@ -26,15 +26,9 @@ _SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
 _STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
 #: standard deviation of the CG [m] and of the inertia where the vehicle file states none
 _CG_STD, _INERTIA_STD = 0.01, 0.05
-#: standard deviation of the coupling of deformation and rigid motion of the base: the wheels that move a frame bend it too. Where
-#: it is held at zero, gains of base sensors explain what a frame does (a truck frame with elastic bending: gains off by 3 %)
-_COUPLING_STD = 0.3
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
 #: take from gravity, g theta^2 / 2
 _MEAN_STD = np.array([0.3, 0.3, 0.01])
-#: corners of the deformation of a truck frame on a road, horizontal and vertical [Hz], unmodelled share of a reading, and the
-#: standard deviation of the logarithms of these and of all levels: next to nothing is known before the run
-_CORNERS, _MODEL, _LEVEL_STD = np.array([1.5, 0.3]), 0.003, 1.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,16 +47,8 @@ class Constants:
         P, shape (3 M, 6): from rigid motion at the CG to the motion of the mounts.
     static
         Force of the mounts on the body at rest, shape (M, 3) [N].
-    coupling
-        Deformation acceleration per rigid acceleration of the base, shape (n, 6) [-, m].
     mean
         Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
-    rigid, deforming
-        Rms of the accelerations that drive the base and its patterns, shapes (6,) and (n,) [m/s^2, rad/s^2].
-    corners
-        Below these the base does not deform, horizontally and vertically [Hz].
-    model
-        Unmodelled white part of the readings over their moving rms [-].
     """
 
     stiffness: Array
@@ -73,12 +59,7 @@ class Constants:
     inertia: Array
     points: Array
     static: Array
-    coupling: Array
     mean: Array
-    rigid: Array
-    deforming: Array
-    corners: Array
-    model: float
 
     @property
     def mobility(self) -> Array:
@@ -98,9 +79,7 @@ class Plant:
     Attributes
     ----------
     patterns
-        U, shape (3 M, n): orthonormal deformations of the base that leave its rigid motion zero, horizontal ones first.
-    vertical
-        Which patterns are vertical, shape (n,) bool.
+        U, shape (3 M, n): orthonormal deformations of the base that leave its rigid motion zero.
     sensors
         Accelerometers of the body, of the bases, displacement transducers: the order of the readings.
     base_of
@@ -125,9 +104,7 @@ class Plant:
         self._tilt, self._tilt_slopes = maps[4], [m - maps[4] for m in maps[:4]]
         points = self.points(a.body.cg)
         values, vectors = np.linalg.eigh(np.eye(3 * count) - points @ np.linalg.pinv(points))
-        patterns = vectors[:, values > 0.5]
-        values, vectors = np.linalg.eigh(patterns[2::3].T @ patterns[2::3])
-        self.patterns, self.vertical = patterns @ vectors, values > 0.5
+        self.patterns = vectors[:, values > 0.5]
         self.states = FastStates.of(self.patterns.shape[1])
         self.slow = self._slow()
 
@@ -148,10 +125,7 @@ class Plant:
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
                 (np.array([np.log(a.file_mass)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
                 (np.zeros(3), np.full(3, spread)),
-                (np.zeros(6 * self.patterns.shape[1]), np.full(6 * self.patterns.shape[1], _COUPLING_STD)),
-                (np.zeros(3), _MEAN_STD), (np.zeros(6), np.full(6, _LEVEL_STD)),
-                (np.zeros(self.patterns.shape[1]), np.full(self.patterns.shape[1], _LEVEL_STD)),
-                (np.log(_CORNERS), np.full(2, _LEVEL_STD)), (np.log([_MODEL]), np.array([_LEVEL_STD])),
+                (np.zeros(3), _MEAN_STD),
             ],
             self.sensors,
         )  # fmt: skip
@@ -173,10 +147,7 @@ class Plant:
         weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0])
         static, _ = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
         tilt = self._tilt + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
-        rigid, deforming, corners = (np.exp(theta[part]) for part in (s.log_rigid, s.log_deforming, s.log_corners))
-        model = float(np.exp(theta[s.log_model][0]))
-        c, mean, coupling = np.exp(theta[s.log_damping]), theta[s.mean_accel], theta[s.coupling].reshape(-1, 6)
-        return Constants(k, c, tilt, mass, cg, inertia, points, static, coupling, mean, rigid, deforming, corners, model)
+        return Constants(k, np.exp(theta[s.log_damping]), tilt, mass, cg, inertia, points, static, theta[s.mean_accel])
 
 
 def _law(mount: Mount, axis: str) -> tuple[tuple[float, float], tuple[float, float]]:

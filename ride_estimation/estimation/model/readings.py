@@ -2,8 +2,8 @@
 """What sensors read of the state: rows and constants, with bias, gain, misalignment, position and delay of every sensor.
 
 An accelerometer whose axes are turned by phi (sensor axes) at ``r + dr`` reads
-``y = (1 + gain) E(phi)^T R^T (a + alpha x dr + g e_z)(t - delay) + bias``, with ``E(phi)`` the rotation by phi. A delay enters to
-first order, ``x(t - delay) = (1 - delay A) x``.
+``y = (1 + gain) E(phi)^T R^T (a + alpha x dr + g e_z)(t - delay) + bias``, with ``E(phi)`` the rotation by phi. The delay is a
+phase and not in these rows.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from ride_estimation.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 
 
-def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array, cg: Array, late: float = 0.0) -> tuple[Array, Array]:
-    """Return rows (C, N) and constant part (C,) of one sensor's reading."""
+def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array, cg: Array) -> tuple[Array, Array]:
+    """Return rows (C, V) and constant part (C,) of one sensor's reading, without its delay."""
     error = {kind: theta[part] for kind, part in plant.slow.sensors[sensor.name].items()}
     if sensor.kind == "displacement":
         mount = next(i for i, m in enumerate(plant.mounts) if m.name == sensor.mount)
@@ -32,19 +32,18 @@ def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array, cg: Array, 
         rows = point_rows(plant, d, sensor, cg) - skew(error["position"]) @ _spin(plant, d, sensor)
         still = np.array([0.0, 0.0, plant.gravity]) + theta[plant.slow.mean_accel]
         turn = axes(sensor, error["misalignment"]).T
-    rows = rows - late * (rows @ d.A)
     scale = 1.0 + error["gain"]
     return scale[:, None] * (turn @ rows), scale * (turn @ still) + error["bias"]
 
 
 def readings(plant: Plant, d: Dynamics, theta: Array) -> tuple[Array, Array]:
-    """Return rows (C, N) and constant part (C,) of all readings."""
+    """Return rows (C, V) and constant part (C,) of all readings."""
     parts = [reading(plant, d, s, theta, theta[plant.slow.cg]) for s in plant.sensors]
     return np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
 def point_rows(plant: Plant, d: Dynamics, sensor: Sensor, cg: Array) -> Array:
-    """Return the moving specific force where an accelerometer is declared to be, axes of its body, shape (3, N)."""
+    """Return the moving specific force where an accelerometer is declared to be, axes of its body, shape (3, V)."""
     i = plant.base_of.get(sensor.name)
     if i is None:
         return np.asarray(point_motion_matrix(sensor.position - cg) @ d.accel)

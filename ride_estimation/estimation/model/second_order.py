@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Second order of the kinematics, computed from the last smoothed states and added as known inputs.
+"""Second order of the kinematics, computed from the last estimated states and added as known inputs.
 
 Centripetal terms at sensors and mounts, rotation of the moving forces and of the body's specific force into bracket axes,
 Coriolis and Euler terms of the deflection, the arc of a finite rotation as a deflection of the law, the gyroscopic moment.
@@ -11,16 +11,12 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from ride_estimation.estimation.model.dynamics import Dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
 from ride_estimation.estimation.model.readings import axes
 
 Array = NDArray[np.float64]
-
-#: angular rates slower than this are left out of the second order [Hz]
-_RATE_CORNER = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,23 +38,23 @@ class SecondOrder:
     accel: Array
 
 
-def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array, dt: float) -> SecondOrder:
-    """Return the corrections that follow from states x, shape (T, N)."""
+def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array, base_rate: Array) -> SecondOrder:
+    """Return the corrections that follow from states and inputs v (T, V) and the angular rate of the base (T, 3)."""
     s, count = plant.states, len(plant.mounts)
-    relative_rate = x[:, s.relative_rate]
-    rate = _without_drift(x[:, s.base_velocity][:, 3:], dt) + relative_rate[:, 3:]
-    speed = relative_rate @ m.points.T + x[:, s.deformation_rate] @ plant.patterns.T
+    relative_rate = v[:, s.relative_rate]
+    rate = base_rate + relative_rate[:, 3:]
+    speed = relative_rate @ m.points.T + v[:, s.deformation_rate] @ plant.patterns.T
     bracket_rate = rate[:, None] - (speed @ m.tilt.T).reshape(-1, count, 3)
-    bracket_accel = (x @ d.spin.T).reshape(-1, count, 3)
+    bracket_accel = (v @ d.spin.T).reshape(-1, count, 3)
     speed = speed.reshape(-1, count, 3)
-    deflection = (x @ d.deflection.T).reshape(-1, count, 3)
-    force = (x @ d.force.T).reshape(-1, count, 3)
-    turn = (x @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
-    point = (x @ (m.points @ d.accel).T).reshape(-1, count, 3)
+    deflection = (v @ d.deflection.T).reshape(-1, count, 3)
+    force = (v @ d.force.T).reshape(-1, count, 3)
+    turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
+    point = (v @ (m.points @ d.accel).T).reshape(-1, count, 3)
     upright = np.array([0.0, 0.0, plant.gravity])
 
     # a finite rotation moves the mount along an arc: the law feels it, the high-pass of the deformation would eat its mean
-    angle, speed_of, accel_of = x[:, s.relative][:, 3:], relative_rate[:, 3:], (x @ d.A[s.relative_rate].T)[:, 3:]
+    angle, speed_of, accel_of = v[:, s.relative][:, 3:], relative_rate[:, 3:], (v @ d.A[s.relative_rate].T)[:, 3:]
     arms = [p.position - m.cg for p in plant.mounts]
     arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
     arc_rate = np.stack([0.5 * (_twice(speed_of, angle, r) + _twice(angle, speed_of, r)) for r in arms], axis=1)
@@ -85,20 +81,10 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, x: Array
                 part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
                 part = (part - np.cross(bracket_accel[:, i], deflection[:, i])) @ turned
         parts.append(part)
-    extra = extra.reshape(len(x), -1)
+    extra = extra.reshape(len(v), -1)
     load = extra @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
     return SecondOrder(np.hstack(parts), extra, load @ m.mobility)
-
-
-def _without_drift(rate: Array, dt: float) -> Array:
-    """Return angular rates without what is slower than the corner, forwards and backwards.
-
-    A slow error of the rate changes the centripetal terms, they the angular acceleration, and that, integrated, the rate: with a
-    gain of twice the rate over the angular frequency. In lively drives the terms ran away.
-    """
-    b, a = signal.butter(1, _RATE_CORNER, "high", fs=1.0 / dt)
-    return np.asarray(signal.filtfilt(b, a, rate, axis=0))
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:

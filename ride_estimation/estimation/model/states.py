@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True)
 class FastStates:
-    """Slices of the state vector x of one sample.
+    """Slices of the vector v of one sample or frequency: states of the motion, then what drives them.
 
     Attributes
     ----------
@@ -29,37 +29,32 @@ class FastStates:
         Rigid motion of the body against the base at the CG: translation [m], rotation [rad]; its rate [m/s, rad/s].
     deformation, deformation_rate
         What the base leaves of its rigid shape at the mounts, per pattern, counted as deflection of the mounts [m, m/s].
-    shaping, shaping_rate
-        High-pass filter that keeps the mean of the deformation at zero [m, m/s].
-    deformation_drive, deformation_drive_rate
-        Coloured acceleration that drives the deformation [m/s^2, m/s^3].
-    base_accel, base_accel_rate
-        Specific force and angular acceleration of the rigid base at the CG, without gravity [m/s^2, rad/s^2] and their rate.
-    base_velocity
-        Their integral, whose mean is zero [m/s, rad/s].
+    base_accel
+        Specific force and angular acceleration of the rigid base at the CG, without gravity [m/s^2, rad/s^2].
+    deformation_accel
+        Acceleration of the deformation [m/s^2].
+    motion, drive
+        The states, the inputs.
     size
-        Number of states.
+        Number of all.
     """
 
     relative: slice
     relative_rate: slice
     deformation: slice
     deformation_rate: slice
-    shaping: slice
-    shaping_rate: slice
-    deformation_drive: slice
-    deformation_drive_rate: slice
     base_accel: slice
-    base_accel_rate: slice
-    base_velocity: slice
+    deformation_accel: slice
+    motion: slice
+    drive: slice
     size: int
 
     @classmethod
     def of(cls, patterns: int) -> FastStates:
         """Return the slices for a base that deforms in so many patterns."""
-        parts = slices_of([6, 6, *[patterns] * 6, 6, 6, 6])
-        names = [field.name for field in dataclasses.fields(cls)]
-        return cls(size=parts[-1].stop, **dict(zip(names, parts)))
+        q, rate, z, z_rate, base, deforming = slices_of([6, 6, patterns, patterns, 6, patterns])
+        motion, drive = slice(0, base.start), slice(base.start, deforming.stop)
+        return cls(q, rate, z, z_rate, base, deforming, motion, drive, deforming.stop)
 
 
 #: errors of an accelerometer and of a displacement transducer, in the order of their columns: name -> number of values
@@ -79,16 +74,8 @@ class SlowStates:
         How brackets roll and pitch with the twist of the base: two shares [-] and two shifts [m].
     log_mass, cg, log_inertia
         Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
-    coupling
-        How far the base deforms along with its rigid acceleration: patterns (n) by directions (6), row by row [-, m].
     mean_accel
         Mean specific force of base and body beyond gravity: slope of the road, correlation of motion and attitude [m/s^2].
-    log_rigid, log_deforming
-        Logarithms of the rms of the accelerations that drive the rigid base, per direction, and its patterns [m/s^2, rad/s^2].
-    log_corners
-        Logarithms of the corners below which the base does not deform, horizontally and vertically [Hz].
-    log_model
-        Logarithm of the white error of every reading that no equation here describes, over the rms of the moving readings.
     sensors
         Per sensor and kind of error its slice: bias [unit], gain [-], misalignment [rad], position [m], delay [s].
     mean, std
@@ -101,12 +88,7 @@ class SlowStates:
     log_mass: slice
     cg: slice
     log_inertia: slice
-    coupling: slice
     mean_accel: slice
-    log_rigid: slice
-    log_deforming: slice
-    log_corners: slice
-    log_model: slice
     sensors: dict[str, dict[str, slice]]
     mean: Array
     std: Array
@@ -114,7 +96,7 @@ class SlowStates:
     @property
     def system(self) -> int:
         """Return the number of states that are no error of a sensor; they come first."""
-        return int(self.log_model.stop)
+        return int(self.mean_accel.stop)
 
     @property
     def free(self) -> NDArray[np.int64]:

@@ -1,0 +1,110 @@
+# Copyright 2026 ride_estimation contributors
+"""Discrete Fourier transforms of a segment and of the model's response over it.
+
+Over N samples ``x' = A x + B w`` reads ``X(f) = (i w - A)^-1 B W(f) + (1 - e^(-i w dt) e^(A dt))^-1 (x_0 - x_N)`` at the
+frequencies of the transform, exactly but for what W aliases: a segment need neither be periodic nor begin at rest (Pintelon and
+Schoukens, System Identification: A Frequency Domain Approach, 2012, 6.3.2). All transforms are divided by sqrt N, so that white
+noise keeps its variance.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg as sl
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: highest frequency that is used [Hz]: the low-pass of the readings takes nothing below
+HIGHEST_HZ = 45.0
+#: half width over which spectra are smoothed [Hz], and least number of lines: widths of resonances of a vehicle on a road
+_HALF_WIDTH_HZ, _LEAST_LINES = 0.25, 5
+
+
+@dataclasses.dataclass(frozen=True)
+class Lines:
+    """Frequencies of the transform of a segment.
+
+    Attributes
+    ----------
+    count, dt
+        Samples N and their distance [s].
+    frequency
+        Shape (F,), without zero [Hz].
+    """
+
+    count: int
+    dt: float
+    frequency: Array
+
+    @classmethod
+    def of(cls, count: int, dt: float) -> Lines:
+        """Return the frequencies for so many samples."""
+        frequency = np.asarray(np.fft.rfftfreq(count, dt)[1:], dtype=np.float64)
+        return cls(count, dt, frequency[frequency < HIGHEST_HZ])
+
+    @property
+    def laplace(self) -> Complex:
+        """Return i w, shape (F,) [rad/s]."""
+        return np.asarray(2j * np.pi * self.frequency)
+
+    def transform(self, values: Array) -> Complex:
+        """Return the transform of values, shape (N, K) to (F, K)."""
+        found = np.fft.rfft(values, axis=0)[1 : len(self.frequency) + 1]
+        return np.asarray(found / np.sqrt(self.count))
+
+    def back(self, values: Complex) -> Array:
+        """Return values with that transform and mean zero, shape (F, K) to (N, K)."""
+        full = np.zeros((self.count // 2 + 1, values.shape[1]), dtype=np.complex128)
+        full[1 : len(values) + 1] = values * np.sqrt(self.count)
+        return np.asarray(np.fft.irfft(full, self.count, axis=0))
+
+    def smooth(self, values: Array) -> Array:
+        """Return values (F, ...) averaged over neighbouring lines."""
+        half = min(max(_LEAST_LINES, round(_HALF_WIDTH_HZ * self.count * self.dt)), len(values) - 1)
+        weight = np.hanning(2 * half + 3)[1:-1]
+        padded = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
+        sums = np.apply_along_axis(np.convolve, 0, padded, weight / weight.sum(), "valid")
+        return np.asarray(sums)
+
+    def smoothing_error(self) -> float:
+        """Return the relative standard deviation that a smoothed spectrum of white noise has."""
+        half = max(_LEAST_LINES, round(_HALF_WIDTH_HZ * self.count * self.dt))
+        weight = np.hanning(2 * half + 3)[1:-1]
+        return float(np.linalg.norm(weight) / weight.sum())
+
+
+@dataclasses.dataclass(frozen=True)
+class Response:
+    """Response of the states at F frequencies.
+
+    Attributes
+    ----------
+    drive
+        To the inputs, shape (F, X, W).
+    accel
+        To an acceleration of the body that the equations do not contain, shape (F, X, 6).
+    jump
+        To the state before the segment less that after it, shape (F, X, X).
+    """
+
+    drive: Complex
+    accel: Complex
+    jump: Complex
+
+
+def response(A: Array, lines: Lines, rate: slice) -> Response:
+    """Return the response of ``x' = A v``, shape (X, V); ``rate`` are the states that an acceleration of the body changes."""
+    size = len(A)
+    one = np.eye(size)
+    inputs = A.shape[1] - size
+    resolvent = lines.laplace[:, None, None] * one - A[:, :size]
+    right = np.hstack([A[:, size:], one[:, rate]])
+    found = np.linalg.solve(resolvent, np.broadcast_to(right, (len(resolvent), *right.shape)))
+    step = sl.expm(A[:, :size] * lines.dt)
+    jump = np.linalg.inv(one - np.exp(-lines.laplace * lines.dt)[:, None, None] * step)
+    drive, accel = (np.asarray(part, dtype=np.complex128) for part in (found[:, :, :inputs], found[:, :, inputs:]))
+    return Response(drive, accel, np.asarray(jump, dtype=np.complex128))
