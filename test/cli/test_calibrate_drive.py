@@ -161,6 +161,13 @@ def test_friction_is_said_and_nothing_is_written(tmp_path: Path, capsys: pytest.
 
 
 @pytest.mark.slow
+def test_a_drive_that_leaves_the_numbers_is_refused_in_one_line() -> None:
+    vehicle = load_vehicle("truck_cab")
+    with pytest.raises(InputDataError, match="does not fit this drive"):
+        calibrate_drive(read_recording(ROOT / "bags/faulty_sensor/bag", vehicle), vehicle)
+
+
+@pytest.mark.slow
 def test_an_elastic_frame_does_not_pass_for_gains() -> None:
     """Whatever moves the bases is an unknown input: the good sensors of the example stay good."""
     vehicle = load_vehicle("truck_cab")

@@ -197,8 +197,9 @@ class JointEstimate:
             The numbers left what can be computed.
         """
         try:
-            self._fit()
-        except np.linalg.LinAlgError as error:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                self._fit()
+        except (np.linalg.LinAlgError, FloatingPointError) as error:
             raise InputDataError(_UNFIT) from error
 
     def _fit(self) -> None:
