@@ -176,6 +176,18 @@ def test_a_gain_that_all_sensors_share_moves_nothing(linear: tuple[Plant, np.nda
     assert learned(slow, information, together) < 0.01 * alone
 
 
+def test_a_delay_of_all_sensors_is_a_shift_of_time(vehicle: Vehicle) -> None:
+    plant, readings, theta = linear_readings(vehicle, 5, 10.0, 0.002)
+    joint = JointEstimate(plant, [readings], DT)
+    joint.theta = theta.copy()
+    information, _ = joint.normal_equations(joint.model())
+    slow = plant.slow
+    delays = [slow.sensors[s.name]["delay"].start for s in plant.sensors]
+    together, one = np.zeros((2, len(theta)))
+    together[delays], one[delays[0]] = 1.0, 1.0
+    assert abs(learned(slow, information, together)) < 1e-6 * learned(slow, information, one)
+
+
 def learned(slow: SlowStates, information: np.ndarray, direction: np.ndarray) -> float:
     """Return what a run tells of a direction of the slow states beyond the prior."""
     free = direction[slow.free]
