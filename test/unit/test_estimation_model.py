@@ -96,6 +96,11 @@ def test_transforms_of_a_segment_obey_the_response_whatever_its_ends() -> None:
     np.testing.assert_allclose(found.accel[:, :, 0], found.drive[:, :, 0])
 
 
+def test_lines_end_where_the_low_pass_of_the_readings_begins() -> None:
+    for rate in (50.0, 125.0):
+        assert Lines.of(1000, 1.0 / rate).frequency[-1] == pytest.approx(0.36 * rate, abs=0.2)
+
+
 def test_transform_and_back_are_inverse_in_the_band() -> None:
     lines = Lines.of(500, DT)
     t = np.arange(500) * DT

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: highest frequency that is used [Hz]: the low-pass of the readings takes nothing below
-HIGHEST_HZ = 45.0
+#: highest frequency that is used, over the rate of the readings: the low-pass of :mod:`run_readings` (Kaiser) begins at 0.37
+_HIGHEST = 0.36
 #: half width over which spectra are smoothed [Hz], and least number of lines: widths of resonances of a vehicle on a road
 _HALF_WIDTH_HZ, _LEAST_LINES = 0.25, 5
 
@@ -44,7 +44,7 @@ class Lines:
     def of(cls, count: int, dt: float) -> Lines:
         """Return the frequencies for so many samples."""
         frequency = np.asarray(np.fft.rfftfreq(count, dt)[1:], dtype=np.float64)
-        return cls(count, dt, frequency[frequency < HIGHEST_HZ])
+        return cls(count, dt, frequency[frequency * dt < _HIGHEST])
 
     @property
     def laplace(self) -> Complex:
