@@ -130,8 +130,8 @@ def least_error(cab: CabVehicle, data: Measurement) -> tuple[np.ndarray, np.ndar
     return least[0][:, :2], least[1][:, :2]
 
 
-def parameter_errors(cab: CabVehicle, estimates: list) -> list[tuple[str, float, float]]:
-    """Return (class, relative error, error over std) of every stiffness and damping."""
+def parameter_errors(cab: CabVehicle, estimates: list, drawn: bool = False) -> list[tuple[str, float, float]]:
+    """Return (class, relative error, error over std) of every stiffness and damping; ``drawn`` where the mass is not exact."""
     found = []
     mass = estimates[0]
     for e in estimates:
@@ -142,8 +142,8 @@ def parameter_errors(cab: CabVehicle, estimates: list) -> list[tuple[str, float,
         table = cab.stiffness if parameter == "stiffness" else cab.damping
         true = table[cab.mount_names.index(mount), "xyz".index(axis)]
         group = f"{'k' if parameter == 'stiffness' else 'c'} {'vertical' if axis == 'z' else 'horizontal'}"
-        # the worlds have exactly the mass of the file: judge the part of the standard deviation that is not the mass's
-        own = max(e.std**2 - (e.value * mass.std / mass.value) ** 2, 1e-30) ** 0.5
+        # where worlds have exactly the mass of the file: judge the part of the standard deviation that is not the mass's
+        own = e.std if drawn else max(e.std**2 - (e.value * mass.std / mass.value) ** 2, 1e-30) ** 0.5
         found.append((group, abs(e.value / true - 1.0), abs(e.value - true) / own))
     return found
 
@@ -156,7 +156,7 @@ def judge_drive(
     vehicle = believed_vehicle(data, drawn_belief(Belief(), seed) if drawn else None, seed=seed)
     pipeline = Pipeline(vehicle)
     blocks, estimates = through(pipeline, data, START + 10.0)
-    for group, error, ratio in parameter_errors(cab, estimates):
+    for group, error, ratio in parameter_errors(cab, estimates, drawn):
         rows.setdefault(group, []).append(error)
         rows.setdefault(f"{group} ratio", []).append(ratio)
     good, row = ticks_of(blocks, data)

@@ -40,3 +40,9 @@ def test_forces_without_a_base_sensor_err_and_are_uncertain_by_what_its_bracket_
     for seed in (62_000, 62_003):
         error, middle, low, ratio = judge(case, seed, drawn=True)["live horizontal"]
         assert error < largest and middle > 0.9 and low > 0.75 and ratio < 2.0
+
+
+@pytest.mark.slow
+def test_forces_hold_part_of_a_load_that_is_not_recognised():
+    """Without what the CG leaves possible half of the vertical forces are inside two standard deviations."""
+    assert pooled("load", (9002, 9012), drawn=True)["live vertical"] > 0.65

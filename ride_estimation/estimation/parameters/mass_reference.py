@@ -196,7 +196,11 @@ class MassReference:
         """Return the share of a load in the mass that puts the CG where it is: at the edge of the mounts or halfway to it."""
         if self._load is not None or self.moved_cg is None:
             return 0.0
-        return min(1.5 * self.least_share(self.moved_cg[0]), 1.0)
+        return self.likely_share(self.moved_cg[0])
+
+    def likely_share(self, offset: Array) -> float:
+        """Return the share of the mass that a load has halfway to the edge of the mounts where the CG is off by (3,) [m]."""
+        return min(1.5 * self.least_share(offset), 1.0)
 
     def least_share(self, offset: Array) -> float:
         """Return the share of the mass that a load between the mounts has at least where the CG is off by (3,) [m]."""

@@ -249,6 +249,17 @@ class ParameterEstimator:
         own, axes = self._filter, list(self._model.offsets)
         if not axes or own is None or own.memory.length < _ENOUGH or self._refuted:
             return self.cg_offset()[0] if self.loaded else None
+        found, _, beyond = self._shown_offset(own)
+        size = len(axes)
+        if beyond <= stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
+            return None
+        offset = np.zeros(3)
+        offset[axes] = OFFSET_UNIT * found
+        return offset
+
+    def _shown_offset(self, own: ParameterFilter) -> tuple[Array, Array, float]:
+        """Return the offset of the CG that the last seconds show, its covariance, its square over what is expected."""
+        axes = list(self._model.offsets)
         size = len(axes)
         if self.loaded:
             found, covariance = self.theta[-size:], np.diag(self.std[-size:] ** 2)
@@ -257,12 +268,20 @@ class ParameterEstimator:
             spread[: self.count] = self._amplitude.std
             found, covariance = own.memory.estimate_considered(self.theta, self._prior_std, spread, size)
         expected = np.diag((np.maximum(self._cg_std[axes], self._position_std) / OFFSET_UNIT) ** 2)
-        beyond = float(found @ np.linalg.solve(covariance + expected, found))
-        if beyond <= stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
-            return None
-        offset = np.zeros(3)
-        offset[axes] = OFFSET_UNIT * found
-        return offset
+        return found, covariance, float(found @ np.linalg.solve(covariance + expected, found))
+
+    def unnoticed_offset(self) -> tuple[float, Array, Array]:
+        """Return with what weight, by how much and how uncertainly a load that nobody knows may move the CG, (3,) each [m].
+
+        File and noise let expect a mean square of one per axis; a load could have made what is beyond.
+        """
+        own, axes = self._filter, list(self._model.offsets)
+        offset, std = np.zeros(3), np.zeros(3)
+        if self.loaded or not axes or own is None or own.memory.length < _ENOUGH:
+            return 0.0, offset, std
+        found, covariance, beyond = self._shown_offset(own)
+        offset[axes], std[axes] = OFFSET_UNIT * found, OFFSET_UNIT * np.sqrt(np.diag(covariance))
+        return max(1.0 - len(axes) / max(beyond, 1e-9), 0.0), offset, std
 
     def take_load(self, there: bool) -> None:
         """Learn anew with a CG that may be wherever a load takes it, or with that of the file where there is no load."""
