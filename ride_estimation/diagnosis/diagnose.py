@@ -218,12 +218,12 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     verdict, remaining, known = _verdict(work, base, judged, named)
     residual = residual_summary(base, extended, remaining, accepted is not None)
     ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
-    said = [*filter(None, [judged.refused]), *_bound_warnings(work, state)], judged.warnings
+    warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
+    of_the_gain = judged.warnings
     del base, extended, judged  # views of a minute take a hundred megabytes each, which the copies of the run need
     stable = stability(work, verdict) if settings.stability else None
     sure = known if stable is None else known * stable.factor
     causes = tuple(dataclasses.replace(c, confidence=c.confidence * sure) for c in named)
-    warnings = [*work.plant.warnings, *said[0]]
     if work.selection.spent:
         warnings.append(
             f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"
@@ -247,7 +247,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
         causes=causes,
         gain=gain,
         residual=residual,
-        warnings=(*warnings, *said[1]),
+        warnings=(*warnings, *of_the_gain),
         extended=vehicle,
         ladder=ladder,
         parameters=_calibrations(work, state, log_std, verdict),

@@ -472,8 +472,10 @@ class Pipeline:
     def _with_unnoticed_load(self, cg_std: Array) -> tuple[Array, float]:
         """Return the standard deviation of the CG, (3,), and the relative one of the mass, with a load that is not recognised."""
         # bodies with fewer than six degrees of freedom leave in the innovations what they do along the others
-        weight, offset, std = self._parameters.unnoticed_offset() if self.geometry.free.all() else (0.0, cg_std, cg_std)
-        if weight == 0.0 or self._load is not None or not self._motion.residual_test().passed:
+        if not self.geometry.free.all() or self._load is not None:
+            return cg_std, 0.0
+        weight, offset, std = self._parameters.unnoticed_offset()
+        if weight == 0.0 or not self._motion.residual_test().passed:
             return cg_std, 0.0
         share = self._mass_reference.likely_share(offset)
         return np.sqrt(cg_std**2 + weight * (offset**2 + std**2)), math.sqrt(0.5 * weight) * share

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 from worlds.adapters import believed_vehicle, recording, vehicle_of_text
 from worlds.cab import Measurement, drive, measure, random_sensors, random_vehicle
-from worlds.installation import installed
 from worlds.roads import Road
 from worlds.vehicle_text import vehicle_yaml
 
@@ -22,11 +22,15 @@ from ride_estimation.estimation.model import drive_calibration
 from ride_estimation.estimation.model.drive_calibration import DriveCalibration, calibrate_drive, summary_lines
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
-from ride_estimation.sensors.installation import USUAL, Installation
+from ride_estimation.sensors.installation import Installation
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import Vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+from drive_calibration import scores, world  # noqa: E402
+
 TURN, MOVED = np.array([0.0, 0.0, np.radians(1.0)]), np.array([0.0, 0.02, 0.0])
 
 
@@ -86,23 +90,8 @@ def test_what_was_found_is_not_found_again(data: Measurement, vehicle: Vehicle, 
 @pytest.mark.slow
 def test_errors_of_installed_sensors_are_inside_as_often_as_stated() -> None:
     """Fresh cabs on fresh roads, every error drawn from the usual installation: neither too few nor all inside two std."""
-    inside = []
-    for seed in range(7000, 7006):
-        rng = np.random.default_rng(seed)
-        cab = random_vehicle(rng, "air" if seed % 2 else "rubber")
-        stds = {kind: getattr(USUAL, kind) for kind in ("bias", "gain", "misalignment", "position", "delay")}
-        sensors = installed(random_sensors(cab, rng), seed, **stds)
-        run = drive(cab, dataclasses.replace(Road.random(rng), follow=(0.4, 0.7)), 40.0, seed)
-        data = measure(run, sensors, 200.0, seed, noise_share=0.01, anti_alias=0.0)
-        found = calibrate_drive(recording(data), believed_vehicle(data, seed=seed))
-        late = np.mean([found.sensors[s.name].errors["delay"][0] - s.delay_s for s in sensors])
-        for s in sensors:
-            c = found.sensors[s.name]
-            turn = Rotation.from_matrix(s.rotation.T @ s.true_rotation).as_rotvec()
-            true = {"gain": np.asarray(s.gain) - 1.0, "misalignment": turn, "position": s.true_position - s.position,
-                    "delay": np.array([s.delay_s + late]), "bias": np.asarray(s.bias)}  # fmt: skip
-            inside += [np.abs(c.errors[kind] - true[kind]) < 2.0 * c.stds[kind] for kind in true]
-    assert 0.90 <= np.concatenate(inside).mean() <= 0.985
+    errors = [e for seed in range(7000, 7006) for row in scores(*world(seed, 40.0)).values() for e in row]
+    assert 0.90 <= np.mean([abs(error) < 2.0 * std for error, std, _ in errors]) <= 0.985
 
 
 @pytest.fixture(scope="module")

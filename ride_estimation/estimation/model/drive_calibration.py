@@ -19,7 +19,7 @@ from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.readings import axes
 from ride_estimation.estimation.model.run_readings import SHORTEST_SEGMENT_S, run_readings
-from ride_estimation.estimation.model.states import error_std
+from ride_estimation.estimation.model.states import error_std, reading_width
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.correction import Correction
@@ -139,7 +139,7 @@ def _require_motion(name: str, segments: Sequence[Array], plant: Plant) -> None:
     at = 0
     ratio = []
     for s in plant.sensors:
-        width = 1 if s.kind == "displacement" else 3
+        width = reading_width(s)
         ratio.append(float(np.sqrt(np.mean(moving[:, at : at + width] ** 2))) / s.noise_std)
         at += width
     if min(ratio) < _LEAST_SIGNAL:
@@ -183,7 +183,7 @@ def _moved(error: Array, std: Array, prior: Array) -> Array:
 
 def _corrected(sensor: Sensor, errors: Mapping[str, Array], stds: Mapping[str, Array]) -> Sensor:
     """Return a sensor whose description contains the errors found."""
-    count = 1 if sensor.kind == "displacement" else 3
+    count = reading_width(sensor)
     known = sensor.correction
     gain = known.gains(count) * (1.0 + errors["gain"])
     bias = known.biases(count) + known.gains(count) * errors["bias"]

@@ -24,6 +24,7 @@ from ride_estimation.estimation.model.plant import Constants, Plant
 from ride_estimation.estimation.model.readings import readings
 from ride_estimation.estimation.model.second_order import second_order
 from ride_estimation.estimation.model.spectral import Lines, Response, response
+from ride_estimation.estimation.model.states import reading_width
 from ride_estimation.frames import point_motion_matrix
 
 Array = NDArray[np.float64]
@@ -161,7 +162,7 @@ class JointEstimate:
         inputs = plant.states.drive
         self._inputs = inputs.stop - inputs.start
         self._segments = [_Segment.of(s, dt, self._inputs) for s in self._raw]
-        widths = [_width(s.kind) for s in plant.sensors]
+        widths = [reading_width(s) for s in plant.sensors]
         self._white = np.repeat([s.noise_std for s in plant.sensors], widths)
         self._travel = np.repeat([s.kind == "displacement" for s in plant.sensors], widths)
         delays = [plant.slow.sensors[s.name]["delay"].start for s in plant.sensors]
@@ -234,13 +235,14 @@ class JointEstimate:
         slow, free = self.plant.slow, self.plant.slow.free
         laws = free < slow.log_damping.stop
         for step in range(_STEPS):
-            information, gradient = self.normal_equations(self.model())
+            model = self.model()
+            information, gradient = self.normal_equations(model)
             if not (np.all(np.isfinite(information)) and np.all(np.isfinite(gradient))):
                 raise InputDataError(_UNFIT)
             inverse = self._inverse(information)
             change = -inverse @ gradient
             scale = min(1.0, _LARGEST_STEP / max(float(np.abs(change[laws]).max()), 1e-12))
-            before, start = self.cost(self.model()), self.theta.copy()
+            before, start = self.cost(model), self.theta.copy()
             for halved in range(_HALVINGS):
                 self.theta = start.copy()
                 self.theta[free] += 0.5**halved * scale * change
@@ -447,7 +449,3 @@ def _liveliest(segments: Sequence[Array], length: int) -> Array:
             best, first = float(gain.max()), int(np.argmax(gain))
             found = segment[first : first + size]
     return found
-
-
-def _width(kind: str) -> int:
-    return 1 if kind == "displacement" else 3

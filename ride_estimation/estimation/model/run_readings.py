@@ -14,6 +14,7 @@ from scipy import interpolate, signal
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.plant import Plant
+from ride_estimation.estimation.model.states import reading_width
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -89,8 +90,7 @@ class _Track:
 
 
 def _track(name: str, channel: Channel, sensor: Sensor) -> _Track:
-    width = 1 if sensor.kind == "displacement" else 3
-    values = sensor.correction.apply(channel.values)[:, :width]
+    values = sensor.correction.apply(channel.values)[:, : reading_width(sensor)]
     stamps = channel.stamp_ns - sensor.correction.delay_ns
     good = np.all(np.isfinite(values), axis=1) & np.all(np.abs(values) < sensor.reach, axis=1) & (channel.stamp_ns > 0)
     stamps, first = np.unique(stamps[good], return_index=True)

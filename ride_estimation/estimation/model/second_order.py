@@ -27,14 +27,11 @@ class SecondOrder:
     ----------
     readings
         Added to the readings, shape (T, C).
-    force
-        Added to the mount forces, shape (T, 3 M) [N].
     accel
         Added to the specific force and angular acceleration of the body, shape (T, 6).
     """
 
     readings: Array
-    force: Array
     accel: Array
 
 
@@ -53,7 +50,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     point = (v @ (m.points @ d.accel).T).reshape(-1, count, 3)
     upright = np.array([0.0, 0.0, plant.gravity])
 
-    # a finite rotation moves the mount along an arc: the law feels it, the high-pass of the deformation would eat its mean
+    # a finite rotation moves the mount along an arc, which the law feels
     angle, speed_of, accel_of = v[:, s.relative][:, 3:], relative_rate[:, 3:], (v @ d.A[s.relative_rate].T)[:, 3:]
     arms = [p.position - m.cg for p in plant.mounts]
     arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
@@ -81,10 +78,9 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
                 part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
                 part = (part - np.cross(bracket_accel[:, i], deflection[:, i])) @ turned
         parts.append(part)
-    extra = extra.reshape(len(v), -1)
-    load = extra @ m.points
+    load = extra.reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
-    return SecondOrder(np.hstack(parts), extra, load @ m.mobility)
+    return SecondOrder(np.hstack(parts), load @ m.mobility)
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:

@@ -14,6 +14,7 @@ import dataclasses
 import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
+from scipy import ndimage
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -64,17 +65,16 @@ class Lines:
 
     def smooth(self, values: Array) -> Array:
         """Return values (F, ...) averaged over neighbouring lines."""
-        half = min(max(_LEAST_LINES, round(_HALF_WIDTH_HZ * self.count * self.dt)), len(values) - 1)
-        weight = np.hanning(2 * half + 3)[1:-1]
-        padded = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
-        sums = np.apply_along_axis(np.convolve, 0, padded, weight / weight.sum(), "valid")
-        return np.asarray(sums)
+        return np.asarray(ndimage.convolve1d(values, self._window(), axis=0, mode="mirror"))
 
     def smoothing_error(self) -> float:
         """Return the relative standard deviation that a smoothed spectrum of white noise has."""
-        half = max(_LEAST_LINES, round(_HALF_WIDTH_HZ * self.count * self.dt))
+        return float(np.linalg.norm(self._window()))
+
+    def _window(self) -> Array:
+        half = min(max(_LEAST_LINES, round(_HALF_WIDTH_HZ * self.count * self.dt)), len(self.frequency) - 1)
         weight = np.hanning(2 * half + 3)[1:-1]
-        return float(np.linalg.norm(weight) / weight.sum())
+        return np.asarray(weight / weight.sum(), dtype=np.float64)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -94,11 +94,6 @@ class SlowStates:
     std: Array
 
     @property
-    def system(self) -> int:
-        """Return the number of states that are no error of a sensor; they come first."""
-        return int(self.mean_accel.stop)
-
-    @property
     def free(self) -> NDArray[np.int64]:
         """Return the indices of the states that are estimated."""
         return np.flatnonzero(self.std > 0.0)
@@ -128,6 +123,11 @@ def slow_states(mechanical: Sequence[tuple[Array, Array]], sensors: Sequence[Sen
     named = dict(zip([field.name for field in dataclasses.fields(SlowStates)], parts))
     mean = np.concatenate([mean, np.zeros(at - len(mean))])
     return SlowStates(sensors=errors, mean=mean, std=np.concatenate(stds), **named)
+
+
+def reading_width(sensor: Sensor) -> int:
+    """Return how many values of a sample the model reads: those of accelerometers and transducers, no rates."""
+    return min(sensor.channels, 3)
 
 
 def slices_of(lengths: Sequence[int]) -> tuple[slice, ...]:
