@@ -25,6 +25,7 @@ from ride_estimation.estimation.faults.checkpoints import Checkpoints
 from ride_estimation.estimation.faults.health import Health, base_messages, rate_message, residual_message, sensor_messages
 from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints
 from ride_estimation.estimation.faults.input_checks import InputChecks
+from ride_estimation.estimation.faults.late_sensors import LateSensors
 from ride_estimation.estimation.faults.restoring import restarted
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.estimation.forces.base_fill import BaseFill
@@ -84,7 +85,10 @@ class Pipeline:
     def __init__(self, vehicle: Vehicle, settings: PipelineSettings | None = None) -> None:
         self.vehicle = vehicle
         self.settings = settings or PipelineSettings()
-        self.geometry = geometry_of(vehicle.with_noise_scaled(self.settings.noise_scale))
+        self._late = LateSensors(vehicle.with_noise_scaled(self.settings.noise_scale))
+        #: a delay was found: its readings begin anew with the first block that the aligner makes of them
+        self._delayed = False
+        self.geometry = geometry_of(self._late.vehicle())
         a = self.geometry
         self._motion = self._new_motion()
         self._loads = InertialLoads.of(a.body)
@@ -202,6 +206,7 @@ class Pipeline:
         self._forget_sizes()
         self._restart(reason)
         self._aligner = self._new_aligner()
+        self._put_back()
 
     def recover(self, error: Exception) -> None:
         """Count arithmetic that failed before the estimators and begin again from the vehicle file."""
@@ -260,6 +265,10 @@ class Pipeline:
 
     def _process(self, block: Block) -> OutputBlock:
         self._settle()
+        if self._delayed and not self._aligner.waits_to_delay:
+            self._delayed = False
+            self._take_installation()
+            self._begin_anew("a delay was found")
         if block.restart and self._ticks:
             self._restart(block.restart)
         dt = self._dt = block.step_ns * 1e-9
@@ -318,6 +327,30 @@ class Pipeline:
         if verdict.began:
             self._take_back(verdict)
         return block if verdict.valid is block.valid else dataclasses.replace(block, valid=verdict.valid), verdict
+
+    def _take_installation(self) -> None:
+        """Judge the sensors by what is known of their installation now; what was said of them rested on late readings."""
+        self.geometry = geometry_of(self._late.vehicle())
+        gyros = self._checks.gyros.found
+        self._motion = self._new_motion()
+        self._checks.take_installation(self.geometry)
+        self._motion.leave_out_gyros(gyros)
+        self._agree()
+        self._hints = Hints.of(self.geometry, self._motion)
+
+    def _look_for_delay(self) -> None:
+        """Have the aligner put back the readings of a sensor that is found to be late."""
+        tests = [self._motion.fault_test, *self._checks.fault_tests]
+        if self._delayed:
+            return
+        self._delayed = self._late.find(tests)
+        if self._delayed or self._late.refine(tests):
+            self._put_back()
+
+    def _put_back(self) -> None:
+        """Have the aligner take the delays that were found off the stamps to come."""
+        for name, delay in self._late.delays().items():
+            self._aligner.delay(self._index[name], delay)
 
     def _load_covariance(self, motion: MotionBlock) -> Array:
         """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
@@ -437,6 +470,7 @@ class Pipeline:
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_reference:
             self._next_reference = self._run_time + 1.0
+            self._look_for_delay()
             self._look_for_load()
             self._mass_reference.update(
                 p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
@@ -533,7 +567,7 @@ class Pipeline:
             s.name: float(np.max(test.channel_ratio[3 * i : 3 * i + 3])) for i, s in enumerate(self.geometry.body_sensors)
         }
         sensors = self._checks.health(self._aligner.health(), ratio)
-        messages = fault_messages(self._guard.faults) + self._checks.messages()
+        messages = fault_messages(self._guard.faults) + self._late.messages() + self._checks.messages()
         messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.geometry)
         messages += [*self.geometry.ignored, *self._parameters.notes(), *self._mass_reference.notes(), *self.tilting.notes()]
@@ -563,7 +597,8 @@ class Pipeline:
             "mounts": list(self.geometry.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._mass_reference.save(), "run_time": self._run_time,
-            "travel": self._travel.save(), "tilt": self.tilting.save(), "carried": self._carried.save(), **self._checks.save(),
+            "travel": self._travel.save(), "tilt": self.tilting.save(), "carried": self._carried.save(),
+            "delays": self._late.save(), **self._checks.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -576,6 +611,9 @@ class Pipeline:
         """
         check_state(state, self._sensors, self.geometry.mount_names)
         self._due = None
+        self._late.load(state["delays"])
+        self._put_back()
+        self._take_installation()
         self._checks.load(state)
         self._motion.leave_out_gyros(self._checks.gyros.found)
         self._motion.load(state["motion"])

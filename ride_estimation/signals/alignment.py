@@ -131,6 +131,8 @@ class StampAligner:
         self._gap_periods = gap_periods
         self._last_step = 0
         self._ready: list[Block] = []
+        #: stream index -> delay that its readings have from the next sample on [ns]
+        self._delays: dict[int, int] = {}
         self._restart = "start of the run"
         self._clear()
 
@@ -198,6 +200,8 @@ class StampAligner:
         variance
             Its variance per value [unit^2] where the message states one.
         """
+        if self._delays:
+            self.take_delays()
         s = self._streams[index]
         if s.delay and stamp_ns > 0:
             stamp_ns -= s.delay
@@ -231,6 +235,35 @@ class StampAligner:
         if self._step and (self._missing == 0 or (self._newest > self._deadline and self._waited())):
             self._advance()
         return self._take() if self._ready else ()
+
+    def delay(self, index: int, seconds: float) -> None:
+        """Count the readings of a stream as so much late behind their stamps, from the next sample on that comes.
+
+        Blocks that are ready stay as they are; samples that wait for the next one move along.
+
+        Parameters
+        ----------
+        index
+            Stream index.
+        seconds
+            The whole delay, that of its :class:`StreamSpec` included [s].
+        """
+        self._delays[index] = round(seconds * NANOSECONDS)
+
+    @property
+    def waits_to_delay(self) -> bool:
+        """Return whether a delay waits for the next sample."""
+        return bool(self._delays)
+
+    def take_delays(self) -> None:
+        """Apply what :meth:`delay` asked for."""
+        for index, delay_ns in self._delays.items():
+            s = self._streams[index]
+            s.take_delay(delay_ns)
+            self._newest = max(self._newest, s.last)
+        self._delays = {}
+        if self._step:
+            self._begin_block(self._next)
 
     def filled(self, newest: int) -> Sequence[Block]:
         """Return the blocks that are ready after every stream got the samples it waited for, the newest at a stamp [ns]."""

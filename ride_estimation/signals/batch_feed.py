@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.signals.alignment import StampAligner
-from ride_estimation.signals.batch_kernel import PLAN_PERIOD, PLAN_STOP, fill_blocks, plan_blocks
+from ride_estimation.signals.batch_kernel import PLAN_FIRST, PLAN_PERIOD, PLAN_STOP, fill_blocks, plan_blocks
 from ride_estimation.signals.recording import Channel
 from ride_estimation.signals.streams import KEEP, LEAST, Block, Stream
 
@@ -65,7 +65,7 @@ class _Source:
     def of(cls, channel: Channel, stream: Stream, ranks: NDArray[np.int64]) -> _Source:
         """Return the samples of a channel that goes to a stream."""
         raw = np.asarray(channel.stamp_ns, dtype=np.int64)
-        stamps = np.where(raw > 0, raw - stream.delay, raw)
+        stamps = _late(raw, stream.delay)
         values = np.ascontiguousarray(channel.values, dtype=np.float64)
         steps = np.diff(stamps)
         forward = steps[steps > 0]
@@ -81,6 +81,12 @@ class _Source:
             stamps.tolist(), ranks.tolist(), stamps.tobytes(), values.tobytes(), values, channel.variance, raw,
             [0, *np.cumsum(unusual).tolist()], stated.tolist(), widest,
         )  # fmt: skip
+
+
+    def delayed(self, delay_ns: int) -> None:
+        """Take the readings as so much late."""
+        stamps = _late(self.raw_stamps, delay_ns)
+        self.stamps, self.stamp_bytes = stamps.tolist(), stamps.tobytes()
 
 
 class _Flat:
@@ -171,6 +177,8 @@ class BatchFeed:
     def step(self) -> tuple[Sequence[Block], int]:
         """Take samples until a block is complete; return the blocks and how many samples were taken."""
         before = self._next
+        if self._aligner.waits_to_delay:
+            self._take_delays()
         if self._stretch is None and self._flat is not None:
             self._alone -= 1
             if self._alone < 0:
@@ -181,6 +189,21 @@ class BatchFeed:
         if blocks is None:
             blocks = self._singly()
         return blocks, self._next - before
+
+    def _take_delays(self) -> None:
+        """Apply delays that wait for the next sample where one comes next: of a stretch some blocks may need none any more."""
+        stretch = self._stretch
+        if stretch is not None:
+            if stretch.last[stretch.handed] < self._next:
+                return
+            self._stretch = None
+            self._end(stretch, [planned[PLAN_FIRST] for planned in stretch.plan[stretch.handed]], stretch.handed)
+        self._aligner.take_delays()
+        for stream, source in zip(self._aligner._streams, self._sources):
+            if source is not None:
+                source.delayed(stream.delay)
+        if self._flat is not None:
+            self._flat = _Flat(self._flat.sources, self._aligner.columns)
 
     def _singly(self) -> Sequence[Block]:
         """Push sample by sample until blocks come out."""
@@ -280,12 +303,24 @@ class BatchFeed:
         if stretch.handed < len(stretch.plan):
             return (block,)
         self._stretch = None
-        for stream, source, first in zip(aligner._streams, flat.sources, stretch.keep):
-            _refill(stream, source, first)
-        aligner._floor = start + (stretch.ticks - 1) * stretch.step
-        aligner._begin_block(start + stretch.ticks * stretch.step)
+        self._end(stretch, stretch.keep, stretch.handed)
         aligner._advance()
         return (block, *aligner._take())
+
+    def _end(self, stretch: _Stretch, keep: Sequence[int], handed: int) -> None:
+        """Put the streams as they are after so many blocks of a stretch, with the samples from ``keep`` on in their buffers."""
+        aligner = self._aligner
+        for stream, source, first in zip(aligner._streams, self._sources, keep):
+            if source is not None:
+                _refill(stream, source, first)
+        start = stretch.first_tick + handed * stretch.ticks * stretch.step
+        aligner._floor = start - stretch.step
+        aligner._begin_block(start)
+
+
+def _late(stamps: NDArray[np.int64], delay_ns: int) -> NDArray[np.int64]:
+    """Return when the readings with these stamps were true."""
+    return np.where(stamps > 0, stamps - delay_ns, stamps)
 
 
 def _contiguous(stream: Stream, source: _Source) -> bool:

@@ -171,6 +171,14 @@ class Stream:
         self.need = MOST
         return False
 
+    def take_delay(self, delay_ns: int) -> None:
+        """Count the readings as so much late; those at hand move along."""
+        change = self.delay - delay_ns
+        self.delay = delay_ns
+        self.stamps = array("q", [stamp + change for stamp in self.stamps])
+        if self.last:
+            self.last += change
+
     def trim(self, before: int) -> None:
         """Drop what no later tick can need: all but the last samples before a stamp."""
         cut = bisect.bisect_left(self.stamps, before) - KEEP

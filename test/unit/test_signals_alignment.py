@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import faults
 import numpy as np
 import pytest
@@ -410,14 +412,26 @@ def fed(samples: list[faults.Sample], streams: int) -> tuple[StampAligner, list[
     return aligner, [*blocks, *aligner.finish()]
 
 
-def batched(samples: list[faults.Sample], streams: int, seed: int) -> tuple[StampAligner, list[Block], StampAligner, list[Block]]:
-    """Push samples one by one and as one recording; variances are stated by some messages only."""
+def batched(
+    samples: list[faults.Sample], streams: int, seed: int, delays: dict[int, tuple[int, float]] | None = None
+) -> tuple[StampAligner, list[Block], StampAligner, list[Block]]:
+    """Push samples one by one and as one recording; variances are stated by some messages only.
+
+    After so many blocks a stream is found to be late: ``delays``, blocks -> stream and delay.
+    """
+
+    def take(aligner: StampAligner, kept: list[Block], blocks: Sequence[Block]) -> None:
+        for block in blocks:
+            kept.append(block)
+            if len(kept) in (delays or {}):
+                aligner.delay(*(delays or {})[len(kept)])
+
     rng = np.random.default_rng(seed)
     stated = [None if rng.random() < 0.3 else (rng.random(), 1.0, 2.0) for _ in samples]
     one = StampAligner(specs(streams))
     singly: list[Block] = []
     for (index, stamp, values), variance in zip(samples, stated):
-        singly.extend(one.push(index, stamp, values, variance))
+        take(one, singly, one.push(index, stamp, values, variance))
     channels: list[Channel | None] = []
     for index in range(streams):
         places = [k for k, s in enumerate(samples) if s[0] == index]
@@ -426,11 +440,11 @@ def batched(samples: list[faults.Sample], streams: int, seed: int) -> tuple[Stam
         values = np.array([samples[k][2] for k in places]).reshape(-1, 3)
         channels.append(Channel(f"s{index}", stamps, values, stamps, variance, order=np.array(places)) if places else None)
     many = StampAligner(specs(streams))
-    feed, together = BatchFeed(many, channels), []
+    feed, together = BatchFeed(many, channels), list[Block]()
     taken = 0
     while feed.more:
         blocks, count = feed.step()
-        together.extend(blocks)
+        take(many, together, blocks)
         taken += count
     assert taken == len(samples)
     return one, singly, many, together
@@ -470,6 +484,11 @@ def damaged(seed: int) -> list[faults.Sample]:
 @pytest.mark.parametrize("seed", range(40))
 def test_a_recording_fed_at_once_gives_the_bytes_of_its_samples_pushed_one_by_one(seed: int) -> None:
     one, singly, many, together = batched(damaged(seed), 3, seed)
+    same_bytes(one, singly, many, together)
+
+
+def same_bytes(one: StampAligner, singly: list[Block], many: StampAligner, together: list[Block]) -> None:
+    """Compare two ways of feeding."""
     assert len(singly) == len(together)
     for a, b in zip(singly, together):
         assert (a.start_ns, a.step_ns, a.restart) == (b.start_ns, b.step_ns, b.restart)
@@ -480,3 +499,27 @@ def test_a_recording_fed_at_once_gives_the_bytes_of_its_samples_pushed_one_by_on
     assert [one.variance(i) for i in range(3)] == [many.variance(i) for i in range(3)]
     for a, b in zip(one.finish(), many.finish()):
         assert a.values.tobytes() == b.values.tobytes()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_delay_that_is_found_on_the_way_gives_the_same_bytes_too(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    delays = {int(n): (int(rng.integers(3)), float(rng.uniform(-0.01, 0.02))) for n in rng.integers(1, 140, 3)}
+    same_bytes(*batched(damaged(seed), 3, seed, delays))
+
+
+def test_readings_are_put_back_by_a_delay_from_the_next_block_on_and_none_is_lost() -> None:
+    late = 0.008
+    samples = [(i, t + round(late * 1e9) * (i == 1), v) for i, t, v in faults.regular(3, 500.0, 3.0)]
+    samples.sort(key=lambda s: s[1])
+    aligner, blocks = StampAligner(specs(3)), list[Block]()
+    for n, (index, stamp, values) in enumerate(samples):
+        if n == len(samples) // 2:
+            before = len(blocks)
+            aligner.delay(1, late)
+        blocks.extend(aligner.push(index, stamp, values))
+    assert np.all(np.diff(np.concatenate([b.stamps_ns for b in blocks])) == 2_000_000)
+    assert all(b.valid.all() for b in blocks[1:])
+    assert worst(blocks[: before - 1], 1) > 0.1
+    assert max(worst(blocks[before:], i) for i in range(3)) < CUBIC_TOLERANCE
+    assert aligner.health()["s1"].accepted == 1500

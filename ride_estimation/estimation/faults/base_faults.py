@@ -113,8 +113,8 @@ class BaseFaults:
         self._inverse = np.linalg.pinv(rows, rcond=1e-6)
         self._project = np.eye(len(rows)) - rows @ self._inverse
         self._moments, self._seen = np.zeros_like(self._project), 0
-        self._test = FaultTest(self._sensors, rows, points[::3], 0.0, np.array(_FRAME) / np.sqrt(3.0), _LEAST)
-        self._test.set_variance(np.repeat([s.noise_std**2 for s in self._sensors], 3))
+        self.test = FaultTest(self._sensors, rows, points[::3], 0.0, np.array(_FRAME) / np.sqrt(3.0), _LEAST)
+        self.test.set_variance(np.repeat([s.noise_std**2 for s in self._sensors], 3))
         self._chunks, self._next = 0, 0
         self._mean_time, self._mean = 0.0, np.zeros((len(place), 3))
         self.reset()
@@ -128,7 +128,7 @@ class BaseFaults:
         self._states: list[Array] = []
         self._waiting: list[Array] = []
         self._ticks = 0
-        self._test.interrupt()
+        self.test.interrupt()
 
     def judged(self, block: Block, verdict: GateVerdict, force: Array, dt: float) -> GateVerdict:
         """Return the verdict on a block with what the bases add to it.
@@ -173,12 +173,12 @@ class BaseFaults:
         """Take a chunk of readings (K, 3 N)."""
         moving = self._passed(values, dt)
         if np.mean(moving**2) < _MOVING**2:
-            self._test.interrupt()
+            self.test.interrupt()
             return
         self._moments = math.exp(-len(moving) * dt / _MEMORY) * self._moments + moving.T @ moving
         self._seen += 1
         motion = moving @ self._inverse.T
-        self._test.observe(moving, np.ascontiguousarray(motion[:, :6]), np.zeros((len(moving), 3)), dt)
+        self.test.observe(moving, np.ascontiguousarray(motion[:, :6]), np.zeros((len(moving), 3)), dt)
         self._chunks += 1
         if self._chunks >= self._next:
             self._next = self._chunks + (1 if self._chunks < _FIRST else int(_LATER * self._chunks))
@@ -205,7 +205,7 @@ class BaseFaults:
         if mixed is not None:
             self.refused[mixed[0]] = mixed[1]
             return
-        fault = self._test.judge()
+        fault = self.test.judge()
         if fault is not None and (fault.kind == "place" or (len(self._sensors) < _TWISTING and fault.log_probability > _GROSS)):
             fault = None  # a place that is off reads what a bracket on a bending frame does
         if self._chunks < _SETTLED and (fault is None or fault.log_probability > _GROSS):
@@ -269,7 +269,7 @@ class BaseFaults:
         least = self._least_mean[i]
         if max(size, abs(along)) <= least:
             return ""
-        gain, angle = self._test.errors(i)
+        gain, angle = self.test.errors(i)
         if size > least and float(np.linalg.norm(np.cross(upward, angle) - across)) < limit * size:
             return f"its mean and its motion both look misaligned by {math.degrees(size):.1f} deg"
         level = np.argsort(np.abs(upward))[:2]
@@ -297,6 +297,11 @@ class BaseFaults:
         return ""
 
     @property
+    def tells_delays(self) -> bool:
+        """Return whether the test tells delays that are not gross."""
+        return self.possible and len(self._sensors) >= _TWISTING
+
+    @property
     def suspicion(self) -> str:
         """Return why nothing learned is called valid, empty where nothing speaks against it."""
         return "; ".join(f"{name}: {words}" for name, words in self.suspects.items())
@@ -320,7 +325,7 @@ class BaseFaults:
         if not self.possible:
             return {}
         return {
-            "test": self._test.save(), "mean": self._mean.tolist(), "mean_time": self._mean_time, "chunks": self._chunks,
+            "test": self.test.save(), "mean": self._mean.tolist(), "mean_time": self._mean_time, "chunks": self._chunks,
             "refused": {str(i): words for i, words in self.refused.items()}, "suspects": dict(self.suspects),
         }  # fmt: skip
 
@@ -329,7 +334,7 @@ class BaseFaults:
         if not self.possible or not saved:
             return
         self.reset()
-        self._test.load(saved["test"])
+        self.test.load(saved["test"])
         self._mean = np.array(saved["mean"], dtype=float).reshape(self._mean.shape)
         self._mean_time, self._chunks = float(saved["mean_time"]), int(saved["chunks"])
         self.refused = {int(i): str(words) for i, words in saved["refused"].items()}

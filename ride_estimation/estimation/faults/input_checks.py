@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -26,6 +25,7 @@ from ride_estimation.estimation.faults.rigid_check import RigidCheck
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict, SensorGate
 from ride_estimation.estimation.faults.swapped_topics import SwappedTopics
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
+from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.streams import Block, StreamHealth
 
@@ -69,8 +69,7 @@ class InputChecks:
         )  # fmt: skip
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)
-        self._new_base_faults = functools.partial(BaseFaults, base, base_streams, base_starts, a.vehicle.gravity)
-        self._base_faults = self._new_base_faults()
+        self._new_base_faults(a)
         self._left_out: frozenset[int] = frozenset()
         self._balance = BaseBalance(a)
         self._noise = BaseNoise(base)
@@ -78,6 +77,17 @@ class InputChecks:
         self._readings: tuple[Array, Array] | None = None
         #: stream -> reason -> ticks at which a base sensor was left out against the others
         self._lost: dict[int, Counter[str]] = {}
+
+    def _new_base_faults(self, geometry: Geometry) -> None:
+        streams, starts, *_ = self._layout.base_arrays
+        base = [s for s in geometry.base_sensors if s is not None]
+        self._geometry = geometry
+        self._base_faults = BaseFaults(base, streams.tolist(), starts.tolist(), geometry.vehicle.gravity)
+
+    def take_installation(self, geometry: Geometry) -> None:
+        """Judge the bases anew, by the installation that the sensors of a geometry state."""
+        self._new_base_faults(geometry)
+        self._balance = BaseBalance(geometry)
 
     def reset(self, same_time: bool = False) -> None:
         """Begin anew; what was found out about the sensors stays.
@@ -113,7 +123,7 @@ class InputChecks:
             found = found or self._swaps.toggle(*(self._swaps.bodies + n for n in self._balance.exchanged))
             self._balance.exchanged = None
             # what was said of them was said of each other's readings
-            self._base_faults = self._new_base_faults()
+            self._new_base_faults(self._geometry)
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
             self.watch.look_again()
@@ -197,6 +207,11 @@ class InputChecks:
         # of readings that are no longer used a contradiction is none
         weighed = self._balance.possible and self._balance.inconsistent and self._readings is not None
         return self._bases.inconsistent or self._noise.inconsistent or weighed
+
+    @property
+    def fault_tests(self) -> Sequence[FaultTest]:
+        """Return the test of the base sensors, none where a frame that twists looks like a late one."""
+        return (self._base_faults.test,) if self._base_faults.tells_delays else ()
 
     @property
     def suspicion(self) -> str:

@@ -145,8 +145,8 @@ class CgMotionEstimator:
         spare = self._spare if self._free[3:].all() else 0
         offset = self._installation.offset(gravity)
         self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, spare, offset)
-        self._faults = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
-        self._faults.set_variance(self.variance)
+        self.fault_test = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
+        self.fault_test.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
         self.inconsistent, self._held = False, 0.0
         #: sums of the residuals since the last look, and ticks
@@ -158,7 +158,7 @@ class CgMotionEstimator:
 
     def reset(self) -> None:
         """Forget attitude and rates; what the residuals showed stays."""
-        self._faults.interrupt()
+        self.fault_test.interrupt()
         self._turning.reset()
         self._begin_attitude()
         self._last_gyro: Array | None = None
@@ -185,7 +185,7 @@ class CgMotionEstimator:
         if not np.array_equal(self.variance[3 * sensor : 3 * sensor + 3], variance):
             self.variance[3 * sensor : 3 * sensor + 3] = variance
             self._cache.clear()
-            self._faults.set_variance(self.variance)
+            self.fault_test.set_variance(self.variance)
 
     def leave_out_gyros(self, gyros: Iterable[int]) -> None:
         """Take angular rates from the other gyros or else from the accelerometers; attitude and rates begin anew."""
@@ -193,8 +193,8 @@ class CgMotionEstimator:
             self._gyro_fit[gyro] = False
             self._cache.clear()
             points, rate_std = self.points[: 3 * len(self.sensors) : 3], 0.0 if self._gyro_fit.any() else _YAW_STD
-            self._faults = FaultTest(self.sensors, self._used_rows, points, rate_std)
-            self._faults.set_variance(self.variance)
+            self.fault_test = FaultTest(self.sensors, self._used_rows, points, rate_std)
+            self.fault_test.set_variance(self.variance)
             self._sums = ResidualSums.empty(3 * len(self.sensors))
             self.reset()
 
@@ -304,7 +304,7 @@ class CgMotionEstimator:
         if weights.rank < self._determined(dt):
             out.motion[where], out.tilt[where], out.valid[where] = self._last_good, self._state[0], False
             self._coast(len(y) * dt)
-            self._faults.interrupt()
+            self.fault_test.interrupt()
             return weights.covariance
         gyro_mask = mask[list(self.gyros)] & self._gyro_fit if self.gyros else np.zeros(0, dtype=bool)
         use_gyro = bool(gyro_mask.any())
@@ -353,9 +353,9 @@ class CgMotionEstimator:
                 own, white, lasts = weights.matrix[:, : y.shape[1]], float(np.mean(self.variance)), self._lasting.error_variance
                 self._turning.correct(own, white, lasts, self._state, self._p_tilt, self._p_yaw, dt)
         if tells and self._rate_known:
-            self._faults.observe(said, motion, rate, dt)
+            self.fault_test.observe(said, motion, rate, dt)
         else:
-            self._faults.interrupt()
+            self.fault_test.interrupt()
         return weights.covariance + self._rate_contribution(weights, rate, use_gyro)
 
     def _determined(self, dt: float) -> int:
@@ -427,7 +427,7 @@ class CgMotionEstimator:
 
     def residual_test(self) -> ResidualTest:
         """Judge the residuals gathered so far and name the sensor that explains them best."""
-        return self._sized().with_fault(self._faults.judge())
+        return self._sized().with_fault(self.fault_test.judge())
 
     def contradicting(self, ratio: float) -> str:
         """Return the sensor that contradicts the others most where the ratio of the residual test is above one, else empty."""
@@ -515,7 +515,7 @@ class CgMotionEstimator:
             "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_pitch": self._p_pitch.tolist(),
             "p_yaw": self._p_yaw.tolist(),
             "variance": self.variance.tolist(), "own_variance": self._own_variance.tolist(),
-            "residuals": self._sums.save(), "faults": self._faults.save(), "turning": self._turning.save(),
+            "residuals": self._sums.save(), "faults": self.fault_test.save(), "turning": self._turning.save(),
             "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
             "speed": self._speed.tolist(), "surge": self._surge.tolist(),
             "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
@@ -531,8 +531,8 @@ class CgMotionEstimator:
         before = np.array(saved["variance"], dtype=float)
         self.variance = np.where(before == np.array(saved["own_variance"], dtype=float), self._own_variance, before)
         self._sums = ResidualSums.load(saved["residuals"])
-        self._faults.set_variance(self.variance)
-        self._faults.load(saved["faults"])
+        self.fault_test.set_variance(self.variance)
+        self.fault_test.load(saved["faults"])
         self._turning.load(saved.get("turning", self._turning.save()))
         self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
         self._lasting.load(saved["lasting"])

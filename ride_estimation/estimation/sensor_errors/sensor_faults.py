@@ -107,6 +107,7 @@ class FaultTest:
         self._rotation = np.array([s.rotation for s in sensors])
         self._rows, self._points, self._rate_std = rows, points, rate_std
         self._size, self._least = _COLUMNS * len(self._names), least
+        self._further_delay = float(further[-1])
         counts = tuple(_ERRORS.values())
         own = [[getattr(s.tolerated_installation, kind) for kind in _ERRORS] for s in sensors]
         #: standard deviation of the errors of every sensor in good order, shape (S, 13)
@@ -294,11 +295,46 @@ class FaultTest:
         gain, angle = (value * self._unit[sensor, p] for (_, (value, _)), p in zip(tests, parts, strict=True))
         return gain, angle
 
+    def delay_of(self, name: str) -> tuple[float, float, bool] | None:
+        """Return how late a sensor is and its standard deviation [s], and whether noise is no longer most of that.
+
+        What is tolerated beyond the installation, as of frames that bend, looks like a delay too and is part of the standard
+        deviation. None for sensors of others and before anything is judged.
+        """
+        if name not in self._names or not self._ready:
+            return None
+        column = self._delay_column(name)
+        noise = self._noise() * float(self._inflation()[list(KINDS).index("delay")])
+        _, (value, std) = self._score_test(*self._solved(noise), np.array([column]))
+        unit = float(self._unit.ravel()[column])
+        # of sensors in good order var(u_g) = K_gg: their own error, with a variance of one, is in it
+        left = math.sqrt(max(float(std[0]) ** 2 - 1.0, 0.0)) * unit
+        return float(value[0]) * unit, math.hypot(left, self._further_delay), left <= unit
+
+    def put_back(self, name: str, delay: float) -> None:
+        """Take off what a delay [s] of a sensor made, whose readings come without it from now on."""
+        column = self._delay_column(name)
+        size = delay / float(self._unit.ravel()[column])
+        self._square += size * (size * float(self._information[column, column]) - 2.0 * float(self._score[column]))
+        self._score -= size * self._information[:, column]
+        self._found = None
+
+    def _delay_column(self, name: str) -> int:
+        return _COLUMNS * self._names.index(name) + KINDS["delay"].start
+
+    @property
+    def _ready(self) -> bool:
+        return self.possible and self._count >= self._least * len(self._whitening)
+
+    def _inflation(self) -> Array:
+        """Return the factor on the noise by which errors of prediction are larger than those of white noise, per kind."""
+        return np.asarray(np.maximum(self._scatter[0] / np.maximum(self._scatter[1], 1e-300), 1.0))
+
     def _judge(self) -> Fault | None:
-        if not self.possible or self._count < self._least * len(self._whitening):
+        if not self._ready:
             return None
         noise = self._noise()
-        inflation = np.maximum(self._scatter[0] / np.maximum(self._scatter[1], 1e-300), 1.0)
+        inflation = self._inflation()
         table = np.zeros((len(self._names), len(KINDS)))
         amounts: dict[tuple[int, int], tuple[Array, Array]] = {}
         solved = functools.cache(self._solved)  # without scatter beyond white noise all kinds ask for the same
@@ -355,14 +391,16 @@ class FaultTest:
         """Return the sums as plain lists; averages not yet added are dropped."""
         return {
             "information": self._information.tolist(), "score": self._score.tolist(), "square": self._square,
-            "count": self._count, "scatter": self._scatter.tolist(), "batches": self._batches,
+            "count": self._count, "scatter": self._scatter.tolist(), "batches": self._batches, "unit": self._unit.tolist(),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self._progress[:] = 0
-        self._information = np.array(saved["information"], dtype=float).reshape(self._size, self._size)
-        self._score = np.array(saved["score"], dtype=float).reshape(self._size)
+        # sums are in units of the tolerances, which a delay that was found changes
+        unit = (self._unit / np.array(saved["unit"], dtype=float).reshape(self._unit.shape)).ravel()
+        self._information = np.outer(unit, unit) * np.array(saved["information"], dtype=float).reshape(self._size, self._size)
+        self._score = unit * np.array(saved["score"], dtype=float).reshape(self._size)
         self._square, self._count = float(saved["square"]), float(saved["count"])
         self._scatter = np.array(saved["scatter"], dtype=float).reshape(2, len(KINDS))
         self._batches = int(saved["batches"])
