@@ -142,6 +142,9 @@ def _mechanisms() -> dict[str, Mechanism]:
         "tests of sensor errors": Mechanism(
             "sensor_errors.sensor_faults", "FaultTest.judge", returns(None), "names gain, angle, place, delay of a body sensor"
         ),
+        "late sensors": Mechanism(
+            "faults.late_sensors", "LateSensors.find", returns(False), "puts readings back by a delay that the tests found"
+        ),
         # deflections and forces
         "deformation of the base": Mechanism(
             "forces.mount_forces", "MountForceEstimator.__init__", _without_frame(MountForceEstimator.__init__),

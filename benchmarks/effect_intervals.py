@@ -43,6 +43,7 @@ DURATION_S, RATE_HZ, FROM_S, END_S = 40.0, 100.0, 10.0, 0.5
 #: cause of test/worlds/effects.py, whether at a base sensor, and its size
 PLANTED = {
     "base_gain": ("sensor_gain", True, 0.5), "base_delay": ("sensor_delay", True, 0.5),
+    "body_delay": ("sensor_delay", False, 0.8),
     "body_gain": ("sensor_gain", False, 0.9), "body_misalignment": ("sensor_misalignment", False, 1.0),
     "flexible_mode": ("flexible_mode", None, 1.0), "friction": ("coulomb_friction", None, 1.0),
 }  # fmt: skip

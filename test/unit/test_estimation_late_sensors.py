@@ -53,8 +53,9 @@ LATE = Fault("cab_front_left", "delay", "", 0.9, (), -50.0)
 
 @functools.cache
 def any_vehicle():
-    cab = random_vehicle(np.random.default_rng(5), "air")
-    data = measure(drive(cab, Road.random(np.random.default_rng(5)), 0.5, 5), random_sensors(cab, np.random.default_rng(5)), 100.0, 5)
+    rng = np.random.default_rng(5)
+    cab = random_vehicle(rng, "air")
+    data = measure(drive(cab, Road.random(rng), 0.5, 5), random_sensors(cab, rng), 100.0, 5)
     return believed_vehicle(data, Belief(), 5)
 
 

@@ -32,7 +32,7 @@ _LARGEST = 0.25
 
 @dataclasses.dataclass(frozen=True)
 class Delay:
-    """How late a sensor is beyond its vehicle file, its standard deviation, and what of it was found last beyond tolerance [s]."""
+    """Delay of a sensor beyond its vehicle file, its standard deviation, and what was found last beyond tolerance [s]."""
 
     seconds: float
     std: float
