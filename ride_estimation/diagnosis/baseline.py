@@ -109,9 +109,7 @@ def mean_table(view: RunView) -> MeanTable:
 
 def static_shift(view: RunView, wrench: Array) -> Array:
     """Return the coordinates at rest under a constant wrench, both of shape (n,)."""
-    plant = view.plant
-    spring = plant.port_map.T @ (view.state.stiffness[:, None] * plant.port_map) + plant.gravity_stiffness
-    return np.asarray(np.linalg.lstsq(spring, wrench, rcond=1e-9)[0])
+    return view.plant.at_rest(view.state.stiffness, wrench)
 
 
 def static_means(view: RunView, table: MeanTable, shift: Array) -> dict[int, float]:

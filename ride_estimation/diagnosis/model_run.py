@@ -118,16 +118,17 @@ class ModelRun:
             elif effect.where is Where.OUTPUT:
                 extra_output[:, effect.index] += grid.spectrum(effect.signal)
         second_order = np.zeros_like(wrench)
+        lean, slow_travel = self._lean(data.slow_force), self._lean(data.left_force) @ plant.port_map.T
         enough = (_SETTLED * data.settings.adequacy) ** 2 * float(np.sum(np.abs(data.output_spectrum) ** 2))
         size = np.inf
         for _ in range(_KINEMATIC_PASSES):
             q = np.einsum("fij,fj->fi", r.coordinate_from_base, self.base_spectrum)
             q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
             x = q @ plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ plant.port_base.T
-            self.motion = BodyMotion(grid.signal(q), grid.signal(iw * q), grid.signal(iw**2 * q))
+            self.motion = BodyMotion(grid.signal(q) + lean, grid.signal(iw * q), grid.signal(iw**2 * q))
             # integration drift below the band stretches the base and must not reach the products of full rotation
             real = x * grid.low_flank[:, None]
-            travel = grid.signal(real), grid.signal(iw * real)
+            travel = grid.signal(real) + slow_travel, grid.signal(iw * real)
             before, second_order = second_order, grid.spectrum(data.tapered(self.rotation_wrench("base", *travel)))
             change = np.einsum("fij,fj->fi", r.output_from_wrench, second_order - before)
             size, last = float(np.sum(np.abs(change) ** 2)), size
@@ -141,6 +142,16 @@ class ModelRun:
         self.output_rectified = beyond.mean(axis=0)
         self.ideal_spectrum = outputs + grid.spectrum(data.tapered(beyond - self.output_rectified))
         self.predicted_spectrum = self.ideal_spectrum + extra_output
+
+    def _lean(self, force: Array) -> Array:
+        """Return how bodies lean on their bases under a slowly changing specific force (N, 3), shape (N, n).
+
+        Below the band bodies follow as at rest, ``K q = -M f``: braking, a bend, a slope turn a body and with it its forces and
+        readings in the band. Where the bases go is left out: what turns with everything changes nothing.
+        """
+        plant = self._data.plant
+        along = np.array([[float(c == axis) for axis in AXES] for _, c in plant.coordinates])
+        return -plant.at_rest(self.state.linear[0], plant.mass @ along @ force.T).T
 
     def rotation_wrench(self, axes: str, deflection: Array, rate: Array) -> Array:
         """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n).

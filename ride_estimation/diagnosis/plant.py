@@ -138,6 +138,17 @@ class Plant:
         return tuple(dict.fromkeys(s.sensor for s in (*self.outputs, *self.inputs)))
 
     @property
+    def shared_base(self) -> Array:
+        """Return the map from readings to the specific force that the bases share, those that show gravity, shape (3, nu)."""
+        direct = self.base_direct.reshape(len(self.mounts), len(AXES), -1)
+        return np.asarray(direct[self.dc_base].sum(axis=0) / max(np.count_nonzero(self.dc_base), 1))
+
+    def at_rest(self, stiffness: Array, wrench: Array) -> Array:
+        """Return the coordinates at rest under a constant wrench, both of shape (n, ...); stiffness of the ports, shape (P,)."""
+        spring = self.port_map.T @ (stiffness[:, None] * self.port_map) + self.gravity_stiffness
+        return np.asarray(np.linalg.lstsq(spring, wrench, rcond=1e-9)[0])
+
+    @property
     def slope(self) -> Array:
         """Return the base slope (roll, pitch, yaw of the brackets) ``= slope u / (-omega^2)``, shape (nb, nu)."""
         out = self.base_yaw.copy()

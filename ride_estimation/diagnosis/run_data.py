@@ -31,6 +31,8 @@ class RunData:
         Mean readings, shapes (ny,) and (nu,).
     output_spectrum, input_spectrum
         Of the readings less their means, both ends faded, shapes (F, ny) and (F, nu).
+    slow_force, left_force
+        Specific force that the bases share less its mean [m/s^2], below the kept bins and below the band, shape (N, 3) each.
     noise_scale
         How much noisier the body accelerometers are than stated.
     """
@@ -46,7 +48,9 @@ class RunData:
         self.output_mean = measured.outputs[measured.valid].mean(axis=0)
         self.input_mean = inputs[measured.valid].mean(axis=0)
         self.output_spectrum = self.grid.spectrum(self.tapered(measured.outputs - self.output_mean))
-        self.input_spectrum = self.grid.spectrum(self.tapered(inputs - self.input_mean))
+        inputs = self.tapered(inputs - self.input_mean)
+        self.input_spectrum = self.grid.spectrum(inputs)
+        self.slow_force, self.left_force = (self.grid.below(inputs @ plant.shared_base.T, flank) for flank in (False, True))
         self.noise_scale = self._noise_scale()
 
     def _noise_scale(self) -> float:

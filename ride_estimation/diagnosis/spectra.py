@@ -75,6 +75,13 @@ class FrequencyGrid:
         full[self.first : self.last] = spectrum
         return np.asarray(irfft(full, n=self.padded, axis=0)[: self.samples])
 
+    def below(self, signal: Array, flank: bool) -> Array:
+        """Return what real signals hold below the kept bins, where ``flank`` below the band, shape (samples, q)."""
+        full = rfft(signal, n=self.padded, axis=0)
+        full[self.first : self.last] *= (1.0 - self.low_flank)[:, None] if flank else 0.0
+        full[self.last :] = 0.0
+        return np.asarray(irfft(full, n=self.padded, axis=0)[: self.samples])
+
     @property
     def refinement(self) -> int:
         """Return by how many times the sample rate laws are evaluated.
