@@ -5,6 +5,10 @@ Where nothing may move estimates stay within 1e-6 of their standard deviation; w
 
     python benchmarks/metamorphic.py --estimator 0 1 2
     python benchmarks/metamorphic.py --diagnosis quarter:coulomb_friction:3 cab:none:1 --foreign FOLDER --only cab_05 quarter_18
+    python benchmarks/metamorphic.py --perturbed --worlds 20 --first 3
+
+``--perturbed`` repeats the whole diagnosis on what an engineer would call the same runs: 1 % more noise, 10 % shorter, a spare
+sensor less, another time base. ``--worlds`` draws quarter cars with one hidden effect each.
 """
 
 from __future__ import annotations
@@ -22,12 +26,15 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test"), str(ROOT / "test" / "metamorphic"
 
 from estimates import changed_run, continued_run, estimates, movement  # noqa: E402
 from judging import make_measurement  # noqa: E402
-from relations import Relation, relations  # noqa: E402
+from relations import Relation, perturbations, relations  # noqa: E402
 from verdicts import as_recording, diagnosed  # noqa: E402
 from worlds.adapters import believed_vehicle, plane_inputs, product_inputs, recording  # noqa: E402
+from worlds.plane_scenario import CAUSES as QUARTER_CAUSES  # noqa: E402
 from worlds.plane_scenario import quarter_car_case  # noqa: E402
 from worlds.scenario import make_scenario  # noqa: E402
 
+from ride_estimation.diagnosis.plant import build_plant  # noqa: E402
+from ride_estimation.diagnosis.stability import spare_sensor  # noqa: E402
 from ride_estimation.estimation.offline import run_offline  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.io.bags import read_recording  # noqa: E402
@@ -73,10 +80,11 @@ def foreign_case(folder: pathlib.Path) -> tuple[Vehicle, list[Recording]]:
     return vehicle, [read_recording(folder / name, vehicle) for name in ("run", "run2")]
 
 
-def verdict_rows(name: str, vehicle: Vehicle, runs: Sequence[Recording]) -> Iterator[tuple[bool, bool, str]]:
+def verdict_rows(name: str, vehicle: Vehicle, runs: Sequence[Recording], perturbed: bool) -> Iterator[tuple[bool, bool, str]]:
     """Yield per relation whether the verdict and whether the whole answer stayed, and a line."""
     first = diagnosed(vehicle, runs, Relation("none", True))
-    for relation in relations():
+    spare = spare_sensor(build_plant(vehicle, dict.fromkeys(runs[0].channels, 3)), {place for _, place, _ in first.causes})
+    for relation in perturbations(spare) if perturbed else relations():
         began = time.process_time()
         other = diagnosed(vehicle, runs, relation)
         same, whole = other.verdict == first.verdict, other == first
@@ -93,7 +101,11 @@ def main() -> None:
     parser.add_argument("--diagnosis", nargs="*", default=[], metavar="PLANT:CAUSE:SEED", help="plant: quarter or cab")
     parser.add_argument("--foreign", type=pathlib.Path, help="folder of recordings by another program")
     parser.add_argument("--only", nargs="*", default=[], help="names in that folder")
+    parser.add_argument("--perturbed", action="store_true", help="diagnose perturbed copies instead of runs told in other ways")
+    parser.add_argument("--worlds", type=int, default=0, help="quarter cars, the causes in turn")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first of them")
     options = parser.parse_args()
+    drawn = [f"quarter:{QUARTER_CAUSES[i % len(QUARTER_CAUSES)]}:{options.first + i}" for i in range(options.worlds)]
     foreign = [] if options.foreign is None else [p.parent for p in sorted(options.foreign.glob("*/vehicle.yaml"))]
     foreign = [p for p in foreign if not options.only or p.name in options.only]
     print("estimator: run | relation | largest, rms, parameters [std] | change of std | changed status")
@@ -107,9 +119,9 @@ def main() -> None:
             print(line, flush=True)
     print("diagnosis: run | relation | answer")
     same: list[tuple[bool, bool]] = []
-    cases = [(text, own_case(text)) for text in options.diagnosis] + [(p.name, foreign_case(p)) for p in foreign]
-    for name, (vehicle, runs) in cases:
-        for verdict, whole, line in verdict_rows(name, vehicle, runs):
+    makers = [(text, own_case, text) for text in (*options.diagnosis, *drawn)] + [(p.name, foreign_case, p) for p in foreign]
+    for name, made, where in makers:
+        for verdict, whole, line in verdict_rows(name, *made(where), options.perturbed):
             same.append((verdict, whole))
             print(line, flush=True)
     if same:

@@ -162,7 +162,7 @@ def baseline_columns(
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
     adjustables, spectra, means = baseline_spectra(view, table, prior)
-    rows = np.empty((*view.residual.shape, len(adjustables)))
+    rows = np.empty((*view.residual.shape, len(adjustables)), dtype=np.float32)
     while spectra:
         done = len(adjustables) - len(spectra)
         rows[:, :, done : done + _BATCH] = view.rows(np.stack(spectra[:_BATCH], axis=2))
@@ -187,10 +187,10 @@ def baseline_spectra(
 
 def port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Adjustable, ComplexArray]]:
     """Return the logarithms of stiffness and damping of every port with their output spectra (F, ny)."""
-    iw = 1j * view.grid.omega
+    iw, from_port = 1j * view.grid.omega, view.response.output_from_port
     out: list[tuple[Adjustable, ComplexArray]] = []
     for p, port in enumerate(view.plant.ports):
-        transfer = view.response.output_from_port[:, :, p]
+        transfer = from_port[:, :, p]
         x = view.deflection_spectrum[:, p]
         for kind, value, reference, std, signal in (
             ("stiffness", view.state.stiffness[p], prior[0][p], port.stiffness_log_std, x),

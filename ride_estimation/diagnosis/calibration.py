@@ -206,9 +206,8 @@ def with_held_faults(calibrated: Calibrated) -> Calibrated:
     regression, used = calibrated.regression, calibrated.blocks
     dof, temper = float(calibrated.view.block_dof[used].sum()), regression.temper
     prior = hold(regression.prior_std * np.sqrt(temper), regression.prior_offset, held)
-    none = np.zeros((*regression.residual.shape, 0))
     for _ in range(2):
-        regression = regression.replaced([], none, regression.residual, prior, temper)
+        regression = regression.with_temper(temper).with_prior(*prior)
         fit = regression.fit(regression.grams, used)
         misfit = regression.misfit(regression.grams, used, fit.coefficients) / dof
         temper = temper_of(misfit, calibrated.view.inefficiency)

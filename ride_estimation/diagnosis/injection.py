@@ -15,6 +15,8 @@ from ride_estimation.diagnosis.spectra import FrequencyGrid
 
 ComplexArray = NDArray[np.complex128]
 
+_TRANSFERS = {Where.PORT: "output_from_port", Where.WRENCH: "output_from_wrench", Where.INPUT: "output_from_input"}
+
 
 class Injector:
     """Whitened response to pseudo-signals; the whitened transfer functions are made when first needed and kept.
@@ -42,11 +44,7 @@ class Injector:
             elif where is Where.OUTPUT:
                 found = self._whitener
             else:
-                r = self._response
-                plain = {
-                    Where.PORT: r.output_from_port, Where.WRENCH: r.output_from_wrench, Where.INPUT: r.output_from_input,
-                }[where]
-                found = self._whitener @ plain
+                found = self._whitener @ getattr(self._response, _TRANSFERS[where])
             self._known[where, single] = found
         return found
 

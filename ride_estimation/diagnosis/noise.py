@@ -32,7 +32,7 @@ def smoothed_power(spectrum: ComplexArray, samples: int, width: int) -> Array:
 
 
 def gross_power(
-    measured: Array, transfer: ComplexArray, coordinates: ComplexArray, samples: int, width: int, rigid: NDArray[np.bool_]
+    measured: Array, transfer: Array, coordinates: ComplexArray, samples: int, width: int, rigid: NDArray[np.bool_]
 ) -> Array:
     """Return the power of the motions that a channel is the sum of, shape (F, ny).
 

@@ -1,5 +1,9 @@
 # Copyright 2026 ride_estimation contributors
-"""Whitened block regression: baseline columns with priors, candidate columns on top, any split by adding block Grams."""
+"""Whitened block regression: baseline columns with priors, candidate columns on top, any split by adding block Grams.
+
+Rows are kept in single precision: they are measured in standard deviations of the noise, which rounding changes by 1e-7 of a row.
+Their products are those of the rounded rows in double precision, so that every Gram is that of some rows.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 Array = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 
 #: smallest share of the stated offset tolerance that mean readings which agree better make believe
@@ -56,6 +61,15 @@ def offset_deviance(squares: float, count: int) -> float:
     return squares / scale + count * float(np.log(scale))
 
 
+def block_products(left: Array | SingleArray, right: Array | SingleArray) -> Array:
+    """Return the products of rows of every block in double precision, (B, R, p) and (B, R, q) -> (B, p, q)."""
+    out = np.empty((len(left), left.shape[2], right.shape[2]))
+    for block, a, b in zip(out, left, right):  # all blocks in double precision at once would take what single precision saves
+        wide = a.astype(float, copy=False)
+        np.matmul(wide.T, wide if left is right else b.astype(float, copy=False), out=block)
+    return out
+
+
 class Regression:
     """Residual rows against baseline columns.
 
@@ -89,33 +103,13 @@ class Regression:
         self.prior_std, self.prior_offset = prior_std / root, prior_offset
         self.temper = temper
         self.count = columns.shape[2]
-        # the rows of a minute take two hundred megabytes: regressions that differ in few columns share the others
-        self._shared = np.concatenate([columns, residual[:, :, None]], axis=2)
-        self._fresh: tuple[list[int], Array] = ([], self._shared[:, :, :0])
-        self.grams = np.swapaxes(self._shared, 1, 2) @ self._shared
+        # the rows of a minute take sixty megabytes: regressions that differ in few columns share the others
+        self._shared: SingleArray = np.empty((*residual.shape, self.count + 1), dtype=np.float32)
+        self._shared[:, :, :-1], self._shared[:, :, -1] = columns, residual
+        self._fresh: tuple[list[int], SingleArray] = ([], self._shared[:, :, :0])
+        self.grams = block_products(self._shared, self._shared)
 
-    @property
-    def full(self) -> Array:
-        """Return columns and residual, shape (B, R, p + 1)."""
-        places, fresh = self._fresh
-        if not places:
-            return self._shared
-        out = self._shared.copy()
-        out[:, :, places] = fresh
-        return out
-
-    @property
-    def columns(self) -> Array:
-        """Return the columns, shape (B, R, p)."""
-        return self.full[:, :, : self.count]
-
-    @property
-    def residual(self) -> Array:
-        """Return the residual, shape (B, R)."""
-        places, fresh = self._fresh
-        return fresh[:, :, -1] if places else self._shared[:, :, -1]
-
-    def rows(self, blocks: IntArray) -> NDArray[np.float32]:
+    def rows(self, blocks: IntArray) -> SingleArray:
         """Return columns and residual of some blocks in single precision, shape (blocks * R, p + 1)."""
         places, fresh = self._fresh
         out = np.empty((len(blocks), *self._shared.shape[1:]), dtype=np.float32)
@@ -135,7 +129,8 @@ class Regression:
             Prior standard deviation of their coefficients.
         """
         other, (p, q), (places, fresh) = copy.copy(self), (self.count, rows.shape[2]), self._fresh
-        other._shared = np.empty((*rows.shape[:2], p + q + 1))
+        rows = rows.astype(np.float32)
+        other._shared = np.empty((*rows.shape[:2], p + q + 1), dtype=np.float32)
         other._shared[:, :, :p], other._shared[:, :, -1] = self._shared[:, :, :p], self._shared[:, :, -1]
         other._shared[:, :, [i if i < p else -1 for i in places]] = fresh
         other._shared[:, :, p : p + q] = rows
@@ -147,18 +142,18 @@ class Regression:
         other.prior_offset = np.concatenate([self.prior_offset, np.zeros(q)])
         return other
 
-    def _products(self, rows: Array) -> Array:
+    def _products(self, rows: Array | SingleArray) -> Array:
         """Return the block products of columns and residual with some rows, (B, R, q) -> (B, p + 1, q)."""
         places, fresh = self._fresh
-        out = np.swapaxes(self._shared, 1, 2) @ rows
-        out[:, places] = np.swapaxes(fresh, 1, 2) @ rows
+        out = block_products(self._shared, rows)
+        out[:, places] = block_products(fresh, rows)
         return out
 
-    def candidate_grams(self, rows: Array) -> Array:
+    def candidate_grams(self, rows: Array | SingleArray) -> Array:
         """Return block Grams of [columns, candidate rows, residual], shape (B, p + q + 1, p + q + 1)."""
         p, q = self.count, rows.shape[2]
         cross = self._products(rows)
-        own = np.swapaxes(rows, 1, 2) @ rows
+        own = block_products(rows, rows)
         out = np.zeros((len(rows), p + q + 1, p + q + 1))
         out[:, :p, :p], out[:, :p, -1] = self.grams[:, :p, :p], self.grams[:, :p, -1]
         out[:, -1, :p], out[:, -1, -1] = self.grams[:, -1, :p], self.grams[:, -1, -1]
@@ -247,7 +242,8 @@ class Regression:
         other = copy.copy(self)
         earlier = [i for i, place in enumerate(self._fresh[0]) if place not in index and place != self.count]
         places = [*(self._fresh[0][i] for i in earlier), *index, self.count]
-        other._fresh = places, np.concatenate([self._fresh[1][:, :, earlier], rows, residual[:, :, None]], axis=2)
+        parts = (self._fresh[1][:, :, earlier], *(new.astype(np.float32) for new in (rows, residual[:, :, None])))
+        other._fresh = places, np.concatenate(parts, axis=2)
         cross = other._products(other._fresh[1])
         other.grams = self.grams.copy()
         other.grams[:, :, places] = cross

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,9 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclasses.dataclass(frozen=True)
 class LinearResponse:
-    """Transfer functions at F frequencies; those that only the noise of a run is told from are made when asked for.
+    """Transfer functions at F frequencies; those that few numbers make are made when asked for.
+
+    A search holds some ten models at once.
 
     Attributes
     ----------
@@ -30,37 +33,54 @@ class LinearResponse:
         From base acceleration, shape (F, n, nb).
     output_from_coordinate
         Shape (F, ny, n).
-    output_from_wrench, output_from_input
-        Shapes (F, ny, n), (F, ny, nu).
-    output_from_port
-        From a tension in a port, shape (F, ny, P).
-    deflection_from_port
-        Shape (F, P, P).
-    base_from_input
-        Shape (F, nb, nu).
+    output_from_wrench
+        Shape (F, ny, n).
     """
 
     plant: Plant
     omega: Array
     coordinate_from_wrench: ComplexArray
     coordinate_from_base: ComplexArray
-    output_from_coordinate: ComplexArray
+    output_from_coordinate: Array
     output_from_wrench: ComplexArray
-    output_from_input: ComplexArray
-    output_from_port: ComplexArray
-    deflection_from_port: ComplexArray
-    base_from_input: ComplexArray
+
+    @property
+    def _displacement_from_acceleration(self) -> Array:
+        """Return ``-1 / w^2``, shape (F, 1, 1)."""
+        return np.asarray(-1.0 / (self.omega**2)[:, None, None])
+
+    @property
+    def base_from_input(self) -> Array:
+        """Return the base accelerations from the measured inputs, shape (F, nb, nu)."""
+        plant = self.plant
+        tilt = plant.gravity_tilt(plant.slope) * self._displacement_from_acceleration
+        return np.asarray(plant.base_direct + plant.lever_motion(plant.slope) + tilt)
 
     @property
     def output_from_base(self) -> ComplexArray:
         """Return the outputs from base acceleration, shape (F, ny, nb)."""
-        direct = self.plant.out_base * (-1.0 / (self.omega**2)[:, None, None])
+        direct = self.plant.out_base * self._displacement_from_acceleration
         return np.asarray(self.output_from_coordinate @ self.coordinate_from_base + direct)
+
+    @functools.cached_property
+    def output_from_input(self) -> ComplexArray:
+        """Return the outputs from the measured inputs, shape (F, ny, nu); every error of a base sensor asks for them."""
+        return np.asarray(self.output_from_base @ self.base_from_input)
+
+    @property
+    def output_from_port(self) -> ComplexArray:
+        """Return the outputs from a tension in a port, shape (F, ny, P)."""
+        return np.asarray(-self.output_from_wrench @ self.plant.port_map.T)
+
+    @property
+    def deflection_from_port(self) -> ComplexArray:
+        """Return the deflections from a tension in a port, shape (F, P, P)."""
+        return np.asarray(-self.deflection_from_wrench @ self.plant.port_map.T)
 
     @property
     def deflection_from_base(self) -> ComplexArray:
         """Return the deflections of the ports from base acceleration, shape (F, P, nb)."""
-        direct = self.plant.port_base * (-1.0 / (self.omega**2)[:, None, None])
+        direct = self.plant.port_base * self._displacement_from_acceleration
         return np.asarray(self.plant.port_map @ self.coordinate_from_base - direct)
 
     @property
@@ -88,24 +108,12 @@ def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> Lin
     loaded = plant.port_map.T[None] * modulus[:, None, :]
     dynamic = -w2 * plant.mass + plant.gravity_stiffness + loaded @ plant.port_map
     compliance: ComplexArray = np.linalg.inv(dynamic.astype(complex))
-    displacement_from_acceleration = -1.0 / w2
-    q_base: ComplexArray = compliance @ (loaded @ plant.port_base) * displacement_from_acceleration
     y_q: Array = -w2 * plant.out_acceleration + plant.out_displacement
-    y_wrench: ComplexArray = y_q @ compliance
-    y_base: ComplexArray = y_q @ q_base + plant.out_base * displacement_from_acceleration
-    slope = plant.slope
-    base_input = (
-        plant.base_direct + plant.lever_motion(slope) + plant.gravity_tilt(slope) * displacement_from_acceleration
-    )
     return LinearResponse(
         plant=plant,
         omega=omega,
         coordinate_from_wrench=compliance,
-        coordinate_from_base=q_base,
-        output_from_coordinate=y_q.astype(complex),
-        output_from_wrench=y_wrench,
-        output_from_input=y_base @ base_input,
-        output_from_port=-y_wrench @ plant.port_map.T,
-        deflection_from_port=-(plant.port_map @ compliance) @ plant.port_map.T,
-        base_from_input=base_input.astype(complex),
+        coordinate_from_base=compliance @ (loaded @ plant.port_base) * (-1.0 / w2),
+        output_from_coordinate=y_q,
+        output_from_wrench=y_q @ compliance,
     )

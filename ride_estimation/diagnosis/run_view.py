@@ -20,6 +20,8 @@ from ride_estimation.diagnosis.run_data import RunData
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+_BATCH = 32  # columns whose spectra are held at once: those of a general law at four mounts take a hundred megabytes
+
 
 class RunView:
     """A run seen through a state of the model.
@@ -83,7 +85,8 @@ class RunView:
         self.coordinate_spectrum = self.model.coordinate_spectrum
         self.deflection_spectrum = grid.low_flank[:, None] * noise.filter.apply(self.model.deflection_spectrum)
         self._force_power = smoothed_power(modulus * self.deflection_spectrum, n, self.data.smoothing)
-        signal = (r.output_from_port * self._force_power[:, None, :]) @ np.conj(np.swapaxes(r.output_from_port, 1, 2))
+        from_port = r.output_from_port
+        signal = (from_port * self._force_power[:, None, :]) @ np.conj(np.swapaxes(from_port, 1, 2))
         white_signal = noise.whitener @ signal @ np.conj(np.swapaxes(noise.whitener, 1, 2))
         expected = float(np.real(np.trace(white_signal, axis1=1, axis2=2)).sum())
         white = np.einsum("fij,fj->fi", noise.whitener, self.data.inside(self.residual_spectrum))
@@ -138,7 +141,13 @@ class RunView:
 
     def push(self, columns: Sequence[Column], single: bool = False) -> Array:
         """Return the whitened rows of columns of effects, shape (B, L * ny, q); see :meth:`rows`."""
-        return self._dealt(self._injector.whitened(columns, single))
+        if len(columns) <= _BATCH:
+            return self._dealt(self._injector.whitened(columns, single))
+        out = np.empty((*self.residual.shape, len(columns)), dtype=np.float32 if single else float)
+        for first in range(0, len(columns), _BATCH):
+            part = slice(first, first + _BATCH)
+            out[:, :, part] = self._dealt(self._injector.whitened(columns[part], single))
+        return out
 
     def with_deflection_noise(self, seed: int) -> RunView:
         """Return the view with one realisation of the error that the measured base motion leaves in the deflections."""

@@ -281,7 +281,7 @@ class Selector:
 
     def compared(self, fits: Sequence[FullFit], place: int, before: FullFit | None = None) -> Round:
         """Return fits that differ in the hypothesis at ``place`` as rivals, ``before`` the model without any of those."""
-        temper = min(temper_of(f.misfit / self._dof, f.view.inefficiency) for f in fits)
+        temper = min(temper_of(f.misfit / self._dof, f.inefficiency) for f in fits)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), place) for f in fits), key=lambda c: -c.log_likelihood)
         return Round(tuple(candidates), self._reference(before, temper), temper)
 

@@ -9,7 +9,7 @@ the numbers that were found: a comparison, no new search. What else the search c
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy
@@ -139,8 +139,8 @@ class _Copy:
         own, *rest = (self._start(f) for f in (named, *rivals[:_RIVALS]))
         if own is None:
             return f"no sensor left that shows {_name(named.hypothesis)}"
-        fits = [self._fitter.fit([*others, s], _PASSES) for s in (own, *rest) if s is not None]
-        before = self._fitter.fit(others, _PASSES) if others else None
+        fits = [self._fit([*others, s]) for s in (own, *rest) if s is not None]
+        before = self._fit(others) if others else None
         found = self._selector.compared(fits, len(others), before)
         best = found.candidates[0]
         if best.fit is not fits[0]:
@@ -152,9 +152,13 @@ class _Copy:
         """Return the cause that the copy names where the run names none, empty where it names none either."""
         first = self._selection.rounds[0].candidates[:_RIVALS] if self._selection.rounds else ()
         starts = [s for c in first if (s := self._start(c.fit.fitted[c.contested])) is not None]
-        fits = [f for f in (self._fitter.fit([s], _PASSES) for s in starts) if _meaningful(f)]
+        fits = [f for f in (self._fit([s]) for s in starts) if _meaningful(f)]
         found = self._selector.compared(fits, 0) if fits else None
         return _name(found.candidates[0].hypothesis) if found is not None and self._selector.names(found) else ""
+
+    def _fit(self, starts: Sequence[Fitted]) -> FullFit:
+        """Return the fit of hypotheses from the numbers of the run, without its trajectory: its numbers are compared."""
+        return dataclasses.replace(self._fitter.fit(starts, _PASSES), view=self._view)
 
     def _start(self, fitted: Fitted) -> Fitted | None:
         """Return a found hypothesis as it is built on the copy, with its numbers; None where its channel is missing."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from ride_estimation.frames import COORDINATES
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Channel, Recording
 from ride_estimation.vehicles.vehicle import ForceReference, Mount, Prior, Vehicle
 
@@ -220,6 +221,39 @@ def between(run: Recording, from_ns: int, to_ns: int) -> Recording:
 def _new_name(mount: str) -> str:
     """Return another name, which sorts in another order and says nothing about the place."""
     return f"point_{mount[::-1]}"
+
+
+def shorter(run: Recording, share: float) -> Recording:
+    """Return the run without the last share of its time."""
+    first = min(int(c.stamp_ns[0]) for c in run.channels.values())
+    last = max(int(c.stamp_ns[-1]) for c in run.channels.values())
+    return between(run, first, last - round(share * (last - first)))
+
+
+def resampled(run: Recording, rate_hz: float) -> Recording:
+    """Return the run on another time base, as a logger that samples at another rate would have it."""
+    found = align(run, rate_hz)
+    stamps = found.start_ns + np.round(found.time_s * 1e9).astype(np.int64)
+    channels = {
+        name: Channel(name, stamps[found.valid[name]], values[found.valid[name]], stamps[found.valid[name]])
+        for name, values in found.data.items()
+    }
+    return dataclasses.replace(run, channels=channels)
+
+
+def perturbations(spare: str, seed: int = 0) -> tuple[Relation, ...]:
+    """Return the changes after which an engineer would call a run the same run; ``spare`` is a sensor to do without, if any."""
+
+    def without(vehicle: Vehicle) -> Vehicle:
+        return dataclasses.replace(vehicle, sensors={name: s for name, s in vehicle.sensors.items() if name != spare})
+
+    fewer = (Relation(f"without {spare}", False, without),) if spare else ()
+    return (
+        Relation("1 % more noise", False, recording=lambda v, r: noisier(v, r, 0.01, seed)),
+        Relation("10 % shorter", False, recording=lambda v, r: shorter(r, 0.1)),
+        *fewer,
+        Relation("time base of 180 Hz", False, recording=lambda v, r: resampled(r, 180.0)),
+    )
 
 
 def relations(seed: int = 0) -> tuple[Relation, ...]:

@@ -30,10 +30,11 @@ def planted(force: float, noise: float) -> tuple[float, str, float]:
     # a spring that bends between two bends of the general law: none of its columns is the law
     column = view.push([(Effect(Where.PORT, 0, force * np.maximum(u - 0.75, 0.0)),)])[:, :, 0]
     residual = column + noise * np.random.default_rng(42).standard_normal(column.shape)
+    columns = base.rows(np.arange(len(column))).reshape(*column.shape, -1)[:, :, :-1]
     problem = Regression(
-        residual, base.columns, 0.0 * base.mean_residual, 0.0 * base.mean_columns, np.full(base.count, 1e9), np.zeros(base.count)
+        residual, columns, 0.0 * base.mean_residual, 0.0 * base.mean_columns, np.full(base.count, 1e9), np.zeros(base.count)
     )
-    flat = base.columns.reshape(-1, base.count)
+    flat = columns.reshape(-1, base.count)
     flat = flat[:, np.any(flat, axis=0)]
     flat = flat / np.linalg.norm(flat, axis=0)
     own = column.reshape(-1) - flat @ np.linalg.lstsq(flat, column.reshape(-1), rcond=1e-12)[0]
