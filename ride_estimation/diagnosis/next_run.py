@@ -4,8 +4,10 @@
 Both explanations were fitted to the run. Each is taken for true in turn and drives every candidate run in simulation; both are
 fitted to what it would measure, stiffness, damping and tolerances free. Without noise in what is simulated the difference g of
 their log-likelihoods against the noise of the sensors is the expected one; noise scatters it by ``sqrt(2 g)``, and the form of a
-law that is not quite the real one by a share of its effect. A candidate is as good as the worse of the two cases (Hunter and
-Reiner 1965, Technometrics 7, with the probability of the right choice in place of the distance of the predictions).
+law that is not quite the real one by a share of its effect. A run decides where the false one is then ruled out with the
+certainty that a run is recommended with, by the odds that a diagnosis of it will state. A candidate is as good as the worse of
+the two cases (Hunter and Reiner 1965, Technometrics 7, with the probability of a right decision in place of the distance of the
+predictions).
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from ride_estimation.diagnosis.calibration import calibrated_at
 from ride_estimation.diagnosis.fitting import FullFit, FullFitter
@@ -25,7 +27,7 @@ from ride_estimation.diagnosis.measurement import Measurement
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.prediction import Model, predict
-from ride_estimation.diagnosis.result import CandidateRun, NextRun
+from ride_estimation.diagnosis.result import DECIDES, CandidateRun, NextRun
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Candidate, Round, Selector
@@ -146,17 +148,17 @@ def _model(fit: FullFit) -> Model:
 
 
 def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data: Measurement, truth: int) -> float:
-    """Return the probability that a candidate run ranks two explanations rightly where that of number ``truth`` is true."""
+    """Return the probability that a candidate run decides between two explanations where that of number ``truth`` is true."""
     plant, settings = work.plant, work.settings
     predicted = predict(RunData(plant, data, settings), _model(fits[truth]))
     moved, known = (float(np.abs(s.deflection).max()) for s in (predicted.view, work.calibrated.view))
     if not predicted.settled or moved > _KNOWN_RANGE * known:
-        return 0.5
+        return 0.0
     outputs = predicted.view.grid.signal(predicted.spectrum) + data.outputs.mean(axis=0)
     measured = dataclasses.replace(data, outputs=outputs)
     view = RunView(RunData(plant, measured, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
-        return 0.5
+        return 0.0
     splits = make_splits(view.blocks.count)
     selector = Selector(calibrated_at(view, splits.train), splits, lambda _: [], settings)
     both = [selector.fitter.fit([*others, f.fitted[-1]], _PASSES) for f in fits]
@@ -165,6 +167,22 @@ def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data
     mine, its = (next(c for c in found.candidates if c.fit is f) for f in (both[truth], both[1 - truth]))
     gap, effect = mine.log_likelihood - its.log_likelihood, mine.log_likelihood - found.reference
     if effect < settings.significance:
-        return 0.5  # too little of it shows to name either
-    spread = np.sqrt(2.0 * abs(gap) + (FORM * max(effect, 0.0)) ** 2)
-    return float(ndtr(gap / max(float(spread), 1e-9)))
+        return 0.0  # too little of it shows to name either
+    return decision_probability(gap, effect)
+
+
+def decision_probability(gap: float, effect: float) -> float:
+    """Return the probability that a run rules out the false one of two explanations.
+
+    It is ruled out where another stretch of road would rank the two the other way round with a probability below
+    ``1 - DECIDES``, as :func:`verdict.reversal_odds` says of a run that was driven.
+
+    Parameters
+    ----------
+    gap
+        Expected log-likelihood of the true one over the false one [nat].
+    effect
+        What the true one gains over the model without either [nat].
+    """
+    spread = float(np.sqrt(2.0 * abs(gap) + (FORM * max(effect, 0.0)) ** 2))
+    return float(ndtr(gap / max(spread, 1e-9) - ndtri(DECIDES)))

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 NO_DISCREPANCY, EXPLAINED, UNEXPLAINED, INSUFFICIENT = "no_discrepancy", "explained", "unexplained", "insufficient_data"
 
 
-#: probability of the right choice from which on a run is said to separate two explanations
+#: probability of a right decision from which on a run is said to separate two explanations, and certainty of that decision
 DECIDES = 0.8
 
 
@@ -215,7 +215,7 @@ class CandidateRun:
     words
         Road, speed or manoeuvre.
     first, second
-        Probability that the run ranks two explanations rightly if the first, or the second, is true.
+        Probability that the run rules out the false one of two explanations if the first, or the second, is true.
     """
 
     words: str

@@ -9,12 +9,13 @@ import json
 import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, hiding_law, quarter_car, quarter_car_run
+from scipy.stats import norm
 
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.next_run import candidate_runs
+from ride_estimation.diagnosis.next_run import candidate_runs, decision_probability
 from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.result import CandidateRun, NextRun
+from ride_estimation.diagnosis.result import DECIDES, CandidateRun, NextRun
 from ride_estimation.diagnosis.settings import Settings
 
 PLANNED = Settings(plan_next=True)
@@ -32,7 +33,7 @@ def test_a_small_law_of_a_damper_leaves_friction_alive_and_names_the_run_that_de
     assert answer.next_run is not None
     assert {answer.next_run.first, answer.next_run.second} == {"damping nonlinearity at strut z", "coulomb friction at strut z"}
     assert answer.next_run.tried[0].words == "this run once more"
-    assert answer.next_run.best.worse > 0.9
+    assert answer.next_run.best.worse > DECIDES
     assert answer.next_run.best.words in answer.next_run.sentence
     document = json.loads(json.dumps(answer.to_mapping()))["next_run"]
     assert 0.05 <= document["odds"] <= 1.0
@@ -53,6 +54,17 @@ def test_runs_that_separate_nothing_are_not_recommended():
     assert found.best.words == "bumps", "the worse of both cases counts, this run once more does not"
     assert "No simulated run" in found.sentence
     assert "slow force-deflection line" in found.sentence
+
+
+def test_a_run_decides_where_a_diagnosis_of_it_would_rule_the_false_one_out():
+    """Closed form: a gap of its own scatter times the quantile of the certainty is ruled out half of the time."""
+    certain = norm.ppf(DECIDES)
+    gap = 2.0 * certain**2  # noise alone scatters it by sqrt(2 gap)
+    assert gap / np.sqrt(2.0 * gap) == pytest.approx(certain)
+    assert decision_probability(gap, 0.0) == pytest.approx(0.5)
+    assert decision_probability(4.0 * gap, 0.0) == pytest.approx(norm.cdf(certain))
+    assert decision_probability(gap, 1e4) < 0.5, "a law of another form scatters it too"
+    assert decision_probability(-gap, 0.0) < 1.0 - DECIDES
 
 
 def test_candidate_runs_move_the_base_as_they_say():
