@@ -18,14 +18,16 @@ from ride_estimation.diagnosis.calibration import Calibrated, calibrated_at
 from ride_estimation.diagnosis.candidates import Identity, identity
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
+from ride_estimation.diagnosis.gain import refusal
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.measurement import Measurement
 from ride_estimation.diagnosis.plant import Plant
+from ride_estimation.diagnosis.prediction import predict
 from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.selection import Round, Selector
-from ride_estimation.diagnosis.splits import LEAST_BLOCKS, make_splits
+from ride_estimation.diagnosis.selection import Round, Selection, Selector
+from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.work import Work
 from ride_estimation.errors import InputDataError
@@ -109,7 +111,7 @@ def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measureme
     splits = make_splits(view.blocks.count)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
-    copy = _Copy(work, calibrated, selector)
+    copy = _Copy(work, calibrated, splits, selector)
     if accepted is not None:
         contests = enumerate(work.selection.contests)
         found = next((changed for place, contest in contests if (changed := copy.changed(accepted, place, contest))), "")
@@ -125,7 +127,8 @@ def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measureme
 class _Copy:
     """A perturbed copy on which found causes are fitted again."""
 
-    def __init__(self, work: Work, calibrated: Calibrated, selector: Selector) -> None:
+    def __init__(self, work: Work, calibrated: Calibrated, splits: Splits, selector: Selector) -> None:
+        self._work, self._calibrated, self._splits = work, calibrated, splits
         self._selection, self._view, self._fitter = work.selection, calibrated.view, selector.fitter
         self._selector, self._significance = selector, work.settings.significance
         self._whole = len(calibrated.view.plant.outputs) == len(work.plant.outputs)
@@ -134,7 +137,7 @@ class _Copy:
     def changed(self, accepted: FullFit, place: int, contest: Round) -> str:
         """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
         named = accepted.fitted[place]
-        rivals = [c.fit.fitted[c.contested] for c in contest.candidates if not _overlap(c.hypothesis, named.hypothesis)]
+        rivals = [c.fit.fitted[c.contested] for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis)]
         others = [s for i, f in enumerate(accepted.fitted) if i != place and (s := self._start(f)) is not None]
         own, *rest = (self._start(f) for f in (named, *rivals[:_RIVALS]))
         if own is None:
@@ -149,12 +152,23 @@ class _Copy:
         return "" if enough else f"too little evidence for {_name(named.hypothesis)}"
 
     def named(self) -> str:
-        """Return the cause that the copy names where the run names none, empty where it names none either."""
+        """Return the cause that the copy names where the run names none, empty where it names none either.
+
+        As on the run, an evident cause that predicts nothing that matters is not named.
+        """
         first = self._selection.rounds[0].candidates[:_RIVALS] if self._selection.rounds else ()
         starts = [s for c in first if (s := self._start(c.fit.fitted[c.contested])) is not None]
-        fits = [f for f in (self._fit([s]) for s in starts) if _meaningful(f)]
+        fits = [f for f in (self._fitter.fit([s], _PASSES) for s in starts) if _meaningful(f)]
         found = self._selector.compared(fits, 0) if fits else None
-        return _name(found.candidates[0].hypothesis) if found is not None and self._selector.names(found) else ""
+        if found is None or not self._selector.names(found):
+            return ""
+        best = found.candidates[0]
+        work = dataclasses.replace(
+            self._work, calibrated=self._calibrated, splits=self._splits, selector=self._selector,
+            selection=Selection(best.fit, (found,), (found,)),
+        )
+        base, extended = predict(work.data, work.baseline), predict(work.data, work.extended)
+        return "" if refusal(work, base, extended) else _name(best.hypothesis)
 
     def _fit(self, starts: Sequence[Fitted]) -> FullFit:
         """Return the fit of hypotheses from the numbers of the run, without its trajectory: its numbers are compared."""
@@ -174,9 +188,10 @@ def _meaningful(fit: FullFit) -> bool:
     return all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
 
 
-def _overlap(one: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether two hypotheses are one cause at places that share something."""
-    return one.cause == other.cause and (bool(set(one.ports) & set(other.ports)) or identity(one)[:3] == identity(other)[:3])
+def overlap(one: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether two hypotheses are one cause at places that share something; no axis stands for all of a sensor."""
+    place = one.location == other.location and (one.axis == other.axis or "" in (one.axis, other.axis))
+    return one.cause == other.cause and (place or bool(set(one.ports) & set(other.ports)))
 
 
 def _name(h: Hypothesis) -> str:

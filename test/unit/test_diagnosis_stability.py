@@ -12,11 +12,12 @@ from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import stability as module
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import PerturbedCopy, Stability
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.stability import spare_sensor
+from ride_estimation.diagnosis.stability import overlap, spare_sensor
 from ride_estimation.sensors.sensor import Sensor
 
 ASKED = Settings(stability=True)
@@ -72,6 +73,31 @@ def test_a_copy_that_shows_something_else_is_told_and_costs_confidence(monkeypat
     assert "0 of 1" in asked.sentence
     assert "of another run: " in asked.sentence
     assert [c.confidence for c in asked.causes] == pytest.approx([0.5 * c.confidence for c in plain.causes])
+
+
+@pytest.mark.parametrize(
+    ("other", "one_answer"),
+    [(("gain", "axle", ""), True), (("gain", "axle", "z"), True), (("gain", "axle", "x"), False),
+     (("gain", "body", "z"), False), (("delay", "axle", ""), False)],
+)  # fmt: skip
+def test_a_sensor_named_without_an_axis_is_no_other_answer_than_one_of_its_axes(other, one_answer):
+    """Where one axis moves, both describe the run equally well, and rounding decides which of them a copy prefers."""
+    named, rival = (Hypothesis(*place, lambda view, shape: []) for place in (("gain", "axle", "z"), other))
+    assert overlap(named, rival) == overlap(rival, named) == one_answer
+
+
+@pytest.mark.parametrize(
+    ("refused", "same"), [("too little of any channel", 1), pytest.param("", 0, marks=pytest.mark.slow)]
+)
+def test_a_copy_refuses_what_predicts_nothing_that_matters_as_the_run_does(monkeypatch, refused, same):
+    run, other = quarter_car_run(11), quarter_car_run(11, law=hiding_law("jenkins_chain", 0.3))
+
+    def copies(work):
+        yield "of another run", work.calibrated.view.plant, measurement(work.calibrated.view.plant, other)
+
+    monkeypatch.setattr(module, "perturbed", copies)
+    monkeypatch.setattr(module, "refusal", lambda work, base, extended: refused)
+    assert diagnose(quarter_car(), run, settings=ASKED).stability.counts == (same, 1)
 
 
 def test_a_copy_too_short_to_tell_says_so(monkeypatch):
