@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from ride_estimation.diagnosis.calibration import Calibrated, calibrated_at
-from ride_estimation.diagnosis.candidates import Identity, identity
+from ride_estimation.diagnosis.candidates import identity
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.gain import refusal
@@ -132,7 +132,7 @@ class _Copy:
         self._selection, self._view, self._fitter = work.selection, calibrated.view, selector.fitter
         self._selector, self._significance = selector, work.settings.significance
         self._whole = len(calibrated.view.plant.outputs) == len(work.plant.outputs)
-        self._built: dict[str, dict[Identity, Hypothesis]] = {}
+        self._built: dict[str, Sequence[Hypothesis]] = {}
 
     def changed(self, accepted: FullFit, place: int, contest: Round) -> str:
         """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
@@ -178,10 +178,22 @@ class _Copy:
         """Return a found hypothesis as it is built on the copy, with its numbers; None where its channel is missing."""
         h = fitted.hypothesis
         if h.cause not in self._built:
-            self._built[h.cause] = {identity(b): b for b in library()[h.cause].hypotheses(self._view)}
+            self._built[h.cause] = library()[h.cause].hypotheses(self._view)
         # on all channels a hypothesis of the run means the same here
-        again = self._built[h.cause].get(identity(h), h if self._whole else None)
+        again = rebuilt(fitted, self._built[h.cause]) or (h if self._whole else None)
         return None if again is None else dataclasses.replace(fitted, hypothesis=again)
+
+
+def rebuilt(fitted: Fitted, built: Sequence[Hypothesis]) -> Hypothesis | None:
+    """Return the one of some hypotheses that a found one is, None where none is.
+
+    Lines of one body differ in their frequency alone: of several the one whose grid is nearest to the numbers that were found.
+    """
+
+    def apart(h: Hypothesis) -> float:
+        return min(sum(abs(shape.get(n, v) - v) for n, v in fitted.shape.items()) for shape in h.grid)
+
+    return min((b for b in built if identity(b) == identity(fitted.hypothesis)), key=apart, default=None)
 
 
 def _meaningful(fit: FullFit) -> bool:

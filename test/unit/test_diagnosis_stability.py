@@ -12,12 +12,12 @@ from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import stability as module
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.hypothesis import Hypothesis
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import PerturbedCopy, Stability
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.stability import overlap, spare_sensor
+from ride_estimation.diagnosis.stability import overlap, rebuilt, spare_sensor
 from ride_estimation.sensors.sensor import Sensor
 
 ASKED = Settings(stability=True)
@@ -84,6 +84,16 @@ def test_a_sensor_named_without_an_axis_is_no_other_answer_than_one_of_its_axes(
     """Where one axis moves, both describe the run equally well, and rounding decides which of them a copy prefers."""
     named, rival = (Hypothesis(*place, lambda view, shape: []) for place in (("gain", "axle", "z"), other))
     assert overlap(named, rival) == overlap(rival, named) == one_answer
+
+
+def test_a_line_is_the_same_line_on_a_copy_and_not_another_one_of_its_body():
+    def line(body, frequency):
+        return Hypothesis("harmonic_disturbance", body, "", lambda view, shape: [], ({"frequency": frequency},))
+
+    found = Fitted(line("cab", 11.86), np.ones(2), np.eye(2), {"frequency": 11.86})
+    near, far, other = line("cab", 11.87), line("cab", 23.7), line("seat", 11.86)
+    assert rebuilt(found, [far, near, other]) is rebuilt(found, [near, far]) is near
+    assert rebuilt(found, [other]) is None
 
 
 @pytest.mark.parametrize(
