@@ -65,7 +65,7 @@ def any_vehicle():
         (None, (0.008, 0.0002, True)),
         (dataclasses.replace(LATE, kind="place"), (0.008, 0.0002, True)),
         (dataclasses.replace(LATE, rivals=("cab_front_right",)), (0.008, 0.0002, True)),
-        (dataclasses.replace(LATE, explained=0.3), (0.008, 0.0002, True)),
+        (dataclasses.replace(LATE, explained=0.7), (0.008, 0.0002, True)),
         (LATE, None),
         (LATE, (0.008, 0.0002, False)),
         (LATE, (0.3, 0.0002, True)),
@@ -98,11 +98,12 @@ def test_a_delay_is_taken_with_what_is_not_known_of_it_and_refined_once_that_is_
     assert loaded.delays() == late.delays() and loaded.messages() == late.messages()
 
 
-def test_a_delay_that_does_not_get_smaller_is_none() -> None:
+def test_what_is_found_again_and_again_is_no_constant_delay() -> None:
     late = LateSensors(any_vehicle())
-    assert late.find([Told(LATE, (0.008, 0.0003, True))])
+    for found in (0.008, 0.005, -0.001):
+        assert late.find([Told(LATE, (found, 0.0003, True))])
     assert not late.find([Told(LATE, (0.005, 0.0003, True))])
-    assert late.delays() == {"cab_front_left": 0.008}
+    assert late.delays()["cab_front_left"] == pytest.approx(0.012)
 
 
 # -- on a drive ------------------------------------------------------------------------------------------------------------
