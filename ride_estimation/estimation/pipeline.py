@@ -23,7 +23,7 @@ from ride_estimation.estimation.common.saved_state import STATE_SCHEMA, all_fini
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.faults.checkpoints import Checkpoints
 from ride_estimation.estimation.faults.health import Health, base_messages, rate_message, residual_message, sensor_messages
-from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints
+from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints, sensor_hint
 from ride_estimation.estimation.faults.input_checks import InputChecks
 from ride_estimation.estimation.faults.late_sensors import LateSensors
 from ride_estimation.estimation.faults.restoring import restarted
@@ -128,7 +128,7 @@ class Pipeline:
         self._due: Callable[[], bool] | None = None
         self._guard = NumericalGuard(a)
         self._apply()
-        self._hints = Hints.of(a, self._motion)
+        self._hints = Hints.of(a)
         self._begin = self._learned()
 
     def _new_motion(self) -> CgMotionEstimator:
@@ -144,7 +144,8 @@ class Pipeline:
     def hints(self) -> tuple[Hint, ...]:
         """Return what the model or a sensor is suspected of, see :mod:`hints`."""
         self._settle()
-        return self._hints.hints()
+        fault = self._motion.residual_test().fault
+        return (*self._late.hints(), *(() if fault is None else (sensor_hint(fault),)), *self._hints.hints())
 
     # -- input ------------------------------------------------------------------------------------------------------------
 
@@ -293,7 +294,7 @@ class Pipeline:
                 self._mass_reference.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
-        seen = HintBlock(measured, predicted, motion.motion[:, 3:], support, self._forces.missing, usable)
+        seen = HintBlock(support, self._forces.missing, usable)
 
         def learn() -> bool:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
@@ -336,7 +337,6 @@ class Pipeline:
         self._checks.take_installation(self.geometry)
         self._motion.leave_out_gyros(gyros)
         self._agree()
-        self._hints = Hints.of(self.geometry, self._motion)
 
     def _look_for_delay(self) -> None:
         """Have the aligner put back the readings of a sensor that is found to be late."""

@@ -8,10 +8,12 @@ import time
 import numpy as np
 import pytest
 
-from ride_estimation.estimation.faults import hint_sensors, hint_spectra
-from ride_estimation.estimation.faults.hint_sensors import SensorHints
+from ride_estimation.estimation.faults import hint_spectra
 from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
-from ride_estimation.estimation.faults.hints import FALSE_ALARMS_PER_HOUR, HintBlock, Hints
+from ride_estimation.estimation.faults.hints import FALSE_ALARMS_PER_HOUR, HintBlock, Hints, sensor_hint
+from ride_estimation.estimation.sensor_errors import sensor_faults
+from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
+from ride_estimation.sensors.installation import USUAL
 from ride_estimation.sensors.sensor import Sensor
 
 RATE, NOISE = 200.0, 0.02
@@ -37,13 +39,12 @@ def readings(seed, seconds=60.0):
 
 
 def run_sensors(measured, motion):
-    """Return the hints of a run."""
-    detector = SensorHints(SENSORS, ROWS, WEIGHTS)
-    residual = measured - measured @ WEIGHTS.T @ ROWS.T
-    for start in range(0, len(measured) - 400, 400):
-        part = slice(start, start + 400)
-        detector.observe(measured[part], residual[part], motion[part, 3:], 1.0 / RATE)
-    return detector.hints()
+    """Return the hint of a run on its sensors, None without."""
+    test = FaultTest(SENSORS, ROWS, np.array([s.position for s in SENSORS]), 0.0)
+    test.set_variance(np.full(12, NOISE**2))
+    test.observe(measured, measured @ WEIGHTS.T, np.zeros((len(motion), 3)), 1.0 / RATE)
+    fault = test.judge()
+    return None if fault is None else sensor_hint(fault)
 
 
 def spoiled(cause, seed):
@@ -68,17 +69,18 @@ def spoiled(cause, seed):
 @pytest.mark.parametrize("cause", ["sensor_delay", "sensor_gain", "sensor_misalignment", "wrong_sensor_position"])
 def test_a_sensor_error_is_named_with_place_axis_and_size(cause):
     measured, motion, size, axis = spoiled(cause, 1331)
-    (hint,) = run_sensors(measured, motion)
+    hint = run_sensors(measured, motion)
     assert (hint.cause, hint.location, hint.axis) == (cause, "rl", axis)
-    # rate by central differences: sin(w h)/(w h) averaged over 1 to 20 Hz is 0.95
     assert hint.strength == pytest.approx(size, rel=0.1)
-    assert 0.0 < hint.std < 0.1 * size
+    # the errors that sensors in good order may have are part of it
+    tolerance = {"sensor_delay": "delay", "sensor_gain": "gain", "sensor_misalignment": "misalignment"}.get(cause, "position")
+    assert getattr(USUAL, tolerance) < hint.std < 2.0 * getattr(USUAL, tolerance)
 
 
 def test_good_sensors_give_no_hint_and_tolerances_are_none():
     for seed in range(1332, 1337):
         measured, motion = readings(seed, 50.0)
-        assert run_sensors(measured, motion) == ()
+        assert run_sensors(measured, motion) is None
         rng = np.random.default_rng(seed)
         # gains 0.3 %, rotations 0.2 degrees: an installation in good order
         for i in range(4):
@@ -86,17 +88,23 @@ def test_good_sensors_give_no_hint_and_tolerances_are_none():
             measured[:, 3 * i : 3 * i + 3] = y * (1.0 + 0.003 * rng.standard_normal(3)) - np.cross(
                 np.radians(0.2) * rng.standard_normal(3), y
             )
-        assert run_sensors(measured, motion) == ()
+        assert run_sensors(measured, motion) is None
 
 
 @pytest.mark.slow
 def test_false_alarms_of_the_sensor_tests_keep_to_their_level(monkeypatch):
-    # without tolerances and at a level of one in five per look the rate is what the t tests state
-    monkeypatch.setattr(hint_sensors, "level", lambda tests: 0.2 / tests)
-    monkeypatch.setattr(hint_sensors, "_WIDE", 1e6 * hint_sensors._WIDE)
-    monkeypatch.setattr(hint_sensors, "_STDS", 1e-6 * hint_sensors._STDS)
-    alarms = sum(bool(run_sensors(*readings(seed, 50.0))) for seed in range(1600, 1700))
-    # Bonferroni bound 20 in 100; the best of four sensors is tested only: three binomial standard deviations above
+    # sensors whose errors are as large as their installation says, at a level of one in five runs
+    monkeypatch.setattr(sensor_faults, "FALSE_ALARM", 0.2)
+    alarms = 0
+    for seed in range(1600, 1700):
+        measured, motion = readings(seed, 30.0)
+        rng = np.random.default_rng(seed)
+        for i, kinds in enumerate(rng.standard_normal((4, 3, 3))):
+            y = measured[:, 3 * i : 3 * i + 3]
+            turned = y * (1.0 + USUAL.gain * kinds[0]) - np.cross(USUAL.misalignment * kinds[1], y)
+            measured[:, 3 * i : 3 * i + 3] = turned + np.cross(motion[:, 3:], USUAL.position * kinds[2])
+        alarms += run_sensors(measured, motion) is not None
+    # Bonferroni bound 20 in 100, three binomial standard deviations above
     assert alarms <= 20 + 12
 
 
@@ -162,36 +170,23 @@ def test_false_alarms_of_lines_keep_to_their_level(monkeypatch):
     assert alarms <= 20 + 12
 
 
-def test_a_gap_begins_anew_and_a_standing_vehicle_says_nothing():
-    measured, motion = readings(1343, 50.0)
-    hints = Hints(SENSORS, ROWS, WEIGHTS, np.ones(6, dtype=bool), "cab", True)
-    measured[:, 6] *= 1.2
-    zero = np.zeros((len(measured), 6))
+def fed(hints, share, usable=lambda k: True):
+    """Return what is suspected after blocks of ten ticks of whose forces the model misses a share, and what it cost [s]."""
+    mounts = 100.0 * coloured(np.random.default_rng(1345), round(60.0 * RATE), 6)
+    missing, begin = share * mounts, time.process_time()
+    for k, start in enumerate(range(0, len(missing), 10)):
+        part = slice(start, start + 10)
+        hints.observe(HintBlock(mounts[part], missing[part], usable(k)), 1.0 / RATE)
+    return hints.hints(), time.process_time() - begin
 
-    def feed(values, usable):
-        predicted = values @ WEIGHTS.T @ ROWS.T
-        for k, start in enumerate(range(0, len(values), 10)):
-            part = slice(start, start + 10)
-            block = HintBlock(values[part], predicted[part], motion[part, 3:], zero[part], zero[part], usable(k))
-            hints.observe(block, 1.0 / RATE)
-        return hints.hints()
 
-    assert feed(measured, lambda k: k % 20 != 0) == ()  # never two seconds without a gap
-    assert feed(0.01 * measured, lambda k: True) == ()  # below ten times the noise
-    assert [h.location for h in feed(measured, lambda k: True)] == ["rl"]
+def test_a_gap_begins_anew_and_looks_cost_little():
+    hints = Hints(np.ones(6, dtype=bool), "cab", True)
+    assert fed(hints, 0.35, lambda k: k % 20 != 0)[0] == ()  # never two seconds without a gap
+    found, cost = fed(hints, 0.35)
+    assert [h.location for h in found] == ["cab"]
+    assert cost / 60.0 < 1e-3  # s of processor time per s of data
+    assert 0.0 < FALSE_ALARMS_PER_HOUR < 0.1
     hints.reset()
     assert hints.hints() == ()
-
-
-def test_the_cost_is_below_a_millisecond_per_second():
-    measured, motion = readings(1344, 60.0)
-    hints = Hints(SENSORS, ROWS, WEIGHTS, np.ones(6, dtype=bool), "cab", True)
-    predicted = measured @ WEIGHTS.T @ ROWS.T
-    force = 100.0 * motion
-    begin = time.process_time()
-    for start in range(0, len(measured), 10):
-        part = slice(start, start + 10)
-        block = HintBlock(measured[part], predicted[part], motion[part, 3:], force[part], 0.1 * force[part], True)
-        hints.observe(block, 1.0 / RATE)
-    assert (time.process_time() - begin) / 60.0 < 1e-3  # s of processor time per s of data
-    assert 0.0 < FALSE_ALARMS_PER_HOUR < 0.1
+    assert fed(Hints(np.ones(6, dtype=bool), "cab", False), 0.35)[0] == ()

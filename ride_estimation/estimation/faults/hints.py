@@ -1,75 +1,77 @@
 # Copyright 2026 ride_estimation contributors
 """Hints of the online estimator at what its model gets wrong: the cheap part of the diagnosis, while driving.
 
-Two residuals are looked at. What the accelerometers of the body show beyond one rigid body tells a late, wrongly scaled, turned
-or displaced sensor (:mod:`hint_sensors`); what the body's motion asks for beyond the forces of the mounts tells a machine that
-shakes the body at one frequency, and how much the mount model misses (:mod:`hint_spectra`). A hint names a suspicion and its
-size; ``ride-estimation diagnose`` on the recorded run judges it. Not seen: errors that all sensors of the body share, and those
-of base accelerometers, of which nothing else knows.
+What the accelerometers of the body show beyond one rigid body tells a late, wrongly scaled, turned or displaced sensor: the fault
+that :mod:`sensor_faults` found is handed on in the terms of the diagnosis. What the body's motion asks for beyond the forces of
+the mounts tells a machine that shakes the body at one frequency, and how much the mount model misses (:mod:`hint_spectra`).
+A hint names a suspicion and its size; ``ride-estimation diagnose`` on the recorded run judges it. Not seen: errors that all
+sensors of the body share, and those of base accelerometers.
 
-False alarms: every test is made at a level that gives :data:`FALSE_ALARMS_PER_HOUR` in all, counted over the independent looks
-of an hour; installation tolerances come off the estimate before it is tested, so that on good installations there are fewer.
+False alarms: the tests of spectra are made at a level that gives :data:`FALSE_ALARMS_PER_HOUR` in all, counted over the
+independent looks of an hour.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry
-from ride_estimation.estimation.faults.hint_sensors import SensorHints
 from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
 from ride_estimation.estimation.faults.hint_types import FALSE_ALARMS_PER_HOUR, Hint
-from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
-from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.estimation.sensor_errors.sensor_faults import Fault
+from ride_estimation.frames import AXES
 
-__all__ = ["FALSE_ALARMS_PER_HOUR", "Hint", "HintBlock", "Hints"]
+__all__ = ["FALSE_ALARMS_PER_HOUR", "Hint", "HintBlock", "Hints", "sensor_hint"]
 
 Array = NDArray[np.float64]
 
 #: what is collected before the detectors look [s]
 _CHUNK = 2.0
+#: kind of fault -> cause of the diagnosis, words for its columns, unit
+_CAUSES = {
+    "gain": ("sensor_gain", AXES, "-"), "mounting angle": ("sensor_misalignment", ("roll", "pitch", "yaw"), "rad"),
+    "place": ("wrong_sensor_position", AXES, "m"), "delay": ("sensor_delay", ("",), "s"),
+}  # fmt: skip
+
+
+def sensor_hint(fault: Fault) -> Hint:
+    """Return the fault of a sensor as a hint, of the axis that shows it most clearly."""
+    cause, axes, unit = _CAUSES[fault.kind]
+    axis = int(np.argmax(np.abs(fault.error) / np.maximum(fault.std, 1e-12)))
+    strength, std = fault.error[axis], fault.std[axis]
+    number = f"{strength:.3g} +- {std:.1g}{'' if unit == '-' else ' ' + unit}"
+    others = f"; {', '.join(fault.rivals)} could be meant as well" if fault.rivals else ""
+    words = f"{' '.join((fault.sensor, axes[axis])).strip()} looks like {cause.replace('_', ' ')} ({number}){others}"
+    return Hint(cause, fault.sensor, axes[axis], strength, std, unit, words)
 
 
 @dataclasses.dataclass(frozen=True)
 class HintBlock:
-    """What the detectors see of K ticks, S sensors on the body.
+    """What the detectors see of K ticks.
 
     Attributes
     ----------
-    measured, predicted
-        Accelerometer channels and what the rigid motion predicts for them, shape (K, 3 S) [m/s^2].
-    angular
-        Angular acceleration of the body, shape (K, 3) [rad/s^2].
     support, missing
         What the mounts together carry, and the part of it their model does not explain, shape (K, 6) [N, N m].
     usable
         Whether every sensor contributed and none is suspect.
     """
 
-    measured: Array
-    predicted: Array
-    angular: Array
     support: Array
     missing: Array
     usable: bool
 
 
 class Hints:
-    """All detectors of one body.
+    """Detectors of what the forces of the mounts of a body do not explain.
 
     Parameters
     ----------
-    sensors
-        Accelerometers of the body.
-    rows
-        Rows ``[e, r x e]`` of their channels, shape (3 S, 6).
-    weights
-        Least squares that takes the channels to the motion, shape (6, 3 S).
     free
         Which of the six coordinates the body has, shape (6,).
     body
@@ -78,28 +80,22 @@ class Hints:
         Whether the motion of the mounts is measured, so that their forces can be tested.
     """
 
-    def __init__(
-        self, sensors: Sequence[Sensor], rows: Array, weights: Array, free: NDArray[np.bool_], body: str, forces: bool
-    ) -> None:
-        self._sensors = SensorHints(sensors, rows, weights)
+    def __init__(self, free: NDArray[np.bool_], body: str, forces: bool) -> None:
         self._spectra = SpectrumHints(body, np.asarray(free, dtype=bool)) if forces else None
         self._blocks: list[HintBlock] = []
         self._ticks = 0
-        #: looks at a chunk that are still to be taken
-        self._looks: list[Callable[[], None]] = []
+        #: look at a chunk that is still to be taken
+        self._due: Callable[[], None] = _nothing
 
     @classmethod
-    def of(cls, geometry: Geometry, motion: CgMotionEstimator) -> Hints:
-        """Return the hints on the sensors and mounts of a body."""
-        a = geometry
-        weights = motion.weights(np.ones(len(a.body_sensors), dtype=bool), 0.01).matrix
-        return cls(a.body_sensors, motion.rows, weights, a.free, a.body.name, a.has_base_motion)
+    def of(cls, geometry: Geometry) -> Hints:
+        """Return the hints on the mounts of a body."""
+        return cls(geometry.free, geometry.body.name, geometry.has_base_motion)
 
     def reset(self) -> None:
         """Forget everything."""
         self._drop()
-        self._looks = []
-        self._sensors.reset()
+        self._due = _nothing
         if self._spectra is not None:
             self._spectra.reset()
 
@@ -107,45 +103,37 @@ class Hints:
         self._blocks, self._ticks = [], 0
 
     def observe(self, block: HintBlock, dt: float) -> None:
-        """Take one block; the detectors look once two seconds without a gap are there, one with each block that follows.
+        """Take one block; the detectors look with the block after two seconds without a gap.
 
         Parameters
         ----------
         dt
             Tick [s].
         """
-        if self._looks:
-            self._looks.pop(0)()
+        self._look()
+        if self._spectra is None:
+            return
         if not block.usable:
-            self._look()
             self._drop()
-            if self._spectra is not None:
-                self._spectra.interrupt()
+            self._spectra.interrupt()
             return
         self._blocks.append(block)
-        self._ticks += len(block.measured)
+        self._ticks += len(block.support)
         if self._ticks * dt < _CHUNK:
             return
-        joined = [np.concatenate([getattr(b, name) for b in self._blocks]) for name in _FIELDS]
+        support, missing = (np.concatenate([getattr(b, name) for b in self._blocks]) for name in ("support", "missing"))
         self._drop()
-        measured, predicted, angular, support, missing = joined
-        self._looks.append(functools.partial(self._sensors.observe, measured, measured - predicted, angular, dt))
-        if self._spectra is not None:
-            self._looks.append(functools.partial(self._spectra.observe, support, missing, dt))
+        self._due = functools.partial(self._spectra.observe, support, missing, dt)
 
     def _look(self) -> None:
-        """Take all looks that are still to be taken."""
-        for look in self._looks:
-            look()
-        self._looks = []
+        due, self._due = self._due, _nothing
+        due()
 
     def hints(self) -> tuple[Hint, ...]:
         """Return what is suspected now, strongest evidence first."""
         self._look()
-        found = self._sensors.hints()
-        if self._spectra is not None:
-            found += self._spectra.hints()
-        return found
+        return () if self._spectra is None else self._spectra.hints()
 
 
-_FIELDS = ("measured", "predicted", "angular", "support", "missing")
+def _nothing() -> None:
+    """Look at nothing."""

@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ride_estimation.estimation.faults.hint_types import Hint
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -99,6 +100,11 @@ class LateSensors:
             own = dataclasses.replace(sensors[name].stated_installation, delay=d.std)
             sensors[name] = dataclasses.replace(sensors[name], installation=own)
         return dataclasses.replace(self._vehicle, sensors=sensors)
+
+    def hints(self) -> tuple[Hint, ...]:
+        """Return the delays as hints."""
+        words = self.messages()
+        return tuple(Hint("sensor_delay", n, "", d.seconds, d.std, "s", w) for (n, d), w in zip(self._found.items(), words))
 
     def messages(self) -> list[str]:
         """Return one sentence per sensor."""

@@ -70,6 +70,8 @@ class Fault:
         Sensors whose errors explain nearly as much.
     log_probability
         Natural logarithm of the probability of such a deviation within tolerance.
+    error, std
+        Size of every column of the kind and its standard deviation [-, rad, m, s].
     """
 
     sensor: str
@@ -78,6 +80,8 @@ class Fault:
     explained: float
     rivals: tuple[str, ...]
     log_probability: float
+    error: tuple[float, ...] = ()
+    std: tuple[float, ...] = ()
 
 
 class FaultTest:
@@ -350,10 +354,10 @@ class FaultTest:
         rivals = tuple(m for s, m in enumerate(self._names) if s != best and alone[s] > alone[best] - 2.0 * math.log(_RIVAL))
         kind = int(np.argmin(table[best]))
         name, part = list(KINDS.items())[kind]
-        value, std = amounts[best, kind]
+        value, std = (amount * self._unit[best, part] for amount in amounts[best, kind])
         return Fault(
-            self._names[best], name, _words(name, value * self._unit[best, part], std * self._unit[best, part]),
-            self._share(best, noise), rivals, float(table.min()),
+            self._names[best], name, _words(name, value, std), self._share(best, noise), rivals, float(table.min()),
+            tuple(value.tolist()), tuple(std.tolist()),
         )  # fmt: skip
 
     def _explained(self, information: Array, score: Array, sensors: Sequence[int], noise: float = 1.0) -> float:
