@@ -6,7 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.residual_covariance import error_of_one, residual_covariance
+from ride_estimation.sensors.installation import Installation
+from ride_estimation.sensors.sensor import Sensor
 
 STATED = 0.02**2
 SPARE = 6
@@ -81,3 +84,22 @@ def test_what_three_sensors_do_not_show_of_one_is_as_wrong_as_what_they_show():
     # chance of 4 000 draws, and of how far the axes in the plane happen to be alike
     assert np.allclose(np.sqrt(np.diag(moving)), moved.std(axis=0), rtol=0.05, atol=1e-6)
     assert np.allclose(np.sqrt(np.diag(constant)), np.abs(moved.mean(axis=0)), rtol=0.05, atol=0.01)
+
+
+def test_a_body_of_one_sensor_states_what_its_installation_leaves() -> None:
+    """Nothing to spare shows gain, angle and bias: over many installations the stated covariance is that of the errors."""
+    rng = np.random.default_rng(41)
+    sensor = Sensor("one", "accelerometer", "/one", "body", noise_std=0.005, installation=Installation(0.03, 0.02, 0.01))
+    moved = rng.standard_normal((200, 3)) * [0.5, 0.5, 3.0]
+    squares = []
+    for _ in range(200):
+        gain, turn, bias = rng.standard_normal((3, 3)) * [[0.02], [0.01], [0.03]]
+        true = moved + [0.0, 0.0, 9.81]
+        read = (1.0 + gain) * (true - np.cross(turn, true)) + bias
+        free = np.array([False, False, True, False, False, False])
+        estimator = CgMotionEstimator([sensor], np.zeros(3), free, 9.81)
+        out = estimator.observe(read, np.zeros((len(read), 0)), np.ones((len(read), 1), dtype=bool), 0.01)
+        _, added, constant = estimator.disagreement(0.01)
+        error = out.motion[:, :3] - true
+        squares.append([np.mean(error.mean(axis=0) ** 2 / np.diag(constant)[:3]), np.mean(error.var(axis=0) / np.diag(added)[:3])])
+    assert np.allclose(np.mean(squares, axis=0), 1.0, rtol=0.15)

@@ -29,7 +29,12 @@ from ride_estimation.estimation.motion.motion_kernel import (
     predict_block,
     remove_gravity,
 )
-from ride_estimation.estimation.motion.residual_covariance import error_of_one, more_than_chance, residual_covariance
+from ride_estimation.estimation.motion.residual_covariance import (
+    error_of_one,
+    installation_variance,
+    more_than_chance,
+    residual_covariance,
+)
 from ride_estimation.estimation.motion.residual_rate import ResidualRate
 from ride_estimation.estimation.motion.residuals import MEANINGFUL, ResidualSums, ResidualTest, residual_test
 from ride_estimation.estimation.motion.sensor_drift import motion_error
@@ -459,9 +464,14 @@ class CgMotionEstimator:
         drift = self._follow_drift(dt)
         sums, stated = self._compared()
         used = np.flatnonzero(np.repeat(self._mask, 3) & self._measured)
-        if len(used) <= self._unknowns or sums.count < _LEAST_SUMS:
+        if sums.count < _LEAST_SUMS:
             return 1.0, np.zeros((6, 6)), drift
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
+        if len(used) <= self._unknowns:
+            # nothing to spare shows what the sensors err by: it is as large as their installation says
+            errors = installation_variance(self.sensors, sums.signal_mean / sums.count, sums.dynamic())
+            added, constant = (weights[:, used] * e[used] @ weights[:, used].T for e in errors)
+            return 1.0, added, constant
         mean, moving = sums.moments()
         spare = len(used) - self._unknowns
         own = np.diagonal(moving)[used], stated[used], weights[:, used]

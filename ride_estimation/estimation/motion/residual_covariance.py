@@ -10,11 +10,13 @@ installation are no reason for a word, but what they leave in the motion is as r
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.motion.sensor_drift import error_of_residuals, residual_of_errors
+from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -87,6 +89,28 @@ def error_of_one(
         steady = np.column_stack([steady, math.sqrt(share) * unseen @ np.diag(reading[part])])
     moved = weights[:, part] @ steady.reshape(3, -1)
     return np.asarray(weights[:, part] @ error @ weights[:, part].T), np.asarray(moved @ moved.T)
+
+
+def installation_variance(sensors: Sequence[Sensor], mean: Array, dynamic: Array) -> tuple[Array, Array]:
+    """Return the variance of what installed sensors read wrongly, of the moving and of the constant part, shape (3 S,).
+
+    Gains scale what an axis reads, angles mix in what the other axes read.
+
+    Parameters
+    ----------
+    sensors
+        S of them, three channels each.
+    mean, dynamic
+        Mean and variance of the readings, shape (3 S,).
+    """
+    own = [s.stated_installation for s in sensors]
+    gain, angle, bias = (np.array([[getattr(i, kind)] for i in own]) ** 2 for kind in ("gain", "misalignment", "bias"))
+
+    def misread(square: Array) -> Array:
+        axes = square.reshape(-1, 3)
+        return np.asarray(gain * axes + angle * (axes.sum(axis=1, keepdims=True) - axes))
+
+    return misread(dynamic).ravel(), (misread(mean**2) + bias).ravel()
 
 
 def more_than_chance(change: Array, moving: Array, ticks: float, spare: int, bias: float) -> bool:
