@@ -12,8 +12,12 @@ from worlds.cab import drive, measure, random_sensors, random_vehicle
 from worlds.installation import installed
 from worlds.roads import Road
 
+from ride_estimation.estimation.common.geometry import channel_geometry
+from ride_estimation.estimation.faults.rigid_check import RigidCheck
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.sensors.installation import USUAL, Installation, pooled
+from ride_estimation.sensors.layout import motion_rows
+from ride_estimation.sensors.sensor import Sensor
 
 KINDS = ("bias", "gain", "misalignment", "position", "delay")
 
@@ -68,3 +72,16 @@ def test_installations_of_several_sensors_are_pooled_by_their_squares():
     assert one.at_least(other).gain == 0.004
     assert one.cross_sensitivity == pytest.approx(0.005)
     assert one.offset(9.80665) == pytest.approx(np.hypot(0.02, 0.0392266))
+
+
+@pytest.mark.parametrize(("stated", "refused"), [(USUAL, ("rl",)), (Installation(gain=0.1, misalignment=0.05), ())])
+def test_gross_errors_of_body_sensors_are_judged_by_what_the_file_states(stated, refused):
+    places = {"fl": (0.8, 0.7, -0.3), "fr": (0.8, -0.7, -0.3), "rl": (-0.9, 0.6, 0.6), "rr": (-0.8, -0.6, -0.2)}
+    sensors = [Sensor(n, "accelerometer", f"/{n}", "cab", position=np.array(p), installation=stated) for n, p in places.items()]
+    directions, points = channel_geometry(sensors, np.zeros(3))
+    check = RigidCheck(motion_rows(sensors, np.zeros(3)), directions, points, sensors, 9.81)
+    motion = np.random.default_rng(3).standard_normal((100, 6))
+    read = motion @ motion_rows(sensors, np.zeros(3)).T
+    read[:, 6:9] += [2.0, 1.6, 2.4]
+    found = check.judge(read, np.zeros(3), np.ones(4, dtype=bool), 1.0)
+    assert tuple(sensors[s].name for s in found.lasting) == refused

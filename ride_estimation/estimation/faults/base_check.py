@@ -21,6 +21,7 @@ from scipy import signal
 
 from ride_estimation.estimation.faults.base_kernel import follow_bases
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
+from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 
@@ -82,8 +83,9 @@ class BaseCheck:
             self._to_plane[3 * i : 3 * i + 3, 2 * i : 2 * i + 2] = s.rotation[:2].T
             self._to_plane[3 * i : 3 * i + 3] -= np.outer(s.rotation[2], lift[i])
         noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
-        #: noise variance, square of the share that frames bend anyway, spare equations
-        self._numbers = np.array([noise, _SHARE**2, self._spare])
+        misread = pooled([s.tolerated_installation for s in sensors]).cross_sensitivity
+        #: noise variance, square of the share by which readings of frames and of good sensors differ anyway, spare equations
+        self._numbers = np.array([noise, _SHARE**2 + misread**2, self._spare])
         self.possible = count >= 3 and all(s.triaxial and s.coupling == sensors[0].coupling for s in sensors)
         self.ticks: dict[int, int] = {}
         self.reset()

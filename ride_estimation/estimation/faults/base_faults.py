@@ -41,8 +41,9 @@ BoolArray = NDArray[np.bool_]
 
 #: pass band [Hz]
 _BAND = (2.0, 10.0)
-#: limits by which the motion at a base may differ from that of a rigid and twisted frame, as a bias [m/s^2], gain, angle [rad],
-#: place [m] and delay [s]: a bending of a tenth of the motion, with a loss factor of a tenth a quarter of a millisecond at 6 Hz
+#: limits by which the motion at a base may differ from that of a rigid and twisted frame beyond the installation of its sensor,
+#: as a bias [m/s^2], gain, angle [rad], place [m] and delay [s]: a bending of a tenth of the motion, with a loss factor
+#: of a tenth a quarter of a millisecond at 6 Hz
 _FRAME = (0.3, 0.1, 0.1, 0.1, 0.001)
 #: data taken at once [s], least motion [m/s^2], and share of the deviations that an error of one sensor must explain
 _CHUNK, _MOVING, _EXPLAINED = 1.0, 0.1, 0.4

@@ -62,7 +62,7 @@ class InputChecks:
         self._swaps = SwappedTopics(a.body_sensors, base, streams, [starts[i] for i in streams], motion.rows[:n])
         self.gyros = GyroCheck(a.body_sensors, motion.gyros, motion.rows[:n], a.free)
         self.watch = InputWatch(layout)
-        check = RigidCheck(motion.rows[:n], motion.directions[:n], motion.points[:n], [s.noise_std for s in a.body_sensors])
+        check = RigidCheck(motion.rows[:n], motion.directions[:n], motion.points[:n], a.body_sensors, a.vehicle.gravity)
         self._gate = SensorGate(
             sensors, starts, layout.body_streams.tolist(), [stream for _, stream, _, _ in layout.base],
             [stream for _, _, stream, _ in layout.transducers], check, a.vehicle.gravity,

@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.faults.gate_kernel import residual_ratio
+from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.layout import residual_projection
+from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: what good sensors may differ by: bias and tilt of the mounting [m/s^2], share of the motion (gain, position, filters)
-_OFFSET, _SHARE = 0.1, 0.05
+#: what good sensors may differ by, in standard deviations of their installation: in their means by bias and tilt of the mounting,
+#: and in their motion, where place, filters and an elastic body add to gain and angle
+_OFFSET, _SHARE = 2.5, 10.0
 #: residual in units of that tolerance: refused as a lasting fault, as a single tick, accepted again
 _LASTING, _SINGLE, _AGAIN = 5.0, 10.0, 3.0
 #: share of the residual one sensor must explain, and how much less every other must
@@ -59,15 +62,20 @@ class RigidCheck:
         Rows ``[e, r x e]`` of the accelerometer channels, zero where nothing is measured, shape (3 S, 6).
     directions, points
         Of the channels, shape (3 S, 3).
-    noise
-        Standard deviation per sensor, shape (S,) [m/s^2].
+    sensors
+        Of the body, S of them.
+    gravity
+        [m/s^2].
     """
 
-    def __init__(self, rows: Array, directions: Array, points: Array, noise: Sequence[float]) -> None:
+    def __init__(self, rows: Array, directions: Array, points: Array, sensors: Sequence[Sensor], gravity: float) -> None:
         self._rows = rows
         self._directions, self._points = np.ascontiguousarray(directions), np.ascontiguousarray(points)
         self._along = np.sum(directions * points, axis=1)
-        self._noise_square = float(np.mean(np.square(noise))) if len(noise) else 0.0
+        usual = pooled([s.tolerated_installation for s in sensors])
+        #: squared tolerance of a body at rest [(m/s^2)^2], and what a squared motion adds as a share of it
+        self._still = float(np.mean([s.noise_std**2 for s in sensors] or [0.0])) + (_OFFSET * usual.offset(gravity)) ** 2
+        self._moving = (_SHARE * usual.cross_sensitivity) ** 2
         self._cache: dict[bytes, _Projection] = {}
 
     def centripetal(self, rate: Array) -> Array:
@@ -94,7 +102,7 @@ class RigidCheck:
         return np.asarray((samples[:, p.channels] - self.centripetal(rate)[p.channels]) @ p.matrix)
 
     def _tolerance(self, size: float) -> float:
-        return self._noise_square + _OFFSET**2 + (_SHARE * size) ** 2
+        return self._still + self._moving * size**2
 
     def dispensable(self, fit: BoolArray, sensor: int) -> bool:
         """Return whether the other sensors that take part tell the motion as completely without this one."""
