@@ -40,7 +40,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 #: harmonic motion at which the mounts of carried bodies are linearised: seat on a rough road [Hz], [m]
-_LINEARISED_AT = (2.0, 5e-3)
+LINEARISED_AT = (2.0, 5e-3)
 #: memory of the mean square of what uncertain numbers change [s]
 _MEMORY = 5.0
 
@@ -170,7 +170,7 @@ class _Copy:
     """The carried bodies with one set of numbers: state [q, q'] and what follows from it."""
 
     def __init__(self, vehicle: Vehicle, cg: Array, gravity: float) -> None:
-        model = linearise(assemble(vehicle), *_LINEARISED_AT)
+        model = linearise(assemble(vehicle), *LINEARISED_AT)
         self._gravity = gravity
         self._bodies = tuple(vehicle.bodies.values())
         self._arms = tuple(b.cg - cg for b in self._bodies)

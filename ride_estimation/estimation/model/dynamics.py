@@ -2,7 +2,8 @@
 """Equations of motion: Newton-Euler of the body on its mounts, driven by the acceleration of the base.
 
 ``D = P q + U z`` deflections of the mounts (q rigid relative motion, z deformation of the base), force on the body in its axes
-``F = F0 - K D - C D' + F0 x turn(D)`` (mount axes follow the brackets), specific force at the CG ``f = M^-1 P^T (F - F0)``.
+``F = F0 - K D - C D' + F0 x turn(D)`` (mount axes follow the brackets), specific force at the CG ``f = M^-1 P^T (F - F0)``, with
+carried bodies (:mod:`carried`) solved for together with theirs.
 A point of the body and its bracket share gravity up to the rotation between them, ``Gamma D`` = g (turn_y, -turn_x, 0), so
 ``q'' = f + P^+ Gamma D - r`` with r the rigid specific force of the base, and ``z'' = u``. Nothing is assumed of r and u.
 """
@@ -57,13 +58,21 @@ def dynamics(plant: Plant, m: Constants) -> Dynamics:
     rate[:, s.relative_rate], rate[:, s.deformation_rate] = m.points, patterns
     turned = np.vstack([skew(m.static[i]) @ m.tilt[3 * i : 3 * i + 3] for i in range(count // 3)])
     force = (turned - np.diag(m.stiffness)) @ deflection - m.damping[:, None] * rate
-    accel = m.mobility @ m.points.T @ force
+    parts, bodies = m.carried, 6 + plant.carried.count
+    wrench = np.zeros((bodies, s.size))
+    wrench[:6] = m.points.T @ force
+    wrench[:, s.carried] -= parts.stiffness
+    wrench[:, s.carried_rate] -= parts.damping
+    accelerated = m.mobility @ wrench
+    accel = accelerated[:6]
     gamma = np.zeros((count, count))
     gamma[0::3], gamma[1::3] = g * m.tilt[1::3], -g * m.tilt[0::3]
     lean = gamma @ deflection
 
     A = np.zeros((s.motion.stop, s.size))
     A[s.relative, s.relative_rate] = np.eye(6)
+    A[s.carried, s.carried_rate] = np.eye(plant.carried.count)
+    A[s.carried_rate] = accelerated[6:]
     A[s.relative_rate] = accel + np.linalg.pinv(m.points) @ lean
     A[s.relative_rate, s.base_accel] -= np.eye(6)
     A[s.deformation, s.deformation_rate] = A[s.deformation_rate, s.deformation_accel] = np.eye(n)

@@ -24,7 +24,7 @@ from ride_estimation.estimation.model.plant import Constants, Plant
 from ride_estimation.estimation.model.readings import readings
 from ride_estimation.estimation.model.second_order import second_order
 from ride_estimation.estimation.model.spectral import Lines, Response, response
-from ride_estimation.estimation.model.states import reading_width
+from ride_estimation.estimation.model.states import FastStates, reading_width
 from ride_estimation.frames import point_motion_matrix
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ class Model:
     rows, constant
         Readings: rows over states and inputs (C, V), part that does not move: gravity and bias, shape (C,).
     direct
-        Effect of an acceleration of the body on the readings, shape (C, 6).
+        Effect of an acceleration of the body and of carried bodies on the readings, shape (C, 6 + Q).
     lean
         Effect on the readings of gravity, where a bracket does not tilt as its neighbours moved, shape (C, 3 M) [1/s^2].
     """
@@ -101,13 +101,14 @@ class _Segment:
     bent: float
 
     @classmethod
-    def of(cls, readings: Array, dt: float, inputs: int) -> _Segment:
-        """Return a segment of readings (N, C) of a model with so many inputs."""
+    def of(cls, readings: Array, dt: float, states: FastStates) -> _Segment:
+        """Return a segment of readings (N, C)."""
         lines = Lines.of(len(readings), dt)
         count, channels = len(lines.frequency), readings.shape[1]
-        nothing = np.zeros((count, channels), dtype=np.complex128)
+        inputs, accelerated = (part.stop - part.start for part in (states.drive, states.accelerated))
+        nothing, still = (np.zeros((count, size), dtype=np.complex128) for size in (channels, accelerated))
         return cls(
-            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, nothing[:, :6], np.ones(count),
+            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, still, np.ones(count),
             np.zeros(count), np.full(inputs, _FIRST_SIZE), _FIRST_BENT,
         )  # fmt: skip
 
@@ -159,9 +160,7 @@ class JointEstimate:
     def __init__(self, plant: Plant, segments: Sequence[Array], dt: float) -> None:
         self.plant, self.dt = plant, dt
         self._raw = [part for s in segments for part in np.array_split(s, max(1, round(len(s) * dt / _LONGEST_S)))]
-        inputs = plant.states.drive
-        self._inputs = inputs.stop - inputs.start
-        self._segments = [_Segment.of(s, dt, self._inputs) for s in self._raw]
+        self._segments = [_Segment.of(s, dt, plant.states) for s in self._raw]
         widths = [reading_width(s) for s in plant.sensors]
         self._white = np.repeat([s.noise_std for s in plant.sensors], widths)
         self._travel = np.repeat([s.kind == "displacement" for s in plant.sensors], widths)
@@ -178,9 +177,9 @@ class JointEstimate:
         m = self.plant.constants(theta)
         d = dynamics(self.plant, m)
         rows, constant = readings(self.plant, d, theta)
-        direct = np.zeros((len(rows), 6))
+        direct = np.zeros((len(rows), 6 + self.plant.carried.count))
         for i, s in enumerate(self.plant.geometry.body_sensors):
-            direct[3 * i : 3 * i + 3] = s.rotation.T @ point_motion_matrix(s.position - m.cg)
+            direct[3 * i : 3 * i + 3, :6] = s.rotation.T @ point_motion_matrix(s.position - m.cg)
         lean = np.zeros((len(rows), len(m.tilt)))
         first = 3 * len(self.plant.geometry.body_sensors)
         for i, s in enumerate(self.plant.base_sensors):
@@ -205,7 +204,7 @@ class JointEstimate:
 
     def _fit(self) -> None:
         whole = self._segments
-        self._segments = [_Segment.of(_liveliest(self._raw, round(_FIRST_S / self.dt)), self.dt, self._inputs)]
+        self._segments = [_Segment.of(_liveliest(self._raw, round(_FIRST_S / self.dt)), self.dt, self.plant.states)]
         self._iterate()
         self._segments = whole
         for _ in range(_RENEWALS):
@@ -282,7 +281,7 @@ class JointEstimate:
     def _slow_motion(self, model: Model, segment: _Segment) -> tuple[Array, Array]:
         """Return rows of the mean readings over independent causes, shape (C, K), and their standard deviations."""
         s, A = self.plant.states, model.dynamics.A
-        relative = slice(0, s.relative_rate.stop)
+        relative = slice(0, s.carried_rate.stop)
         inverse = np.linalg.inv(A[relative, relative])
         answer = model.rows[:, relative] @ inverse
         follows = model.rows - answer @ A[relative]
@@ -290,13 +289,14 @@ class JointEstimate:
         change = np.sqrt(2.0) * segment.size / slow / duration
         rows = np.hstack([follows[:, s.drive], follows[:, s.deformation], answer])
         patterns = s.deformation.stop - s.deformation.start
+        moves = np.append(change[:6], np.full(self.plant.carried.count, change[:6].max()))
         wanders = np.full(patterns, segment.bent / np.sqrt(duration * _ENDS_HZ))
-        return rows, np.concatenate([change, wanders, change[:6] / slow, change[:6]])
+        return rows, np.concatenate([change, wanders, moves / slow, moves])
 
     def _project(self, model: Model, segment: _Segment) -> _Projected:
         """Return what the inputs leave over of a segment."""
         states, lines = self.plant.states, segment.lines
-        found = response(model.dynamics.A, lines, states.relative_rate)
+        found = response(model.dynamics.A, lines, states.accelerated)
         rows = model.rows[:, states.motion]
         late = np.exp(-lines.laplace[:, None] * self.theta[self._delay])
         pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
@@ -324,7 +324,7 @@ class JointEstimate:
         raw = np.linalg.solve(root, np.matmul(basis.conj().transpose(0, 2, 1), seen[:, :, None]))[:, :, 0]
         rms = np.sqrt(2.0 * np.sum(np.abs(raw[lines.frequency > _ENDS_HZ]) ** 2, axis=0) / lines.count)
         slow = 2.0 * np.pi * _ENDS_HZ
-        rigid, patterns = rms[:6], rms[6:]
+        rigid, patterns = np.append(rms[:6], np.full(self.plant.carried.count, rms[:6].max())), rms[6:]
         size = np.concatenate([rigid / slow**2, rigid / slow, patterns / slow**2, patterns / slow])
         return np.asarray(np.sqrt(2.0 / lines.count) * size)
 
@@ -387,7 +387,7 @@ class JointEstimate:
         for first in range(0, len(v), _CHUNK):
             at = slice(first, first + _CHUNK)
             x = v[at]
-            push = (x @ flat).reshape(len(x), parameters, 6).transpose(0, 2, 1)
+            push = (x @ flat).reshape(len(x), parameters, -1).transpose(0, 2, 1)
             J = np.matmul(effect[at], push) + (x @ flat_rows).reshape(len(x), parameters, channels).transpose(0, 2, 1)
             moving = x @ model.rows.T
             for channel, place in late:
@@ -403,8 +403,10 @@ class JointEstimate:
         return own, cross, score
 
     def _derivatives(self, model: Model) -> tuple[Array, Array, Array]:
-        """Return derivatives with the free slow states: of q'' (P, 6, V), rows (P, C, V) and constant (P, C) of the readings."""
-        rate = self.plant.states.relative_rate
+        """Return derivatives with the free slow states: of accelerations (P, 6 + Q, V), of rows (P, C, V) and constant (P, C) of
+        the readings.
+        """
+        rate = self.plant.states.accelerated
         turned, rows, constants = [], [], []
         for i in self.plant.slow.free:
             theta = self.theta.copy()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, geometry_of, relative_tilt_maps
 from ride_estimation.estimation.forces.mount_forces import static_share, static_split
+from ride_estimation.estimation.model.carried import Carried, CarriedParts
 from ride_estimation.estimation.model.states import FastStates, SlowStates, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 
 #: standard deviation of shares and shifts of bracket tilt [-, m]: brackets follow the twist of a frame about half way
 _SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
+#: length of a projected unit vector below which it depends on those before
+_DEPENDENT = 1e-6
 #: standard deviation of ln k and ln c where the vehicle file states none
 _STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
 #: standard deviation of the CG [m] and of the inertia where the vehicle file states none
@@ -42,7 +45,9 @@ class Constants:
     tilt
         T, shape (3 M, 3 M): from the stacked deflections to the rotation of the body against each bracket.
     mass, cg, inertia
-        [kg], [m] shape (3,), [kg m^2] shape (3, 3).
+        Of the body alone: [kg], [m] shape (3,), [kg m^2] shape (3, 3).
+    carried
+        What it carries.
     points
         P, shape (3 M, 6): from rigid motion at the CG to the motion of the mounts.
     static
@@ -57,14 +62,17 @@ class Constants:
     mass: float
     cg: Array
     inertia: Array
+    carried: CarriedParts
     points: Array
     static: Array
     mean: Array
 
     @property
     def mobility(self) -> Array:
-        """Return the inverse of the mass matrix at the CG, shape (6, 6)."""
-        return np.asarray(sl.block_diag(np.eye(3) / self.mass, np.linalg.inv(self.inertia)))
+        """Return the inverse of the mass matrix of body and carried bodies, shape (6 + Q, 6 + Q)."""
+        own = np.zeros_like(self.carried.inertia)
+        own[:6, :6] = sl.block_diag(self.mass * np.eye(3), self.inertia)
+        return np.asarray(np.linalg.inv(own + self.carried.inertia))
 
 
 class Plant:
@@ -74,7 +82,7 @@ class Plant:
     ----------
     vehicle
         One body free in six coordinates on three or more mounts, each with an accelerometer on its base; three or more
-        accelerometers on the body that are not on one line.
+        accelerometers on the body that are not on one line. Bodies that it carries take part by the vehicle file.
 
     Attributes
     ----------
@@ -103,9 +111,9 @@ class Plant:
         maps = [relative_tilt_maps(a.mounts, e).reshape(3 * count, 3 * count) for e in np.eye(5)[:, :4]]
         self._tilt, self._tilt_slopes = maps[4], [m - maps[4] for m in maps[:4]]
         points = self.points(a.body.cg)
-        values, vectors = np.linalg.eigh(np.eye(3 * count) - points @ np.linalg.pinv(points))
-        self.patterns = vectors[:, values > 0.5]
-        self.states = FastStates.of(self.patterns.shape[1])
+        self.patterns = _patterns(np.eye(3 * count) - points @ np.linalg.pinv(points))
+        self.carried = Carried(a)
+        self.states = FastStates.of(self.patterns.shape[1], self.carried.count)
         self.slow = self._slow()
 
     def _slow(self) -> SlowStates:
@@ -123,8 +131,8 @@ class Plant:
         return slow_states(
             [
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
-                (np.array([np.log(a.file_mass)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
-                (np.zeros(3), np.full(3, spread)),
+                (np.array([np.log(body.mass.value)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
+                (np.zeros(3), np.full(3, spread)), (np.zeros(len(self.carried.std)), self.carried.std),
                 (np.zeros(3), _MEAN_STD),
             ],
             self.sensors,
@@ -142,12 +150,30 @@ class Plant:
         s, body = self.slow, self.geometry.body
         k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
         root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
-        inertia = root @ body.inertia @ root * mass / self.geometry.file_mass
-        points = self.points(cg)
-        weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0])
+        inertia = root @ body.inertia @ root * mass / body.mass.value
+        points, carried = self.points(cg), self.carried.parts(theta[s.log_carried], cg)
+        weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0]) + carried.weight
         static, _ = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
         tilt = self._tilt + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
-        return Constants(k, np.exp(theta[s.log_damping]), tilt, mass, cg, inertia, points, static, theta[s.mean_accel])
+        return Constants(k, np.exp(theta[s.log_damping]), tilt, mass, cg, inertia, carried, points, static, theta[s.mean_accel])
+
+
+def _patterns(projector: Array) -> Array:
+    """Return an orthonormal basis of what a projector leaves, shape (3 M, n).
+
+    Vertical motion of the mounts one after the other, then x, then y, each made orthogonal to those before: eigenvectors of equal
+    eigenvalues would be another basis on every processor, and spectra are per pattern.
+    """
+    count = len(projector)
+    found = np.zeros((count, 0))
+    for place in [*range(2, count, 3), *range(0, count, 3), *range(1, count, 3)]:
+        column = projector[place]
+        for _ in range(2):  # once more against rounding
+            column = column - found @ (found.T @ column)
+        size = float(np.linalg.norm(column))
+        if size > _DEPENDENT:
+            found = np.column_stack([found, column / size])
+    return found
 
 
 def _law(mount: Mount, axis: str) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -164,8 +190,6 @@ def _check(a: Geometry) -> None:
     problems = []
     if not a.free.all():
         problems.append(f"body {a.body.name!r} must be free in six coordinates")
-    if a.carried is not None:
-        problems.append(f"body {a.body.name!r} carries another body")
     if len(a.mounts) < 3:
         problems.append(f"body {a.body.name!r} has {len(a.mounts)} mounts on a measured base; at least 3 are needed")
     short = [m.name for m in a.mounts if any(axis not in m.elements for axis in AXES)]

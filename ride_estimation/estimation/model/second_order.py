@@ -28,7 +28,7 @@ class SecondOrder:
     readings
         Added to the readings, shape (T, C).
     accel
-        Added to the specific force and angular acceleration of the body, shape (T, 6).
+        Added to the specific force and angular acceleration of the body and to the acceleration of carried bodies, (T, 6 + Q).
     """
 
     readings: Array
@@ -80,7 +80,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
         parts.append(part)
     load = extra.reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
-    return SecondOrder(np.hstack(parts), load @ m.mobility)
+    return SecondOrder(np.hstack(parts), load @ m.mobility[:6])
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:

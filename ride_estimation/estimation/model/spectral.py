@@ -86,7 +86,7 @@ class Response:
     drive
         To the inputs, shape (F, X, W).
     accel
-        To an acceleration of the body that the equations do not contain, shape (F, X, 6).
+        To an acceleration of body and carried bodies that the equations do not contain, shape (F, X, 6 + Q).
     jump
         To the state before the segment less that after it, shape (F, X, X).
     """
@@ -97,7 +97,7 @@ class Response:
 
 
 def response(A: Array, lines: Lines, rate: slice) -> Response:
-    """Return the response of ``x' = A v``, shape (X, V); ``rate`` are the states that an acceleration of the body changes."""
+    """Return the response of ``x' = A v``, shape (X, V); ``rate`` are the states that accelerations change."""
     size = len(A)
     one = np.eye(size)
     inputs = A.shape[1] - size

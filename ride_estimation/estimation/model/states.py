@@ -27,12 +27,16 @@ class FastStates:
     ----------
     relative, relative_rate
         Rigid motion of the body against the base at the CG: translation [m], rotation [rad]; its rate [m/s, rad/s].
+    carried, carried_rate
+        Motion of carried bodies against the body, per coordinate they have; its rate.
     deformation, deformation_rate
         What the base leaves of its rigid shape at the mounts, per pattern, counted as deflection of the mounts [m, m/s].
     base_accel
         Specific force and angular acceleration of the rigid base at the CG, without gravity [m/s^2, rad/s^2].
     deformation_accel
         Acceleration of the deformation [m/s^2].
+    accelerated
+        ``relative_rate`` and ``carried_rate``: what a force on the body changes.
     motion, drive
         The states, the inputs.
     size
@@ -40,21 +44,25 @@ class FastStates:
     """
 
     relative: slice
+    carried: slice
     relative_rate: slice
+    carried_rate: slice
     deformation: slice
     deformation_rate: slice
     base_accel: slice
     deformation_accel: slice
+    accelerated: slice
     motion: slice
     drive: slice
     size: int
 
     @classmethod
-    def of(cls, patterns: int) -> FastStates:
-        """Return the slices for a base that deforms in so many patterns."""
-        q, rate, z, z_rate, base, deforming = slices_of([6, 6, patterns, patterns, 6, patterns])
-        motion, drive = slice(0, base.start), slice(base.start, deforming.stop)
-        return cls(q, rate, z, z_rate, base, deforming, motion, drive, deforming.stop)
+    def of(cls, patterns: int, carried: int = 0) -> FastStates:
+        """Return the slices for a base that deforms in so many patterns and carried bodies of so many coordinates."""
+        parts = slices_of([6, carried, 6, carried, patterns, patterns, 6, patterns])
+        accelerated = slice(parts[2].start, parts[3].stop)
+        motion, drive = slice(0, parts[6].start), slice(parts[6].start, parts[7].stop)
+        return cls(*parts, accelerated, motion, drive, drive.stop)  # type: ignore[call-arg,arg-type]
 
 
 #: errors of an accelerometer and of a displacement transducer, in the order of their columns: name -> number of values
@@ -74,6 +82,8 @@ class SlowStates:
         How brackets roll and pitch with the twist of the base: two shares [-] and two shifts [m].
     log_mass, cg, log_inertia
         Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
+    log_carried
+        Logarithms of masses, then of stiffness and damping, of carried bodies over those of the vehicle file.
     mean_accel
         Mean specific force of base and body beyond gravity: slope of the road, correlation of motion and attitude [m/s^2].
     sensors
@@ -88,6 +98,7 @@ class SlowStates:
     log_mass: slice
     cg: slice
     log_inertia: slice
+    log_carried: slice
     mean_accel: slice
     sensors: dict[str, dict[str, slice]]
     mean: Array
