@@ -76,7 +76,8 @@ def foreign(folder: pathlib.Path) -> tuple[DriveCalibration, Errors]:
     by_topic = {s.topic: s for s in vehicle.sensors.values()}
     for entry in json.loads((folder / "truth.json").read_text(encoding="utf-8"))["true_parameters"]["sensors"]:
         sensor = by_topic.get(entry["topic"])
-        if sensor is not None and entry["kind"] == "acc":
+        on_cab = sensor is not None and (sensor.body == "cab" or bool(sensor.mount))
+        if sensor is not None and on_cab and entry["kind"] == "acc":
             truth[sensor.name] = {
                 "bias": np.array(entry["bias"]), "gain": np.array(entry["gain"]) - 1.0, "delay": np.array([entry["delay"]]),
                 "position": np.array(entry["true_pos"]) - sensor.position, "misalignment": np.array(entry["mis"]),

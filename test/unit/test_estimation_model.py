@@ -107,7 +107,7 @@ def test_transforms_of_a_segment_obey_the_response_whatever_its_ends() -> None:
         states.append(x)
         x = step[:2, :2] @ x + step[:2, 2] * value
     lines = Lines.of(count, DT)
-    found = response(A, lines, slice(1, 2))
+    found = response(A, lines, slice(1, 2), 2)
     taken = np.array(states)[::fine]
     ends = (taken[0] - x) / np.sqrt(count)
     exact = lines.transform(taken)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.dynamics import Dynamics, dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
-from ride_estimation.estimation.model.readings import readings
+from ride_estimation.estimation.model.readings import reading, readings
 from ride_estimation.estimation.model.second_order import second_order
 from ride_estimation.estimation.model.spectral import Lines, Response, response
 from ride_estimation.estimation.model.states import FastStates, reading_width
@@ -52,6 +52,8 @@ _FIRST_SIZE, _FIRST_BENT = 10.0, 0.02
 _RATE_HZ = 0.2
 #: share of the mean second-order reading that higher orders change (drawn cabs on roads of pitch up to 1.2 degrees rms: 0.08)
 _HIGHER_ORDER = 0.1
+#: share of the variance of a reading below which what mounts move by themselves is left out
+_NO_SHARE = 1e-3
 _UNFIT = "the errors of the sensors cannot be estimated: the vehicle file does not fit this drive"
 #: lines of the Jacobian handled together: bounds the memory
 _CHUNK = 256
@@ -135,6 +137,36 @@ class _Projected:
     seen: Complex
     jump_readings: Complex
     cost: float
+
+
+@dataclasses.dataclass(frozen=True)
+class _Whitening:
+    """What gives the noise of the readings unit variance: standard deviations (F, C), then at some lines a matrix (L, C, C)."""
+
+    std: Array
+    lines: NDArray[np.int64]
+    matrix: Array
+
+    @classmethod
+    def of(cls, std: Array, wandering: Array, lean: Array) -> _Whitening:
+        """Return the whitening of white noise and of ``lean`` (C, 3 M) times what every mount moves by itself."""
+        share = wandering * np.max(np.sum(lean**2, axis=1) / std**2, axis=1)
+        lines = np.flatnonzero(share > _NO_SHARE)
+        rows = lean / std[lines, :, None]
+        covariance = np.eye(std.shape[1]) + wandering[lines, None, None] * np.matmul(rows, rows.transpose(0, 2, 1))
+        return cls(std, lines, np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    def whiten(self, values: Complex) -> Complex:
+        """Return whitened columns, shape (F, C, K)."""
+        found = values / self.std[:, :, None]
+        found[self.lines] = np.matmul(self.matrix, found[self.lines])
+        return np.asarray(found)
+
+    def transform(self, rows: Complex) -> Complex:
+        """Return rows over whitened readings as rows over readings, shape (F, K, C)."""
+        found = rows.copy()
+        found[self.lines] = np.matmul(found[self.lines], self.matrix)
+        return np.asarray(found / self.std[:, None, :])
 
 
 class JointEstimate:
@@ -233,35 +265,51 @@ class JointEstimate:
         """Repeat Gauss-Newton steps until they are small against their standard deviation."""
         slow, free = self.plant.slow, self.plant.slow.free
         laws = free < slow.log_damping.stop
+        model = self.model()
+        projected = self._projected(model)
         for step in range(_STEPS):
-            model = self.model()
-            information, gradient = self.normal_equations(model)
+            information, gradient = self.normal_equations(model, projected)
             if not (np.all(np.isfinite(information)) and np.all(np.isfinite(gradient))):
                 raise InputDataError(_UNFIT)
             inverse = self._inverse(information)
             change = -inverse @ gradient
             scale = min(1.0, _LARGEST_STEP / max(float(np.abs(change[laws]).max()), 1e-12))
-            before, start = self.cost(model), self.theta.copy()
+            before, start = self.cost(model, projected), self.theta.copy()
             for halved in range(_HALVINGS):
                 self.theta = start.copy()
                 self.theta[free] += 0.5**halved * scale * change
-                if self.cost(self.model()) < before + _NOISE_OF_COST:
+                moved_model = self.model()
+                moved_projected = self._projected(moved_model)
+                if self.cost(moved_model, moved_projected) < before + _NOISE_OF_COST:
+                    model, projected = moved_model, moved_projected
                     break
             else:
                 self.theta = start
             moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(inverse))
-            self.renew()
+            self._renew(model, projected)
             if scale == 1.0 and moved.max() < _CONVERGED and step >= _RENEWALS:
                 break
+            projected = self._projected(model)
 
-    def cost(self, model: Model) -> float:
-        """Return the negative logarithm of likelihood times prior, up to a constant, at the present second order and noise."""
+    def _projected(self, model: Model) -> list[_Projected]:
+        return [self._project(model, segment) for segment in self._segments]
+
+    def cost(self, model: Model, projected: Sequence[_Projected] = ()) -> float:
+        """Return the negative logarithm of likelihood times prior, up to a constant, at the present second order and noise.
+
+        Parameters
+        ----------
+        model
+            At the slow states in question.
+        projected
+            The segments at that model, where they are at hand.
+        """
         slow = self.plant.slow
         free = slow.free
         total = 0.5 * float(np.sum(((self.theta - slow.mean)[free] / slow.std[free]) ** 2))
-        for segment in self._segments:
+        for segment, p in zip(self._segments, projected or self._projected(model)):
             white, offset = self._offset(model, segment)
-            total += self._project(model, segment).cost + 0.5 * float(np.sum((white @ offset) ** 2))
+            total += p.cost + 0.5 * float(np.sum((white @ offset) ** 2))
         return total
 
     def _offset(self, model: Model, segment: _Segment) -> tuple[Array, Array]:
@@ -296,17 +344,15 @@ class JointEstimate:
     def _project(self, model: Model, segment: _Segment) -> _Projected:
         """Return what the inputs leave over of a segment."""
         states, lines = self.plant.states, segment.lines
-        found = response(model.dynamics.A, lines, states.accelerated)
+        found = response(model.dynamics.A, lines, states.accelerated, states.deformation.start)
         rows = model.rows[:, states.motion]
         late = np.exp(-lines.laplace[:, None] * self.theta[self._delay])
         pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
         known = segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T
-        covariance = segment.factor[:, None, None] * np.diag(self._white**2)
-        covariance = covariance + segment.wandering[:, None, None] * (model.lean @ model.lean.T)
-        white = np.linalg.inv(np.linalg.cholesky(covariance))
-        seen = np.matmul(white, (segment.moving - late * known)[:, :, None])[:, :, 0]
-        inputs = np.matmul(white, late[:, :, None] * (np.matmul(rows, found.drive) + model.rows[:, states.drive]))
-        jump = np.matmul(white, late[:, :, None] * np.matmul(rows, found.jump))
+        white = _Whitening.of(np.sqrt(segment.factor)[:, None] * self._white, segment.wandering, model.lean)
+        seen = white.whiten((segment.moving - late * known)[:, :, None])[:, :, 0]
+        inputs = white.whiten(late[:, :, None] * (np.matmul(rows, found.drive) + model.rows[:, states.drive]))
+        jump = white.whiten(late[:, :, None] * np.matmul(rows, found.jump))
         q, r = np.linalg.qr(inputs, mode="complete")
         count = inputs.shape[2]
         basis, free, root = q[:, :, :count], q[:, :, count:].conj().transpose(0, 2, 1), r[:, :count]
@@ -317,7 +363,7 @@ class JointEstimate:
         ends = np.linalg.solve(information, (stacked.conj().T @ left.ravel()).real)
         left = left - over @ ends
         cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
-        return _Projected(found, late, np.matmul(free, white), left, over, ends, information, basis, root, seen, jump, cost)
+        return _Projected(found, late, white.transform(free), left, over, ends, information, basis, root, seen, jump, cost)
 
     def _ends_std(self, basis: Complex, root: Complex, seen: Complex, lines: Lines) -> Array:
         """Return the standard deviation of the difference of the states between both ends, shape (X,), as transforms count it."""
@@ -350,15 +396,20 @@ class JointEstimate:
         motion += p.response.jump @ np.where(bends, 0.0, p.ends) + deforms * (p.response.jump @ np.where(bends, p.ends, 0.0))
         return np.hstack([motion, drive]), power
 
-    def normal_equations(self, model: Model) -> tuple[Array, Array]:
-        """Return information and gradient of the negative log-likelihood, priors included, of the free slow states."""
+    def normal_equations(self, model: Model, projected: Sequence[_Projected] = ()) -> tuple[Array, Array]:
+        """Return information and gradient of the negative log-likelihood, priors included, of the free slow states.
+
+        Parameters
+        ----------
+        model, projected
+            As in :meth:`cost`.
+        """
         slow, free = self.plant.slow, self.plant.slow.free
         turned, rows, constants = self._derivatives(model)
         information = np.diag(slow.std[free] ** -2.0)
         gradient = (self.theta - slow.mean)[free] / slow.std[free] ** 2
         squares, count = 0.0, 0
-        for segment in self._segments:
-            p = self._project(model, segment)
+        for segment, p in zip(self._segments, projected or self._projected(model)):
             v, _ = self._states(segment, p)
             own, cross, score = self._jacobian(model, segment, p, v, turned, rows)
             information += 2.0 * (own - cross @ np.linalg.solve(p.ends_information, cross.T))
@@ -406,23 +457,38 @@ class JointEstimate:
         """Return derivatives with the free slow states: of accelerations (P, 6 + Q, V), of rows (P, C, V) and constant (P, C) of
         the readings.
         """
-        rate = self.plant.states.accelerated
-        turned, rows, constants = [], [], []
-        for i in self.plant.slow.free:
+        plant, slow, rate = self.plant, self.plant.slow, self.plant.states.accelerated
+        free = slow.free
+        turned = np.zeros((len(free), rate.stop - rate.start, plant.states.size))
+        rows, constants = np.zeros((len(free), *model.rows.shape)), np.zeros((len(free), len(model.constant)))
+        owners = {
+            place: sensor for sensor in plant.sensors for part in slow.sensors[sensor.name].values()
+            for place in range(part.start, part.stop)
+        }  # fmt: skip
+        first = dict(zip((s.name for s in plant.sensors), np.cumsum([0, *(reading_width(s) for s in plant.sensors)]).tolist()))
+        for n, i in enumerate(free.tolist()):
             theta = self.theta.copy()
             theta[i] += _STEP
-            other = self.model(theta)
-            turned.append((other.dynamics.A[rate] - model.dynamics.A[rate]) / _STEP)
-            rows.append((other.rows - model.rows) / _STEP)
-            constants.append((other.constant - model.constant) / _STEP)
-        return np.array(turned), np.array(rows), np.array(constants)
+            if i in owners:  # an error of a sensor changes its own readings only
+                sensor = owners[i]
+                at = slice(first[sensor.name], first[sensor.name] + reading_width(sensor))
+                own, constant = reading(plant, model.dynamics, sensor, theta, theta[slow.cg])
+                rows[n, at], constants[n, at] = (own - model.rows[at]) / _STEP, (constant - model.constant[at]) / _STEP
+            else:
+                other = self.model(theta)
+                turned[n] = (other.dynamics.A[rate] - model.dynamics.A[rate]) / _STEP
+                rows[n], constants[n] = (other.rows - model.rows) / _STEP, (other.constant - model.constant) / _STEP
+        return turned, rows, constants
 
     def renew(self) -> None:
         """Compute the second order from the states, and the factor on the noise from what is left over."""
-        model, states = self.model(), self.plant.states
-        for segment in self._segments:
+        model = self.model()
+        self._renew(model, self._projected(model))
+
+    def _renew(self, model: Model, projected: Sequence[_Projected]) -> None:
+        states = self.plant.states
+        for segment, p in zip(self._segments, projected):
             lines = segment.lines
-            p = self._project(model, segment)
             v, power = self._states(segment, p)
             v[:, states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
             fast = 1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2)

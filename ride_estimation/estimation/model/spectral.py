@@ -96,15 +96,38 @@ class Response:
     jump: Complex
 
 
-def response(A: Array, lines: Lines, rate: slice) -> Response:
-    """Return the response of ``x' = A v``, shape (X, V); ``rate`` are the states that accelerations change."""
+def response(A: Array, lines: Lines, rate: slice, driven: int) -> Response:
+    """Return the response of ``x' = A v``, shape (X, V).
+
+    Parameters
+    ----------
+    A, lines
+        Dynamics and frequencies.
+    rate
+        States that accelerations change.
+    driven
+        The first so many states follow the others without acting on them.
+    """
     size = len(A)
-    one = np.eye(size)
+    right = np.hstack([A[:, size:], np.eye(size)[:, rate]])
+    found = _inverse(lines.laplace, np.ones(1), A[:, :size], driven) @ right
+    shift = np.exp(-lines.laplace * lines.dt)
+    jump = _inverse(np.ones(1), shift, np.asarray(sl.expm(A[:, :size] * lines.dt)), driven)
     inputs = A.shape[1] - size
-    resolvent = lines.laplace[:, None, None] * one - A[:, :size]
-    right = np.hstack([A[:, size:], one[:, rate]])
-    found = np.linalg.solve(resolvent, np.broadcast_to(right, (len(resolvent), *right.shape)))
-    step = sl.expm(A[:, :size] * lines.dt)
-    jump = np.linalg.inv(one - np.exp(-lines.laplace * lines.dt)[:, None, None] * step)
-    drive, accel = (np.asarray(part, dtype=np.complex128) for part in (found[:, :, :inputs], found[:, :, inputs:]))
-    return Response(drive, accel, np.asarray(jump, dtype=np.complex128))
+    return Response(found[:, :, :inputs], found[:, :, inputs:], jump)
+
+
+def _inverse(one: Complex | Array, factor: Complex | Array, matrix: Array, driven: int) -> Complex:
+    """Return ``(one 1 - factor M)^-1`` per line, shape (F, X, X), of a matrix that is zero below its first ``driven`` columns.
+
+    By blocks: a quarter of the work.
+    """
+    size, lines = len(matrix), max(len(one), len(factor))
+    found = np.zeros((lines, size, size), dtype=np.complex128)
+    first, last = slice(0, driven), slice(driven, size)
+    for part in (first, last):
+        own = matrix[part, part]
+        found[:, part, part] = np.linalg.inv(one[:, None, None] * np.eye(len(own)) - factor[:, None, None] * own)
+    between = np.matmul(found[:, first, first], factor[:, None, None] * matrix[first, last])
+    found[:, first, last] = np.matmul(between, found[:, last, last])
+    return found
