@@ -10,6 +10,7 @@ acceleration tells that: beside the measured error stands the least that any est
 the deformation exactly and how the brackets tilt, at once and with all that comes after. ``--installed`` mounts every sensor as
 badly as the estimator has to reckon with; without, they are perfect, and intervals that contain such errors are too wide. The
 same holds for the vehicle file: with ``--drawn`` its mass, inertia and static loads err by what it states, else they are exact.
+``--calibrated``: before, ``calibrate --drive`` reads the sensors' errors from another road, 60 s long.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from scipy import signal
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
-from worlds.adapters import START_NS, arrivals, believed_vehicle  # noqa: E402
+from worlds.adapters import START_NS, arrivals, believed_vehicle, recording  # noqa: E402
 from worlds.cab import CabSensor, CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle, simulate  # noqa: E402
 from worlds.drawn import drawn_belief, drawn_split  # noqa: E402
 from worlds.installation import installed as with_errors  # noqa: E402
@@ -34,10 +35,12 @@ from worlds.roads import Road, base_motion  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
 
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
+from ride_estimation.estimation.model.drive_calibration import calibrate_drive  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
 from ride_estimation.sensors.installation import USUAL  # noqa: E402
+from ride_estimation.vehicles.vehicle import Vehicle  # noqa: E402
 
 RATE = 500.0
 START = 1.0  # seconds at rest before the ramp
@@ -148,12 +151,25 @@ def parameter_errors(cab: CabVehicle, estimates: list, drawn: bool = False) -> l
     return found
 
 
+def calibrated(cab: CabVehicle, sensors: tuple[CabSensor, ...], vehicle: Vehicle, seed: int, noise: float) -> Vehicle:
+    """Return a vehicle with its sensors as another drive calibrates them, as it was where that drive is refused."""
+    follow = tuple(np.random.default_rng([seed, 1]).uniform(0.0, 1.0, 2))
+    road = dataclasses.replace(Road.random(np.random.default_rng([seed, 2])), follow=follow)
+    data = measure(drive(cab, road, 60.0, seed + 1), sensors, 200.0, seed + 1, noise_share=noise, anti_alias=0.0)
+    found = calibrate_drive(recording(data), vehicle)
+    if not found.usable:
+        print(f"  seed {seed}: the calibration is refused", file=sys.stderr)
+    return found.vehicle(vehicle) if found.usable else vehicle
+
+
 def judge_drive(
-    rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool, drawn: bool = False
+    rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool, drawn: bool = False, calibrate: bool = False
 ) -> tuple[CabVehicle, Measurement]:
     """Add errors, coverage and consistency of the drive of a world to figures; return the world."""
     cab, data = world(seed, 15.0, noise, anti_alias, real)
     vehicle = believed_vehicle(data, drawn_belief(Belief(), seed) if drawn else None, seed=seed)
+    if calibrate:
+        vehicle = calibrated(cab, data.sensors, vehicle, seed, noise)
     pipeline = Pipeline(vehicle)
     blocks, estimates = through(pipeline, data, START + 10.0)
     for group, error, ratio in parameter_errors(cab, estimates, drawn):
@@ -194,10 +210,12 @@ def judge_drive(
     return cab, data
 
 
-def nominal(seeds: range, noise: float, anti_alias: float, real: bool = False, drawn: bool = False) -> dict[str, list]:
+def nominal(
+    seeds: range, noise: float, anti_alias: float, real: bool = False, drawn: bool = False, calibrate: bool = False
+) -> dict[str, list]:
     rows: dict[str, list] = {}
     for seed in seeds:
-        cab, data = judge_drive(rows, seed, noise, anti_alias, real, drawn)
+        cab, data = judge_drive(rows, seed, noise, anti_alias, real, drawn, calibrate)
         for when, least in zip(("causal", "smoothed"), least_error(cab, data)):
             rows.setdefault(f"least {when}", []).extend(least.ravel())
         stiffness, force = (100 * max(rows[f"{what} vertical"][-4:]) for what in ("k", "force"))
@@ -322,11 +340,12 @@ def main() -> None:
     )
     parser.add_argument("--installed", action="store_true", help="sensors with all errors of a usual installation")
     parser.add_argument("--drawn", action="store_true", help="a vehicle file that errs by what it states")
+    parser.add_argument("--calibrated", action="store_true", help="calibrate the sensors from another drive first")
     given = parser.parse_args()
     start = time.perf_counter()
     seeds = range(given.first, given.first + given.seeds)
     few = range(given.first, given.first + max(given.seeds // 4, 1))
-    rows = nominal(seeds, given.noise, given.anti_alias, given.installed, given.drawn)
+    rows = nominal(seeds, given.noise, given.anti_alias, given.installed, given.drawn, given.calibrated)
     table(rows, masses(few, given.noise), changes(few, given.noise))
     print(f"{given.seeds} worlds, {time.perf_counter() - start:.0f} s")
 

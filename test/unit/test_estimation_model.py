@@ -15,7 +15,7 @@ from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.model.dynamics import dynamics
-from ride_estimation.estimation.model.joint import JointEstimate
+from ride_estimation.estimation.model.joint import JointEstimate, Whitening
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.spectral import Lines, response
 from ride_estimation.estimation.model.states import SlowStates
@@ -213,6 +213,47 @@ def test_the_gradient_is_the_derivative_of_the_cost(vehicle: Vehicle, monkeypatc
         at = int(np.searchsorted(slow.free, i))
         size = np.sqrt(np.abs(gradient[at])) / slow.std[i] + 1.0 / slow.std[i]
         assert gradient[at] == pytest.approx((values[0] - values[1]) / (2 * h), rel=0.05, abs=2.0 * size), i
+
+
+def test_whitening_leaves_unit_covariance_where_brackets_lean_by_their_own_motion() -> None:
+    rng = np.random.default_rng(3)
+    std, lean, wandering = rng.uniform(0.5, 2.0, (2, 6)), rng.normal(size=(6, 4)), np.array([0.0, 0.7])
+    white = Whitening.of(std, wandering, lean)
+    for line in range(2):
+        covariance = np.diag(std[line] ** 2) + wandering[line] * lean @ lean.T
+        root = np.zeros((2, 6, 6), dtype=complex)
+        root[line] = np.linalg.cholesky(covariance)
+        found = white.whiten(root)[line]
+        np.testing.assert_allclose(found @ found.conj().T, np.eye(6), atol=1e-12)
+    rows, values = rng.normal(size=(2, 3, 6)) + 0j, rng.normal(size=(2, 6, 1)) + 0j
+    np.testing.assert_allclose(white.transform(rows) @ values, rows @ white.whiten(values), atol=1e-12)
+
+
+def test_own_motion_of_the_mounts_is_measured_and_counts_as_noise(linear: tuple[Plant, np.ndarray, np.ndarray]) -> None:
+    plant, readings, theta = linear
+    joint = JointEstimate(plant, [readings], DT)
+    joint.theta = theta.copy()
+    joint.renew()
+    segment = joint._segments[0]
+    p = joint._project(joint.model(), segment)
+    raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), p.seen[:, :, None]))[:, 6:, 0]
+    moved = np.abs(raw / segment.lines.laplace[:, None] ** 2) ** 2
+    moves = (segment.lines.frequency > 1.0) & (segment.lines.frequency < 10.0)
+    assert 0.2 < segment.wandering[moves].sum() / np.median(moved[moves].sum(axis=0)) < 2.0
+
+
+def test_inputs_that_are_noise_are_shrunk_to_nothing(linear: tuple[Plant, np.ndarray, np.ndarray]) -> None:
+    plant, readings, theta = linear
+    rng = np.random.default_rng(8)
+    noise = np.repeat([s.noise_std for s in plant.sensors], 3)
+    joint = JointEstimate(plant, [noise * rng.normal(size=readings.shape)], DT)
+    joint.theta = theta.copy()
+    segment, model = joint._segments[0], joint.model()
+    p = joint._project(model, segment)
+    raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), p.seen[:, :, None]))[:, :, 0]
+    states, _ = joint._states(segment, p)
+    fast = segment.lines.frequency > 2.0
+    assert np.linalg.norm(states[fast][:, plant.states.drive]) < 0.4 * np.linalg.norm(raw[fast])
 
 
 def test_a_gain_that_all_sensors_share_moves_nothing(linear: tuple[Plant, np.ndarray, np.ndarray]) -> None:

@@ -140,15 +140,23 @@ class _Projected:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Whitening:
-    """What gives the noise of the readings unit variance: standard deviations (F, C), then at some lines a matrix (L, C, C)."""
+class Whitening:
+    """What gives the noise of the readings unit variance.
+
+    Attributes
+    ----------
+    std
+        Of the white noise per line, shape (F, C).
+    lines, matrix
+        Lines at which more than white noise counts, and what is applied there after dividing by ``std``, shape (L, C, C).
+    """
 
     std: Array
     lines: NDArray[np.int64]
     matrix: Array
 
     @classmethod
-    def of(cls, std: Array, wandering: Array, lean: Array) -> _Whitening:
+    def of(cls, std: Array, wandering: Array, lean: Array) -> Whitening:
         """Return the whitening of white noise and of ``lean`` (C, 3 M) times what every mount moves by itself."""
         share = wandering * np.max(np.sum(lean**2, axis=1) / std**2, axis=1)
         lines = np.flatnonzero(share > _NO_SHARE)
@@ -349,7 +357,7 @@ class JointEstimate:
         late = np.exp(-lines.laplace[:, None] * self.theta[self._delay])
         pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
         known = segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T
-        white = _Whitening.of(np.sqrt(segment.factor)[:, None] * self._white, segment.wandering, model.lean)
+        white = Whitening.of(np.sqrt(segment.factor)[:, None] * self._white, segment.wandering, model.lean)
         seen = white.whiten((segment.moving - late * known)[:, :, None])[:, :, 0]
         inputs = white.whiten(late[:, :, None] * (np.matmul(rows, found.drive) + model.rows[:, states.drive]))
         jump = white.whiten(late[:, :, None] * np.matmul(rows, found.jump))
