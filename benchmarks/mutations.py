@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Break one line of the estimator's uncertainty logic at a time and see whether the fast tests notice.
 
-    python benchmarks/mutations.py                    # all twenty, prints which tests fail for each
+    python benchmarks/mutations.py                    # all; prints which tests fail for each
     python benchmarks/mutations.py --only 3 7
 
 Every mutation is put into a copy of the repository and the fast tests of the estimator run on it until one fails. Prints a line
@@ -144,6 +144,18 @@ MUTATIONS = (
     Mutation(
         "pipeline.py", "excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _EXCESS_FADES))",
         "excess = 1.0", "sensors that contradict each other in the motion",
+    ),
+    Mutation(
+        "model/joint.py", "total = information + np.eye(raw.shape[1]) / power[:, :, None]", "total = information",
+        "noise of the inputs: derivatives are taken at noise",
+    ),
+    Mutation(
+        "model/joint.py", "lines = np.flatnonzero(share > _NO_SHARE)", "lines = np.flatnonzero(share > 1e30)",
+        "what a bracket that moves alone and does not lean adds to the readings of the base",
+    ),
+    Mutation(
+        "model/joint.py", "segment.wandering = own / np.abs(lines.laplace) ** 4", "segment.wandering = 0.0 * own",
+        "how far mounts move by themselves",
     ),
 )  # fmt: skip
 
