@@ -82,7 +82,6 @@ class _Source:
             [0, *np.cumsum(unusual).tolist()], stated.tolist(), widest,
         )  # fmt: skip
 
-
     def delayed(self, delay_ns: int) -> None:
         """Take the readings as so much late."""
         stamps = _late(self.raw_stamps, delay_ns)

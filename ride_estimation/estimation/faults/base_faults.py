@@ -298,8 +298,8 @@ class BaseFaults:
         return ""
 
     @property
-    def tells_delays(self) -> bool:
-        """Return whether the test tells delays that are not gross."""
+    def finds_delays(self) -> bool:
+        """Return whether the test finds delays that are not gross."""
         return self.possible and len(self._sensors) >= _TWISTING
 
     @property

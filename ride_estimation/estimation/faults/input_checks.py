@@ -211,7 +211,7 @@ class InputChecks:
     @property
     def fault_tests(self) -> Sequence[FaultTest]:
         """Return the test of the base sensors, none where a frame that twists looks like a late one."""
-        return (self._base_faults.test,) if self._base_faults.tells_delays else ()
+        return (self._base_faults.test,) if self._base_faults.finds_delays else ()
 
     @property
     def suspicion(self) -> str:

@@ -67,10 +67,10 @@ class LateSensors:
             fault = test.judge()
             if fault is None or fault.kind != "delay" or fault.rivals or fault.explained < _EXPLAINED:
                 continue
-            told, before = test.delay_of(fault.sensor), self._found.get(fault.sensor, Delay(0.0, 0.0, 0))
-            if told is None or not told[2] or before.times >= _OFTEN:
+            known, before = test.delay_of(fault.sensor), self._found.get(fault.sensor, Delay(0.0, 0.0, 0))
+            if known is None or not known[2] or before.times >= _OFTEN:
                 continue
-            after = Delay(before.seconds + told[0], _std(*told[:2]), before.times + 1)
+            after = Delay(before.seconds + known[0], _std(*known[:2]), before.times + 1)
             if abs(self._whole(fault.sensor, after)) <= _LARGEST:
                 self._found[fault.sensor] = after
                 return True
@@ -79,10 +79,10 @@ class LateSensors:
     def refine(self, tests: Sequence[FaultTest]) -> bool:
         """Return whether a test knows what is left of a delay that was found roughly; it goes on without that."""
         for (name, found), test in itertools.product(self._found.items(), tests):
-            told = test.delay_of(name)
-            if told is not None and _std(*told[:2]) < _BETTER * found.std:
-                test.put_back(name, told[0])
-                self._found[name] = Delay(found.seconds + told[0], _std(*told[:2]), found.times)
+            known = test.delay_of(name)
+            if known is not None and _std(*known[:2]) < _BETTER * found.std:
+                test.put_back(name, known[0])
+                self._found[name] = Delay(found.seconds + known[0], _std(*known[:2]), found.times)
                 return True
         return False
 
