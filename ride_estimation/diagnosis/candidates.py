@@ -18,19 +18,19 @@ _INSIDE = 1.01
 Identity = tuple[str, str, str, str]
 
 
-def beyond_tolerance(fit: FullFit) -> bool:
-    """Return whether the last hypothesis of a fit is more than an installation within its tolerance.
+def beyond_tolerance(fit: FullFit, which: int = -1) -> bool:
+    """Return whether a hypothesis of a fit, the last one, is more than an installation within its tolerance.
 
     Beside a cause whose law describes it badly, small errors of sensors and of the CG fit some of the rest; what three
     standard deviations of a good installation hold is calibration and no further cause.
     """
-    last = fit.fitted[-1]
-    kind, place, axis = tolerance_of(last.hypothesis)
+    fitted = fit.fitted[which]
+    kind, place, axis = tolerance_of(fitted.hypothesis)
     limits = [
         a.prior_std for a in fit.adjustables
         if a.kind == kind and place in (a.place, "all") and axis in (a.axis, "")
     ]
-    return not limits or abs(float(last.coefficients[0])) > 3.0 * max(limits)
+    return not limits or abs(float(fitted.coefficients[0])) > 3.0 * max(limits)
 
 
 def at_bounds(fitted: Fitted) -> bool:

@@ -192,8 +192,10 @@ class Selector:
             if not worthwhile and before is not None and not self._solved(before, accepted):
                 accepted, contests = before, known
                 break
-            accepted = self._settled(accepted)
-            if self._exhausted(accepted) or self._spent:
+            newest = identity(accepted.fitted[-1].hypothesis)
+            accepted = self._without_tolerated(self._settled(accepted))
+            dropped = newest not in [identity(f.hypothesis) for f in accepted.fitted]
+            if dropped or self._exhausted(accepted) or self._spent:
                 break
         kept = accepted.fitted if accepted is not None else ()
         found = (contests.get(identity(f.hypothesis)) for f in kept)
@@ -223,6 +225,11 @@ class Selector:
             return settled
         self._hold(held)
         return accepted
+
+    def _without_tolerated(self, fit: FullFit) -> FullFit:
+        """Return the fit without causes that shrank, beside the others, to what an installation in its tolerance has."""
+        kept = [f for i, f in enumerate(fit.fitted) if beyond_tolerance(fit, i)]
+        return fit if not kept or len(kept) == len(fit.fitted) else self._fitted([kept], 2, fit)[0]
 
     def _bounded(self, accepted: FullFit | None) -> FullFit | None:
         """Return the accepted model with errors that no good installation has held where their causes count from.

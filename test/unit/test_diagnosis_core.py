@@ -173,6 +173,8 @@ def test_a_further_cause_must_exceed_three_tolerances(shift, counts):
         hypothesis=types.SimpleNamespace(cause="cg_offset", location="cab", axis="z"), coefficients=np.array([-shift])
     )
     assert beyond_tolerance(types.SimpleNamespace(fitted=(last,), adjustables=(tolerance,))) is counts
+    large = types.SimpleNamespace(hypothesis=last.hypothesis, coefficients=np.array([1e3]))
+    assert beyond_tolerance(types.SimpleNamespace(fitted=(last, large), adjustables=(tolerance,)), 0) is counts
 
 
 def test_splits_are_disjoint_and_cover_every_part_of_the_run():
