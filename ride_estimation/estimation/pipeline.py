@@ -340,9 +340,9 @@ class Pipeline:
 
     def _look_for_delay(self) -> None:
         """Have the aligner put back the readings of a sensor that is found to be late."""
-        tests = [self._motion.fault_test, *self._checks.fault_tests]
         if self._delayed:
             return
+        tests = [self._motion.fault_test, *self._checks.fault_tests]
         self._delayed = self._late.find(tests)
         if self._delayed or self._late.refine(tests):
             self._put_back()

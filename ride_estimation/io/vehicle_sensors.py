@@ -15,7 +15,7 @@ from ride_estimation.io.document import Section, as_number, shown
 from ride_estimation.io.vehicle_mechanics import FARTHEST
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.sensors.sensor import SENSOR_KINDS, Sensor
-from ride_estimation.signals.correction import Correction
+from ride_estimation.signals.correction import LONGEST_DELAY, Correction
 from ride_estimation.vehicles.vehicle import ForceReference, Mount
 
 Array = NDArray[np.float64]
@@ -30,13 +30,13 @@ _KIND_DEFAULTS: dict[str, tuple[str, float]] = {
 }
 #: of one angular rate [rad/s], standard deviation where the file states none
 _GYRO_NOISE = 0.001
-#: largest delay that is a correction and not another clock [s], range of a gain, largest bias by kind
-LONGEST_DELAY = 0.25
+#: range of a gain
 GAIN_RANGE = (0.1, 10.0)
 _MOUNT = {
     True: "the mount it measures", False: "mount whose base motion it measures; its base end is then taken to move as the sensor",
 }
 _PLACE = {True: "place of the sensor", False: "place of the sensor; default: that of its mount"}
+#: by kind [its unit]
 _LARGEST_BIAS = {"accelerometer": 50.0, "imu": 50.0, "displacement": 0.5, "speed": 20.0, "force": 1e5}
 REFERENCE_KINDS = ("known_mass", "known_stiffness", "load_cell", "air_spring_pressure", "known_added_mass")
 

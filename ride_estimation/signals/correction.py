@@ -13,6 +13,9 @@ from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
+#: largest delay that is a correction and not another clock [s]
+LONGEST_DELAY = 0.25
+
 
 @dataclasses.dataclass(frozen=True)
 class Correction:

@@ -17,6 +17,7 @@ from typing import Any
 
 from ride_estimation.estimation.faults.hint_types import Hint
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
+from ride_estimation.signals.correction import LONGEST_DELAY
 from ride_estimation.vehicles.vehicle import Vehicle
 
 #: least share of the deviations that a delay explains: 0.90 to 1.00 in 40 drives with a sensor late by 3 to 15 ms, 0.42 where one
@@ -29,8 +30,6 @@ _BETTER = 0.8
 _OFTEN = 3
 #: share of a step that remains open: the slope of averages of 20 ms stands for a shift of the readings
 _LINEAR = 0.05
-#: largest delay a vehicle file may state [s]
-_LARGEST = 0.25
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,10 +67,11 @@ class LateSensors:
             if fault is None or fault.kind != "delay" or fault.rivals or fault.explained < _EXPLAINED:
                 continue
             known, before = test.delay_of(fault.sensor), self._found.get(fault.sensor, Delay(0.0, 0.0, 0))
-            if known is None or not known[2] or before.times >= _OFTEN:
+            if known is None or before.times >= _OFTEN:
                 continue
-            after = Delay(before.seconds + known[0], _std(*known[:2]), before.times + 1)
-            if abs(self._whole(fault.sensor, after)) <= _LARGEST:
+            step, std, settled = known
+            after = Delay(before.seconds + step, _std(step, std), before.times + 1)
+            if settled and abs(self._whole(fault.sensor, after)) <= LONGEST_DELAY:
                 self._found[fault.sensor] = after
                 return True
         return False
@@ -80,9 +80,12 @@ class LateSensors:
         """Return whether a test knows what is left of a delay that was found roughly; it goes on without that."""
         for (name, found), test in itertools.product(self._found.items(), tests):
             known = test.delay_of(name)
-            if known is not None and _std(*known[:2]) < _BETTER * found.std:
-                test.put_back(name, known[0])
-                self._found[name] = Delay(found.seconds + known[0], _std(*known[:2]), found.times)
+            if known is None:
+                continue
+            step, std = known[0], _std(*known[:2])
+            if std < _BETTER * found.std:
+                test.put_back(name, step)
+                self._found[name] = Delay(found.seconds + step, std, found.times)
                 return True
         return False
 

@@ -57,12 +57,12 @@ class FastStates:
     size: int
 
     @classmethod
-    def of(cls, patterns: int, carried: int = 0) -> FastStates:
+    def of(cls, patterns: int, carried: int) -> FastStates:
         """Return the slices for a base that deforms in so many patterns and carried bodies of so many coordinates."""
-        parts = slices_of([6, carried, 6, carried, patterns, patterns, 6, patterns])
-        accelerated = slice(parts[2].start, parts[3].stop)
-        motion, drive = slice(0, parts[6].start), slice(parts[6].start, parts[7].stop)
-        return cls(*parts, accelerated, motion, drive, drive.stop)  # type: ignore[call-arg,arg-type]
+        lengths = [6, carried, 6, carried, patterns, patterns, 6, patterns]
+        q, seat, rate, seat_rate, z, z_rate, base, deforming = slices_of(lengths)
+        accelerated, motion, drive = slice(rate.start, seat_rate.stop), slice(0, base.start), slice(base.start, deforming.stop)
+        return cls(q, seat, rate, seat_rate, z, z_rate, base, deforming, accelerated, motion, drive, deforming.stop)
 
 
 #: errors of an accelerometer and of a displacement transducer, in the order of their columns: name -> number of values
