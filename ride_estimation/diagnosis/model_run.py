@@ -73,6 +73,8 @@ class ModelRun:
         Inclination of the base [rad] and its rate, shape (N, ...).
     coordinate_spectrum, deflection_spectrum
         Of the coordinates of the bodies, shape (F, n), and of the ports, shape (F, P).
+    slow_deflection, slow_rate
+        Of the ports below the band, at rest under what the bases lean and brake, shapes (N, P).
     motion
         Motion of the bodies over time.
     ideal_spectrum
@@ -118,7 +120,9 @@ class ModelRun:
             elif effect.where is Where.OUTPUT:
                 extra_output[:, effect.index] += grid.spectrum(effect.signal)
         second_order = np.zeros_like(wrench)
-        lean, slow_travel = self._lean(data.slow_force), self._lean(data.left_force) @ plant.port_map.T
+        lean = self._lean(data.slow_force)
+        self.slow_deflection = self._lean(data.left_force) @ plant.port_map.T
+        self.slow_rate = np.gradient(self.slow_deflection, 1.0 / grid.rate_hz, axis=0)
         enough = (_SETTLED * data.settings.adequacy) ** 2 * float(np.sum(np.abs(data.output_spectrum) ** 2))
         size = np.inf
         for _ in range(_KINEMATIC_PASSES):
@@ -128,7 +132,7 @@ class ModelRun:
             self.motion = BodyMotion(grid.signal(q) + lean, grid.signal(iw * q), grid.signal(iw**2 * q))
             # integration drift below the band stretches the base and must not reach the products of full rotation
             real = x * grid.low_flank[:, None]
-            travel = grid.signal(real) + slow_travel, grid.signal(iw * real)
+            travel = grid.signal(real) + self.slow_deflection, grid.signal(iw * real)
             before, second_order = second_order, grid.spectrum(data.tapered(self.rotation_wrench("base", *travel)))
             change = np.einsum("fij,fj->fi", r.output_from_wrench, second_order - before)
             size, last = float(np.sum(np.abs(change) ** 2)), size

@@ -80,10 +80,7 @@ def force_columns(view: RunView, group: PortGroup, law: Callable[[Array, Array, 
     out: list[Column] = []
     grid, fine = view.grid, view.grid.refinement > 1
     for p in group.ports:
-        x, v = view.deflection[:, p], view.deflection_rate[:, p]
-        if fine:
-            spectrum = view.deflection_spectrum[:, p]
-            x, v = grid.refined(spectrum), grid.refined(1j * grid.omega * spectrum)
+        x, v = view.refined_motion(p) if fine else (view.deflection[:, p], view.deflection_rate[:, p])
         forces = law(x, v, *view.scales[p])
         out += [(Effect(Where.PORT, p, grid.unrefined(force) if fine else force),) for force in forces]
     return out

@@ -45,7 +45,8 @@ class RunView:
     residual_spectrum, residual
         Measured less predicted outputs, shape (F, ny), and its whitened rows, see :meth:`rows`.
     coordinate_spectrum, deflection_spectrum, deflection, deflection_rate
-        Motion, corrected by the residual where that may be seen, shapes (F, n), (F, P), (N, P), (N, P).
+        Motion, corrected by the residual where that may be seen, shapes (F, n), (F, P), (N, P), (N, P). A law is evaluated where
+        a mount really is: the signals hold what it deflects below the band too, the spectra do not.
     block_dof
         Degrees of freedom of every block, shape (B,).
     inefficiency
@@ -100,8 +101,21 @@ class RunView:
             self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
             wrench = -(self.plant.port_map.T @ force)
             self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
-        self.deflection = grid.signal(self.deflection_spectrum)
-        self.deflection_rate = grid.signal(1j * grid.omega[:, None] * self.deflection_spectrum)
+        self.deflection, self.deflection_rate = self._in_time(self.deflection_spectrum)
+
+    def _in_time(self, spectrum: ComplexArray) -> tuple[Array, Array]:
+        """Return deflections and their rates with what lies below the band, shape (N, P) each."""
+        rate = self.grid.signal(1j * self.grid.omega[:, None] * spectrum)
+        return self.grid.signal(spectrum) + self.model.slow_deflection, rate + self.model.slow_rate
+
+    def refined_motion(self, port: int) -> tuple[Array, Array]:
+        """Return deflection and rate of a port as densely as :attr:`FrequencyGrid.refinement` asks for."""
+        grid, spectrum = self.grid, self.deflection_spectrum[:, port]
+        fine = np.arange(grid.refinement * grid.samples) / grid.refinement
+        slow = (np.interp(fine, np.arange(grid.samples), s[:, port]) for s in (self.model.slow_deflection, self.model.slow_rate))
+        fast = (grid.refined(s) for s in (spectrum, 1j * grid.omega * spectrum))
+        x, v = (a + b for a, b in zip(fast, slow))
+        return x, v
 
     def missing_forces(self, residual: ComplexArray, share: float) -> ComplexArray:
         """Return the port forces (F, P) that a residual (F, ny) asks for if they have a share of the power of the known ones."""
@@ -166,8 +180,7 @@ class RunView:
         """Return the view with its deflections moved by a spectrum, shape (F, P)."""
         other = copy.copy(self)
         other.deflection_spectrum = self.deflection_spectrum + further
-        other.deflection = self.grid.signal(other.deflection_spectrum)
-        other.deflection_rate = self.grid.signal(1j * self.grid.omega[:, None] * other.deflection_spectrum)
+        other.deflection, other.deflection_rate = self._in_time(other.deflection_spectrum)
         return other
 
     def rotation_wrench(self, axes: str) -> Array:
