@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ class ModelRun:
     coordinate_spectrum, deflection_spectrum
         Of the coordinates of the bodies, shape (F, n), and of the ports, shape (F, P).
     slow_deflection, slow_rate
-        Of the ports below the band, at rest under what the bases lean and brake, shapes (N, P).
+        Of the ports below the band, at rest under what the bases lean and brake and what force laws hold there, shapes (N, P).
     motion
         Motion of the bodies over time.
     ideal_spectrum
@@ -121,8 +122,12 @@ class ModelRun:
                 extra_output[:, effect.index] += grid.spectrum(effect.signal)
         second_order = np.zeros_like(wrench)
         lean = self._lean(data.slow_force)
+        at_ports = [e for e in self.state.effects if e.where is Where.PORT]
         self.slow_deflection = self._lean(data.left_force) @ plant.port_map.T
-        self.slow_rate = np.gradient(self.slow_deflection, 1.0 / grid.rate_hz, axis=0)
+        if at_ports:
+            forces = np.stack([e.signal for e in at_ports], axis=1)
+            self.slow_deflection += self.slow_from_ports([e.index for e in at_ports], forces)
+        self.slow_rate = self.slow_rate_of(self.slow_deflection)
         enough = (_SETTLED * data.settings.adequacy) ** 2 * float(np.sum(np.abs(data.output_spectrum) ** 2))
         size = np.inf
         for _ in range(_KINEMATIC_PASSES):
@@ -156,6 +161,19 @@ class ModelRun:
         plant = self._data.plant
         along = np.array([[float(c == axis) for axis in AXES] for _, c in plant.coordinates])
         return -plant.at_rest(self.state.linear[0], plant.mass @ along @ force.T).T
+
+    def slow_from_ports(self, ports: Sequence[int], forces: Array) -> Array:
+        """Return what port forces, shape (N, ports), deflect all ports below the band, their means included, shape (N, P).
+
+        Deflections count from rest, where no law holds a force: a stop that is hit again and again lifts the body off itself.
+        """
+        plant = self._data.plant
+        left = self._data.grid.below(forces, flank=True)
+        return (plant.port_map @ plant.at_rest(self.state.linear[0], -plant.port_map[list(ports)].T @ left.T)).T
+
+    def slow_rate_of(self, slow: Array) -> Array:
+        """Return the rates of slow deflections, shape (N, P)."""
+        return np.asarray(np.gradient(slow, 1.0 / self._data.grid.rate_hz, axis=0))
 
     def rotation_wrench(self, axes: str, deflection: Array, rate: Array) -> Array:
         """Return what full rotation adds to the linear wrench when the mount axes turn with ``axes``, shape (N, n).

@@ -165,7 +165,7 @@ def _settled(
         before = target
         view = _unseen(data, with_effects(view, state, target), model)
     if nearest >= _GUESS and any(e.where is Where.PORT for e in before):
-        view = RunView(data, start, scales=model.scales)
+        view = _unseen(data, start, model)
         for _ in range(_NEWTON_PASSES):
             view = _unseen(data, port_forces(view, laws), model)
             change = _missed_laws(view, laws(view))

@@ -101,18 +101,20 @@ class RunView:
             self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
             wrench = -(self.plant.port_map.T @ force)
             self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
-        self.deflection, self.deflection_rate = self._in_time(self.deflection_spectrum)
+        self._slow = self.model.slow_deflection, self.model.slow_rate
+        self._set_motion()
 
-    def _in_time(self, spectrum: ComplexArray) -> tuple[Array, Array]:
-        """Return deflections and their rates with what lies below the band, shape (N, P) each."""
+    def _set_motion(self) -> None:
+        """Form the signals of deflections and their rates, with what lies below the band."""
+        spectrum = self.deflection_spectrum
         rate = self.grid.signal(1j * self.grid.omega[:, None] * spectrum)
-        return self.grid.signal(spectrum) + self.model.slow_deflection, rate + self.model.slow_rate
+        self.deflection, self.deflection_rate = self.grid.signal(spectrum) + self._slow[0], rate + self._slow[1]
 
     def refined_motion(self, port: int) -> tuple[Array, Array]:
         """Return deflection and rate of a port as densely as :attr:`FrequencyGrid.refinement` asks for."""
         grid, spectrum = self.grid, self.deflection_spectrum[:, port]
         fine = np.arange(grid.refinement * grid.samples) / grid.refinement
-        slow = (np.interp(fine, np.arange(grid.samples), s[:, port]) for s in (self.model.slow_deflection, self.model.slow_rate))
+        slow = (np.interp(fine, np.arange(grid.samples), s[:, port]) for s in self._slow)
         fast = (grid.refined(s) for s in (spectrum, 1j * grid.omega * spectrum))
         x, v = (a + b for a, b in zip(fast, slow))
         return x, v
@@ -174,13 +176,16 @@ class RunView:
     def with_port_forces(self, ports: Sequence[int], forces: Array) -> RunView:
         """Return the view with deflections moved by further port forces, shape (N, ports); full rotation left out."""
         spectrum = np.einsum("fij,fj->fi", self.response.deflection_from_port[:, :, list(ports)], self.grid.spectrum(forces))
-        return self._deflected(self.grid.low_flank[:, None] * self.noise.filter.apply(spectrum))
+        further = self.grid.low_flank[:, None] * self.noise.filter.apply(spectrum)
+        return self._deflected(further, self.model.slow_from_ports(ports, forces))
 
-    def _deflected(self, further: ComplexArray) -> RunView:
-        """Return the view with its deflections moved by a spectrum, shape (F, P)."""
+    def _deflected(self, further: ComplexArray, slow: Array | None = None) -> RunView:
+        """Return the view with its deflections moved by a spectrum, shape (F, P), and by what lies below the band, (N, P)."""
         other = copy.copy(self)
         other.deflection_spectrum = self.deflection_spectrum + further
-        other.deflection, other.deflection_rate = self._in_time(other.deflection_spectrum)
+        if slow is not None:
+            other._slow = self._slow[0] + slow, self._slow[1] + self.model.slow_rate_of(slow)
+        other._set_motion()
         return other
 
     def rotation_wrench(self, axes: str) -> Array:

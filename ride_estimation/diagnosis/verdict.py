@@ -176,9 +176,14 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
     """Return on which run found causes gain nothing, empty if on none.
 
     Nothing: the error is above the noise floor, and of what could be gained less than a share that is relevant is, the interval
-    of the gain includes zero and excludes half.
+    of the gain includes zero and excludes half. Of a run that goes beyond the strokes and rates of the fitted one, what is within
+    them counts: how a law goes on beyond them no run has told.
     """
     for other in gain.validation:
+        if other.in_range is not None:
+            before, after, floor = other.in_range
+            if before - after >= settings.relevance * (before - floor):
+                continue
         removable = other.baseline - other.noise_floor
         nothing = other.ci95[0] <= 0.0 and other.baseline - other.extended < settings.relevance * removable
         little = other.ci95[1] < 0.5 * removable
