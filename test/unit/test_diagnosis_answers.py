@@ -121,6 +121,14 @@ def test_a_gain_whose_interval_is_wide_is_not_called_nothing():
     assert "gained nothing" in gained_nothing(gain_of((0.30, 0.29, 0.02, (-0.02, 0.05))), settings)
 
 
+def test_a_law_that_gains_within_the_strokes_it_was_fitted_on_gained_something():
+    deeper = gain_of((0.30, 0.39, 0.03, (-0.24, 0.10))).validation[0]
+    assert "gained nothing" in gained_nothing(Gain("", 0.2, 0.1, 0.04, (deeper,)), Settings())
+    inside, outside = (dataclasses.replace(deeper, in_range=(0.18, left, 0.04)) for left in (0.13, 0.18))
+    assert gained_nothing(Gain("", 0.2, 0.1, 0.04, (inside,)), Settings()) == ""
+    assert "gained nothing" in gained_nothing(Gain("", 0.2, 0.1, 0.04, (outside,)), Settings())
+
+
 def test_only_a_gain_beyond_doubt_on_every_run_is_proven():
     settings = Settings()
     assert proven(gain_of((0.82, 0.55, 0.01, (0.22, 0.32))), settings)
