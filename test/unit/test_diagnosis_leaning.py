@@ -10,8 +10,8 @@ from worlds.cab import CabRun, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 from worlds.vehicle_text import Belief
 
-from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.effect import Effect, Where
+from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelRun, ModelState
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.run_data import RunData
@@ -66,7 +66,8 @@ def test_what_force_laws_hold_below_the_band_moves_the_mounts_to_rest():
     _, data, state = driven(BRAKES, 2)
     plant, held = data.plant, 200.0
     ports = [i for i, p in enumerate(plant.ports) if p.axis == "z"]
-    pulled = ModelState(state.stiffness, state.damping, tuple(Effect(Where.PORT, p, np.full(data.grid.samples, held)) for p in ports))
+    pull = np.full(data.grid.samples, held)
+    pulled = ModelState(state.stiffness, state.damping, tuple(Effect(Where.PORT, p, pull) for p in ports))
     plain, moved = ModelRun(data, state), ModelRun(data, pulled)
     shift = (moved.slow_deflection - plain.slow_deflection)[data.grid.samples // 2]
     heave = [c == "z" for _, c in plant.coordinates].index(True)
