@@ -36,6 +36,7 @@ from worlds.vehicle_text import Belief  # noqa: E402
 
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.model.drive_calibration import calibrate_drive  # noqa: E402
+from ride_estimation.estimation.model.run_forces import run_forces  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
@@ -61,13 +62,14 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
     return np.concatenate([getattr(b, name) for b in blocks])
 
 
-def looked_back(pipeline: Pipeline, blocks: list[OutputBlock]) -> SmoothedForces:
+def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> SmoothedForces:
     """Return the smoothed forces of a finished run, as ``replay`` computes them."""
     recorder = SmootherRecorder(pipeline.geometry)
     for block in blocks:
         recorder.take(block)
     signals = {name: joined(blocks, name) for name in SIGNALS}
-    found = second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory)
+    model = run_forces(recording(data), pipeline.geometry.vehicle)
+    found = second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory, model)
     if isinstance(found, str):
         raise SystemExit(found)
     return found
@@ -189,7 +191,7 @@ def judge_drive(
     rows.setdefault("apart vertical", []).extend(apart[:, 2])
     rows.setdefault("force horizontal", []).extend(score[:, :2].ravel())
     rows.setdefault("force vertical", []).extend(score[:, 2])
-    later = looked_back(pipeline, blocks)
+    later = looked_back(pipeline, blocks, data)
     error = later.force[good][late] - true
     later_score = np.sqrt(np.mean(error**2, axis=0)) / np.std(true, axis=0)
     held = np.mean(np.abs(error) < 2.0 * later.std[good][late], axis=0)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Callable, Mapping
+from concurrent import futures
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.faults.health import Health
+from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder, second_pass
+from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass
 from ride_estimation.signals.recording import Recording
 
 Array = NDArray[np.float64]
@@ -146,8 +148,16 @@ class OfflineRun:
         rest = 100.0 * (1.0 - self.smoothed.share)
         return (
             "smoothed forces: deflections and parameters from the whole run, before and after every instant; "
-            f"the live estimate is used for {rest:.0f} % of it (ends of the run, near gaps, where its stated error is smaller)"
+            f"the live estimate is used for {rest:.0f} % of it (ends of the run, near gaps, where its stated error is smaller); "
+            f"{self._model_in_words()}"
         )
+
+    def _model_in_words(self) -> str:
+        assert not isinstance(self.smoothed, str)
+        if self.smoothed.not_modelled:
+            return f"not by the model of the whole run: {self.smoothed.not_modelled}"
+        share = 100.0 * self.smoothed.model_share
+        return f"{share:.0f} % of it by one model with the sensors' errors estimated from the whole run"
 
     @property
     def time_s(self) -> Array:
@@ -198,10 +208,22 @@ def run_offline(
     InputDataError
         The run is too short to give a single tick.
     """
+    recorder = SmootherRecorder(pipeline.geometry, "" if smoothing else SWITCHED_OFF)
+    if recorder.reason:
+        return _run(recording, pipeline, on_progress, recorder, lambda: recorder.reason, on_stage)
+    # beside the estimation: the model needs the recording only
+    with futures.ThreadPoolExecutor(1) as pool:
+        model = pool.submit(run_forces, recording, pipeline.geometry.vehicle)
+        return _run(recording, pipeline, on_progress, recorder, model.result, on_stage)
+
+
+def _run(
+    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None], recorder: SmootherRecorder,
+    model: Callable[[], RunForces | str], on_stage: Callable[[str], None],
+) -> OfflineRun:  # fmt: skip
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
     history = _History(pipeline)
-    recorder = SmootherRecorder(pipeline.geometry, "" if smoothing else SWITCHED_OFF)
     reports = _Reports(pipeline)
     count = 0
     for found, taken in pipeline.replay(recording):
@@ -225,9 +247,9 @@ def run_offline(
     parameters = pipeline.parameters()
     digest.parameters(parameters)
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
-    if smoothing:
+    if recorder.reason != SWITCHED_OFF:
         on_stage("smoothing")
-    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder, tuple(reports.found))
+    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder, tuple(reports.found), model)
 
 
 class _Reports:
@@ -277,7 +299,7 @@ class _History:
 
 def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
-    recorder: SmootherRecorder, reports: tuple[ParameterReport, ...],
+    recorder: SmootherRecorder, reports: tuple[ParameterReport, ...], model: Callable[[], RunForces | str],
 ) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]
@@ -289,6 +311,7 @@ def _joined(
     measured = {n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     predicted = {n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     views = _views(blocks, {**signals, "stamp_ns": stamps, "valid": valid})
+    first_pass = {**{name: signals[name] for name in SIGNALS if name in signals}, "stamp_ns": stamps}
     blocks.clear()  # a long run is not held twice while it is smoothed
     return OfflineRun(
         mount_names=pipeline.geometry.mount_names,
@@ -302,7 +325,7 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
-        smoothed=second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory),
+        smoothed=second_pass(recorder, first_pass, pipeline.tilting, pipeline.settings.parameter_memory, model()),
         blocks=views,
         reports=reports,
     )

@@ -14,8 +14,9 @@ from worlds.cab import random_sensors, random_vehicle
 from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.estimation.model import segments
 from ride_estimation.estimation.model.dynamics import dynamics
-from ride_estimation.estimation.model.joint import JointEstimate, Whitening
+from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.spectral import Lines, response
 from ride_estimation.estimation.model.states import SlowStates
@@ -192,9 +193,9 @@ def test_the_gradient_is_the_derivative_of_the_cost(vehicle: Vehicle, monkeypatc
     joint.theta = theta.copy()
     segment, offset = joint._segments[0], joint._offset
     white = offset(joint.model(), segment)[0]
-    p = joint._project(joint.model(), segment)
-    ends = joint._ends_std(p.basis, p.root, p.seen, segment.lines)
-    monkeypatch.setattr(joint, "_ends_std", lambda *_: ends)
+    p = segments.project(joint.model(), segment)
+    ends = segments.ends_std(plant, p.basis, p.root, p.seen, segment.lines)
+    monkeypatch.setattr(segments, "ends_std", lambda *_: ends)
     monkeypatch.setattr(joint, "_offset", lambda model, part: (white, offset(model, part)[1]))
     slow = plant.slow
     body = slow.sensors["cab_front_left"]
@@ -218,7 +219,7 @@ def test_the_gradient_is_the_derivative_of_the_cost(vehicle: Vehicle, monkeypatc
 def test_whitening_leaves_unit_covariance_where_brackets_lean_by_their_own_motion() -> None:
     rng = np.random.default_rng(3)
     std, lean, wandering = rng.uniform(0.5, 2.0, (2, 6)), rng.normal(size=(6, 4)), np.array([0.0, 0.7])
-    white = Whitening.of(std, wandering, lean)
+    white = segments.Whitening.of(std, wandering, lean)
     for line in range(2):
         covariance = np.diag(std[line] ** 2) + wandering[line] * lean @ lean.T
         root = np.zeros((2, 6, 6), dtype=complex)
@@ -235,7 +236,7 @@ def test_own_motion_of_the_mounts_is_measured_and_counts_as_noise(linear: tuple[
     joint.theta = theta.copy()
     joint.renew()
     segment = joint._segments[0]
-    p = joint._project(joint.model(), segment)
+    p = segments.project(joint.model(), segment)
     raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), p.seen[:, :, None]))[:, 6:, 0]
     moved = np.abs(raw / segment.lines.laplace[:, None] ** 2) ** 2
     moves = (segment.lines.frequency > 1.0) & (segment.lines.frequency < 10.0)
@@ -249,9 +250,9 @@ def test_inputs_that_are_noise_are_shrunk_to_nothing(linear: tuple[Plant, np.nda
     joint = JointEstimate(plant, [noise * rng.normal(size=readings.shape)], DT)
     joint.theta = theta.copy()
     segment, model = joint._segments[0], joint.model()
-    p = joint._project(model, segment)
+    p = segments.project(model, segment)
     raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), p.seen[:, :, None]))[:, :, 0]
-    states, _ = joint._states(segment, p)
+    states, _ = segments.states_of(model, segment, p)
     fast = segment.lines.frequency > 2.0
     assert np.linalg.norm(states[fast][:, plant.states.drive]) < 0.4 * np.linalg.norm(raw[fast])
 

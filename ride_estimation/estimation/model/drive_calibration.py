@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.model.joint import JointEstimate
+from ride_estimation.estimation.model.joint import DETERMINED, LARGEST_NIS, JointEstimate
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.readings import axes
 from ride_estimation.estimation.model.run_readings import SHORTEST_SEGMENT_S, run_readings
@@ -32,14 +32,6 @@ Array = NDArray[np.float64]
 _SHORTEST_S = 20.0
 #: rms of the moving readings over their noise, below which there is nothing to calibrate with
 _LEAST_SIGNAL = 5.0
-#: an error is determined where its standard deviation fell below this share of the prior
-DETERMINED = 0.5
-#: mean normalised square of what no input explains, above which the model does not explain the readings: of 40 drawn drives
-#: two were beyond, 1.36 and 1.53, with 72 and 88 % of the errors inside two standard deviations; friction at a mount gives 20
-_LARGEST_NIS = 1.2
-#: move of an error that is not determined, over what it could be, from which something else moved it; 100 normal values reach
-#: five once in 17 000 drives. Least change of a variance that is reckoned with
-_CONFLICT, _LEAST_SHARE = 5.0, 0.2
 _KINDS = ("gain", "misalignment", "position", "delay", "bias")
 
 
@@ -95,7 +87,7 @@ class DriveCalibration:
     @property
     def usable(self) -> bool:
         """Return whether the model describes the drive well enough."""
-        return not self.conflicts and self.nis <= _LARGEST_NIS
+        return not self.conflicts and self.nis <= LARGEST_NIS
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with the calibrated sensors."""
@@ -155,7 +147,6 @@ def _result(vehicle: Vehicle, plant: Plant, joint: JointEstimate, duration: floa
     found: dict[str, CalibratedSensor] = {}
     names: list[str] = []
     places: list[int] = []
-    conflicts: list[str] = []
     for sensor in plant.sensors:
         parts = plant.slow.sensors[sensor.name]
         kinds = [k for k in _KINDS if k in parts]
@@ -164,21 +155,12 @@ def _result(vehicle: Vehicle, plant: Plant, joint: JointEstimate, duration: floa
         original = vehicle.sensors[sensor.name]
         found[sensor.name] = CalibratedSensor(_corrected(original, errors, stds), errors, stds, determined)
         for k in kinds:
-            letters = "xyz" if len(errors[k]) == 3 else [""]
-            names += [f"{sensor.name}.{k}{'.' if letter else ''}{letter}" for letter in letters]
+            names += plant.slow.names(sensor.name, k)
             places += range(parts[k].start, parts[k].stop)
-            moved = _moved(errors[k], stds[k], plant.slow.std[parts[k]])
-            far = (moved > _CONFLICT) & ~determined[k]
-            conflicts += [name for name, conflict in zip(names[-len(far) :], far) if conflict]
-    covariance = joint.covariance[np.ix_(places, places)]
+    covariance, conflicts = joint.covariance[np.ix_(places, places)], joint.conflicts()
     return DriveCalibration(
-        found, tuple(names), covariance, joint.nis, duration, tuple(conflicts), _findings(found, joint.nis, conflicts)
+        found, tuple(names), covariance, joint.nis, duration, conflicts, _findings(found, joint.nis, conflicts)
     )
-
-
-def _moved(error: Array, std: Array, prior: Array) -> Array:
-    """Return how far estimates are from their prior over what they could be, ``|e| / sqrt(prior^2 - std^2)``."""
-    return np.asarray(np.abs(error) / np.sqrt(np.maximum(prior**2 - std**2, (_LEAST_SHARE * prior) ** 2)))
 
 
 def _corrected(sensor: Sensor, errors: Mapping[str, Array], stds: Mapping[str, Array]) -> Sensor:
@@ -210,7 +192,7 @@ def _findings(found: Mapping[str, CalibratedSensor], nis: float, conflicts: Sequ
                          f"{', '.join(open_)}")  # fmt: skip
     words.append("delay: relative to the mean of all sensors; a delay common to all is not observable")
     words.append("gain: the part common to all sensors is observable from gravity along z only, through the bias that is stated")
-    if nis > _LARGEST_NIS:
+    if nis > LARGEST_NIS:
         words.append(
             f"do not use this: the model does not explain the readings (NIS {nis:.2f}): a law that is not linear, a fault, or "
             "another vehicle"

@@ -10,10 +10,10 @@ import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
-from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, geometry_of, relative_tilt_maps
-from ride_estimation.estimation.forces.mount_forces import static_share, static_split
+from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, geometry_of, plate_fit, relative_tilt_maps
+from ride_estimation.estimation.forces.mount_forces import share_by_stiffness, static_share, static_split
 from ride_estimation.estimation.model.carried import Carried, CarriedParts
-from ride_estimation.estimation.model.states import FastStates, SlowStates, slow_states
+from ride_estimation.estimation.model.states import FastStates, SlowStates, reading_width, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.tangent import tangent
@@ -50,8 +50,8 @@ class Constants:
         What it carries.
     points
         P, shape (3 M, 6): from rigid motion at the CG to the motion of the mounts.
-    static
-        Force of the mounts on the body at rest, shape (M, 3) [N].
+    static, static_covariance
+        Force of the mounts on the body at rest, shape (M, 3) [N], and what equilibrium leaves of its covariance, (3 M, 3 M).
     mean
         Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
     """
@@ -65,6 +65,7 @@ class Constants:
     carried: CarriedParts
     points: Array
     static: Array
+    static_covariance: Array
     mean: Array
 
     @property
@@ -88,10 +89,16 @@ class Plant:
     ----------
     patterns
         U, shape (3 M, n): orthonormal deformations of the base that leave its rigid motion zero.
+    twist
+        From the deformations to the twist of the base, shape (n,) [1/m]; zero where the mounts do not show it.
+    untwisted
+        ``Constants.tilt`` of brackets that do not follow the twist.
     sensors
         Accelerometers of the body, of the bases, displacement transducers: the order of the readings.
     base_of
         Name of a base sensor -> index of its mount.
+    noise, travels, delay_of
+        Per reading, shape (C,): standard deviation of the noise, whether it is a displacement, place of its delay in theta.
 
     Raises
     ------
@@ -109,12 +116,19 @@ class Plant:
         self.sensors: tuple[Sensor, ...] = (*a.body_sensors, *self.base_sensors, *self.transducers)
         count = len(a.mounts)
         maps = [relative_tilt_maps(a.mounts, e).reshape(3 * count, 3 * count) for e in np.eye(5)[:, :4]]
-        self._tilt, self._tilt_slopes = maps[4], [m - maps[4] for m in maps[:4]]
+        self.untwisted, self._tilt_slopes = maps[4], [m - maps[4] for m in maps[:4]]
         points = self.points(a.body.cg)
         self.patterns = _patterns(np.eye(3 * count) - points @ np.linalg.pinv(points))
+        _, fit = plate_fit(a.mounts)
+        twist = fit[3] if len(fit) == 4 else np.zeros(count)
+        self.twist = twist @ self.patterns[2::3]
         self.carried = Carried(a)
         self.states = FastStates.of(self.patterns.shape[1], self.carried.count)
         self.slow = self._slow()
+        widths = [reading_width(s) for s in self.sensors]
+        self.noise = np.repeat([s.noise_std for s in self.sensors], widths)
+        self.travels = np.repeat([s.kind == "displacement" for s in self.sensors], widths)
+        self.delay_of = np.repeat([self.slow.sensors[s.name]["delay"].start for s in self.sensors], widths)
 
     def _slow(self) -> SlowStates:
         a, body = self.geometry, self.geometry.body
@@ -153,9 +167,19 @@ class Plant:
         inertia = root @ body.inertia @ root * mass / body.mass.value
         points, carried = self.points(cg), self.carried.parts(theta[s.log_carried], cg)
         weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0]) + carried.weight
-        static, _ = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
-        tilt = self._tilt + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
-        return Constants(k, np.exp(theta[s.log_damping]), tilt, mass, cg, inertia, carried, points, static, theta[s.mean_accel])
+        static, left = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
+        tilt = self.untwisted + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
+        left = left + self._leaning(points, k, static)
+        c = np.exp(theta[s.log_damping])
+        return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel])
+
+    def _leaning(self, points: Array, stiffness: Array, static: Array) -> Array:
+        """Return the covariance of the horizontal static forces, (3 M, 3 M): brackets lean at rest as their sensors do."""
+        lean = [s.stated_installation.misalignment for s in self.base_sensors]
+        sideways = np.zeros(static.shape)
+        sideways[:, :2] = np.outer(lean * static[:, 2], np.ones(2)) ** 2
+        left = np.eye(len(points)) - share_by_stiffness(points.T, stiffness) @ points.T
+        return np.asarray((left * sideways.ravel()) @ left.T)
 
 
 def _patterns(projector: Array) -> Array:

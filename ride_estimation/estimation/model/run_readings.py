@@ -39,12 +39,15 @@ class RunReadings:
         Vehicle; its sensors with the noise that is left in the readings.
     segments
         Parts without a gap, readings of shape (T, C) in the order of the plant's sensors.
+    start_ns
+        Stamp of the first sample of every part [ns].
     dt
         Sample [s].
     """
 
     plant: Plant
     segments: tuple[Array, ...]
+    start_ns: tuple[int, ...]
     dt: float
 
 
@@ -76,7 +79,8 @@ def run_readings(recording: Recording, vehicle: Vehicle) -> RunReadings:
         n: dataclasses.replace(s, noise_std=s.noise_std * math.sqrt(rate / tracks[n].rate)) if n in tracks else s
         for n, s in vehicle.sensors.items()
     }
-    return RunReadings(Plant(dataclasses.replace(vehicle, sensors=quiet)), _segments(tracks, rate), 1.0 / rate)
+    starts, segments = _segments(tracks, rate)
+    return RunReadings(Plant(dataclasses.replace(vehicle, sensors=quiet)), segments, starts, 1.0 / rate)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,8 +107,8 @@ def _track(name: str, channel: Channel, sensor: Sensor) -> _Track:
     return _Track(time, values, 1.0 / period, tuple(itertools.pairwise(edges)))
 
 
-def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[Array, ...]:
-    """Return the readings of all sensors on one time base, where none has a gap.
+def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[tuple[int, ...], tuple[Array, ...]]:
+    """Return first stamps [ns] and readings of all sensors on one time base, where none has a gap.
 
     Splines of high degree through the samples: a cubic through four takes 0.4 % of a signal at a tenth of the sample rate, more
     than the gains that are looked for. They are taken at a multiple of the rate that no sensor exceeds, so that no noise is
@@ -114,7 +118,7 @@ def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[Array, ...]:
     begin = max(t.time[0] for t in tracks.values())
     count = int((min(t.time[-1] for t in tracks.values()) - begin) * fine * rate)
     if count < 2:
-        return ()
+        return (), ()
     grid = begin + np.arange(count) / (fine * rate)
     columns, good = [], np.ones(count, dtype=bool)
     for track in tracks.values():
@@ -130,7 +134,6 @@ def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[Array, ...]:
     values = np.hstack(columns)
     fir = signal.firwin(20 * fine + 1, 1.0 / fine, window=("kaiser", 8.0))
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
-    return tuple(
-        signal.resample_poly(values[a:b], 1, fine, axis=0, padtype="line", window=fir)
-        for a, b in zip(edges[::2], edges[1::2]) if (b - a) / (fine * rate) >= SHORTEST_SEGMENT_S
-    )  # fmt: skip
+    parts = [(a, b) for a, b in zip(edges[::2], edges[1::2]) if (b - a) / (fine * rate) >= SHORTEST_SEGMENT_S]
+    starts = tuple(round(1e9 * float(grid[a])) for a, _ in parts)
+    return starts, tuple(signal.resample_poly(values[a:b], 1, fine, axis=0, padtype="line", window=fir) for a, b in parts)

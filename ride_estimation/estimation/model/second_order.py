@@ -45,21 +45,17 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     bracket_accel = (v @ d.spin.T).reshape(-1, count, 3)
     speed = speed.reshape(-1, count, 3)
     deflection = (v @ d.deflection.T).reshape(-1, count, 3)
-    force = (v @ d.force.T).reshape(-1, count, 3)
     turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
     point = (v @ (m.points @ d.accel).T).reshape(-1, count, 3)
     upright = np.array([0.0, 0.0, plant.gravity])
 
-    # a finite rotation moves the mount along an arc, which the law feels
     angle, speed_of, accel_of = v[:, s.relative][:, 3:], relative_rate[:, 3:], (v @ d.A[s.relative_rate].T)[:, 3:]
     arms = [p.position - m.cg for p in plant.mounts]
-    arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
-    arc_rate = np.stack([0.5 * (_twice(speed_of, angle, r) + _twice(angle, speed_of, r)) for r in arms], axis=1)
+    arc, _ = _arcs(plant, m, v)
     arc_accel = np.stack(
         [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
     )
-    extra = 0.5 * np.cross(turn, np.cross(turn, m.static + force)) - np.cross(turn, force)
-    extra -= m.stiffness.reshape(-1, 3) * arc + m.damping.reshape(-1, 3) * arc_rate
+    extra = force_of_second_order(plant, m, d, v)
 
     parts = []
     for sensor in plant.sensors:
@@ -81,6 +77,24 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     load = extra.reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
     return SecondOrder(np.hstack(parts), load @ m.mobility[:6])
+
+
+def force_of_second_order(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
+    """Return what the second order adds to the forces of the mounts, from states and inputs v (T, V), shape (T, M, 3)."""
+    count = len(plant.mounts)
+    force = (v @ d.force.T).reshape(-1, count, 3)
+    turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
+    arc, arc_rate = _arcs(plant, m, v)
+    extra = 0.5 * np.cross(turn, np.cross(turn, m.static + force)) - np.cross(turn, force)
+    return np.asarray(extra - m.stiffness.reshape(-1, 3) * arc - m.damping.reshape(-1, 3) * arc_rate)
+
+
+def _arcs(plant: Plant, m: Constants, v: Array) -> tuple[Array, Array]:
+    """Return deflection and rate that a finite rotation adds, the mount moves along an arc: shape (T, M, 3)."""
+    angle, speed = v[:, plant.states.relative][:, 3:], v[:, plant.states.relative_rate][:, 3:]
+    arms = [p.position - m.cg for p in plant.mounts]
+    arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
+    return arc, np.stack([0.5 * (_twice(speed, angle, r) + _twice(angle, speed, r)) for r in arms], axis=1)
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:

@@ -63,6 +63,11 @@ class Lines:
         full[1 : len(values) + 1] = values * np.sqrt(self.count)
         return np.asarray(np.fft.irfft(full, self.count, axis=0))
 
+    def taper(self, spectrum: Complex) -> Complex:
+        """Return the transform (F, K) after a Hann window that keeps the power: ends do not leak into quiet lines."""
+        padded = np.pad(spectrum, ((1, 1), (0, 0)))
+        return np.asarray((0.5 * spectrum - 0.25 * (padded[:-2] + padded[2:])) / np.sqrt(0.375))
+
     def smooth(self, values: Array) -> Array:
         """Return values (F, ...) averaged over neighbouring lines."""
         return np.asarray(ndimage.convolve1d(values, self._window(), axis=0, mode="mirror"))

@@ -104,6 +104,11 @@ class SlowStates:
     mean: Array
     std: Array
 
+    def names(self, sensor: str, kind: str) -> list[str]:
+        """Return ``sensor.kind[.axis]`` of every value of one kind of error of a sensor."""
+        part = self.sensors[sensor][kind]
+        return [f"{sensor}.{kind}{axis}" for axis in ([".x", ".y", ".z"] if part.stop - part.start == 3 else [""])]
+
     @property
     def free(self) -> NDArray[np.int64]:
         """Return the indices of the states that are estimated."""

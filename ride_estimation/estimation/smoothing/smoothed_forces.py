@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
 from ride_estimation.estimation.kinematics.deflection_kernel import LARGEST_TURN
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
+from ride_estimation.estimation.model.run_forces import RunForces
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
@@ -49,7 +51,7 @@ _FINE = 0.1
 
 #: arrays of the first pass that the second needs
 SIGNALS = (
-    "mount_force", "mount_force_std", "mount_deflection", "support_load", "cg_specific_force", "angular_rate",
+    "stamp_ns", "mount_force", "mount_force_std", "mount_deflection", "support_load", "cg_specific_force", "angular_rate",
 )  # fmt: skip
 
 
@@ -63,12 +65,18 @@ class SmoothedForces:
         Shape (N, M, 3), as ``mount_force``, ``mount_force_std`` and ``mount_deflection`` of the online estimate.
     share
         Mean share of the second pass in them; the rest is the online estimate.
+    model_share
+        Mean share of the model of the whole run in them (:mod:`ride_estimation.estimation.model`).
+    not_modelled
+        Why that has none.
     """
 
     force: Array
     std: Array
     deflection: Array
     share: float
+    model_share: float = 0.0
+    not_modelled: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,6 +196,14 @@ class SmootherRecorder:
         self._stretches[-1][0].append(piece)
         self._open = []
 
+    def ordinary(self) -> Array:
+        """Return per tick whether the vehicle was that of the file: no load found, no sensor lost or suspect, shape (N,)."""
+        found = np.ones(self._ticks)
+        for piece in (p for pieces, _ in self._stretches for p in pieces):
+            if piece.model.loaded or not piece.complete or np.any(piece.model.misread > 0.0):
+                found[piece.first : piece.end] = 0.0
+        return found
+
     def finish(self) -> list[_Recorded]:
         """Return the stretches of ticks without a break."""
         self._close()
@@ -249,7 +265,7 @@ class _SmoothedForces(MountForceEstimator):
 
 
 def second_pass(
-    recorder: SmootherRecorder, signals: Mapping[str, Array], tilting: BracketTilt, memory: float
+    recorder: SmootherRecorder, signals: Mapping[str, NDArray[Any]], tilting: BracketTilt, memory: float, model: RunForces | str
 ) -> SmoothedForces | str:
     """Estimate the forces of a finished run again.
 
@@ -263,6 +279,8 @@ def second_pass(
         How the brackets tilt, as learned in the end.
     memory
         Time over which parameters stay similar [s].
+    model
+        Forces by the model of the whole run, or why there are none.
 
     Returns
     -------
@@ -284,7 +302,10 @@ def second_pass(
         return f"no stretch of the run without a break is {_SHORTEST:g} s long"
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
-    return SmoothedForces(force, std, deflection, float(weight.mean()))
+    if isinstance(model, str):
+        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model)
+    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(), force, std, deflection)
+    return SmoothedForces(force, std, deflection, float(weight.mean()), share)
 
 
 class _Stretch:

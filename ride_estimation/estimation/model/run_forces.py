@@ -1,0 +1,126 @@
+# Copyright 2026 ride_estimation contributors
+"""Smoothed forces of a recorded run by the model, where it describes the run."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, signal
+
+from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.model.joint import LARGEST_NIS, JointEstimate, liveliest
+from ride_estimation.estimation.model.run_readings import run_readings
+from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
+from ride_estimation.signals.recording import Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+#: length of the part the slow states are estimated from, longest and shortest [s]; segments are smoothed in parts of the former
+_LONGEST_S, _SHORTEST_S = 60.0, 10.0
+#: distance from the end of a segment where its forces begin to count and count alone [s]: integrals of what lies beyond are
+#: missing there (drawn cabs: 48 % of the horizontal force wrong in the last second, 20 % at 2 to 3 s, 7 % from 3 s on)
+_FROM_S, _FULLY_S = 2.0, 4.0
+#: highest frequency in the forces of the model over its rate; forces beyond are left as they are
+_HIGHEST = 0.33
+_ORDER = 6
+
+
+@dataclasses.dataclass(frozen=True)
+class RunForces:
+    """Forces of the segments of a run.
+
+    Attributes
+    ----------
+    segments
+        First stamp [ns] and forces of every segment.
+    dt
+        Sample [s].
+    """
+
+    segments: tuple[tuple[int, SmoothedSegment], ...]
+    dt: float
+
+    def fade_in(self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array) -> float:
+        """Replace forces, standard deviations and deflections at stamps by those of the model, in place.
+
+        What is faster than the model stays.
+
+        Parameters
+        ----------
+        stamp_ns
+            Shape (N,), equally spaced.
+        trusted
+            How far the run is one the model describes, 0 to 1, shape (N,).
+        force, std, deflection
+            Shape (N, M, 3).
+
+        Returns
+        -------
+        float
+            Mean share of the model.
+        """
+        rate = 1e9 / float(np.median(np.diff(stamp_ns)))
+        cut = 2.0 * _HIGHEST / (self.dt * rate)
+        low_pass = None if cut >= 1.0 else signal.butter(_ORDER, cut, output="sos")
+        share = np.zeros(len(stamp_ns))
+        for start, segment in self.segments:
+            time, own = (stamp_ns - start) * 1e-9, np.arange(len(segment.force)) * self.dt
+            inside = np.clip((np.minimum(time, own[-1] - time) - _FROM_S) / (_FULLY_S - _FROM_S), 0.0, 1.0)
+            at = np.flatnonzero((time >= 0.0) & (time <= own[-1]))
+            if len(at) < 2:
+                continue
+            weight = (trusted * inside)[at, None, None]
+            share[at] += weight[:, 0, 0] * (1.0 - share[at])
+            for values, found in ((force, segment.force), (deflection, segment.deflection)):
+                before = values[at]
+                slow = before if low_pass is None else signal.sosfiltfilt(low_pass, before, axis=0, padlen=min(len(at) - 1, 200))
+                values[at] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
+            square = interpolate.make_interp_spline(own, segment.std**2, k=1)(time[at])
+            std[at] = np.sqrt(std[at] ** 2 + weight * (square - std[at] ** 2))
+        return float(share.mean())
+
+
+def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
+    """Return the forces of a run, or why the model has none.
+
+    Parameters
+    ----------
+    recording
+        The run.
+    vehicle
+        Its sensors are taken to be installed as the file states; what the run tells of them is used.
+    """
+    try:
+        found = run_readings(recording, vehicle)
+        if sum(len(s) for s in found.segments) * found.dt < _SHORTEST_S:
+            return f"less than {_SHORTEST_S:g} s in which every sensor has data without a gap"
+        part = liveliest(found.segments, round(_LONGEST_S / found.dt))
+        joint = JointEstimate(found.plant, [part], found.dt)
+        joint.fit()
+    except RideEstimationError as error:
+        return str(error)
+    if joint.nis > LARGEST_NIS:
+        return f"the model does not explain the readings (NIS {joint.nis:.2f})"
+    if joint.conflicts():
+        return f"the model misses what the errors {', '.join(joint.conflicts()[:3])} would explain"
+    smoothed = []
+    for start, readings in zip(found.start_ns, found.segments):
+        for first, stop in _parts(len(readings), round(_LONGEST_S / found.dt), round(2.0 * _FULLY_S / found.dt)):
+            try:
+                segment = smooth(joint, readings[first:stop])
+            except np.linalg.LinAlgError:
+                continue
+            if segment.nis <= LARGEST_NIS and all(np.isfinite(x).all() for x in (segment.force, segment.std)):
+                smoothed.append((start + round(1e9 * first * found.dt), segment))
+    return RunForces(tuple(smoothed), found.dt)
+
+
+def _parts(count: int, longest: int, overlap: int) -> list[tuple[int, int]]:
+    """Return begin and end of equal parts of so many samples that overlap."""
+    parts = max(1, math.ceil((count - overlap) / (longest - overlap)))
+    length = math.ceil((count - overlap) / parts) + overlap
+    return [(i * (length - overlap), min(i * (length - overlap) + length, count)) for i in range(parts)]

@@ -1,0 +1,368 @@
+# Copyright 2026 ride_estimation contributors
+"""A segment of a run at given slow states: what no input explains, the inputs and states, and what follows from them.
+
+At every frequency the readings are ``y = T w + G b + noise``, w the unknown acceleration of base and its patterns, b the unknown
+difference of the states before and after the segment. T is of full column rank: ``T^+ y`` are the inputs with an error of known
+covariance, ``(1 - T T^+) y`` is the residual.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.model.dynamics import Dynamics, dynamics
+from ride_estimation.estimation.model.plant import Constants, Plant
+from ride_estimation.estimation.model.readings import readings
+from ride_estimation.estimation.model.second_order import second_order
+from ride_estimation.estimation.model.spectral import Lines, Response, response
+from ride_estimation.estimation.model.states import FastStates
+from ride_estimation.frames import point_motion_matrix
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: below this frequency [Hz] a base deforms too slowly for its acceleration to show it: integrated noise was 100 times the
+#: deflection of a drive, and its products with forces made the second order diverge
+DEFORMS_HZ = 0.3
+#: slowest motion that differs much between the ends of a segment [Hz]: size of the prior of that difference
+ENDS_HZ = 0.5
+#: rms of the inputs [m/s^2, rad/s^2] and of the deformation of the base [m] before they are estimated: rough roads stay below
+_FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
+#: angular rates slower than this are left out of the second order [Hz]
+_RATE_HZ = 0.2
+#: share of the variance of a reading below which what mounts move by themselves is left out
+_NO_SHARE = 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """The model at one value of the slow states.
+
+    Attributes
+    ----------
+    plant, theta
+        What it was built from, shape (P,).
+    constants, dynamics
+        Slow states in physical units, equations of motion.
+    rows, constant
+        Readings: rows over states and inputs (C, V), part that does not move: gravity and bias, shape (C,).
+    """
+
+    plant: Plant
+    theta: Array
+    constants: Constants
+    dynamics: Dynamics
+    rows: Array
+    constant: Array
+
+    @classmethod
+    def of(cls, plant: Plant, theta: Array) -> Model:
+        """Return the model of a plant at slow states."""
+        m = plant.constants(theta)
+        d = dynamics(plant, m)
+        rows, constant = readings(plant, d, theta)
+        return cls(plant, theta, m, d, rows, constant)
+
+    @functools.cached_property
+    def deflected(self) -> Array:
+        """Mean deflection of the mounts, which the mean acceleration causes, shape (3 M,) [m]."""
+        m = self.constants
+        load = np.append(m.mass * m.mean, np.zeros(3))
+        return np.asarray(-m.points @ np.linalg.solve(m.points.T @ (m.stiffness[:, None] * m.points), load))
+
+    @property
+    def still(self) -> Array:
+        """Mean force of the mounts, shape (3 M,) [N]."""
+        return np.asarray(self.constants.static.ravel() - self.constants.stiffness * self.deflected)
+
+    @functools.cached_property
+    def direct(self) -> Array:
+        """Effect of an acceleration of the body and of carried bodies on the readings, shape (C, 6 + Q)."""
+        found = np.zeros((len(self.rows), 6 + self.plant.carried.count))
+        for i, s in enumerate(self.plant.geometry.body_sensors):
+            found[3 * i : 3 * i + 3, :6] = s.rotation.T @ point_motion_matrix(s.position - self.constants.cg)
+        return found
+
+    @functools.cached_property
+    def lean(self) -> Array:
+        """Effect on the readings of gravity, where a bracket does not tilt as its neighbours moved, shape (C, 3 M) [1/s^2]."""
+        tilt = self.constants.tilt
+        found = np.zeros((len(self.rows), len(tilt)))
+        first = 3 * len(self.plant.geometry.body_sensors)
+        for i, s in enumerate(self.plant.base_sensors):
+            turn = tilt[3 * i : 3 * i + 3]
+            tilted = self.plant.gravity * np.stack([turn[1], -turn[0], 0.0 * turn[2]])
+            found[first + 3 * i : first + 3 * i + 3] = s.rotation.T @ tilted
+        return found
+
+    @functools.cached_property
+    def twist(self) -> tuple[Array, Array]:
+        """Part of the accelerations of body and carried bodies, (6 + Q, V), and of ``rows`` that is there because brackets follow
+        the twist of the base.
+        """
+        straight = dynamics(self.plant, dataclasses.replace(self.constants, tilt=self.plant.untwisted))
+        at = self.plant.states.accelerated
+        return self.dynamics.A[at] - straight.A[at], self.rows - readings(self.plant, straight, self.theta)[0]
+
+
+@dataclasses.dataclass
+class Segment:
+    """Transform of the readings of a segment, what is known beside them and what is not described, per line.
+
+    Attributes
+    ----------
+    lines
+        Frequencies, F of them.
+    mean, moving
+        Of the readings: mean (C,), transform (F, C).
+    second_mean, second_readings, second_accel
+        Second-order kinematics: its mean (C,) and transform (F, C) in the readings, its effect on the accelerations (F, 6 + Q).
+    factor
+        On the variance of the noise, shape (F,).
+    wandering
+        Variance of what every mount moves by itself, shape (F,) [m^2].
+    twisting
+        Share of the base's twist in what the mounts show of it, shape (F,).
+    size
+        Rms of the inputs, shape (W,).
+    deformation
+        Rms of the deformations of the base [m].
+    """
+
+    lines: Lines
+    mean: Array
+    moving: Complex
+    second_mean: Array
+    second_readings: Complex
+    second_accel: Complex
+    factor: Array
+    wandering: Array
+    twisting: Array
+    size: Array
+    deformation: float
+
+    @classmethod
+    def of(cls, readings: Array, dt: float, states: FastStates) -> Segment:
+        """Return a segment of readings (N, C), nothing known beside them."""
+        lines = Lines.of(len(readings), dt)
+        count, channels = len(lines.frequency), readings.shape[1]
+        inputs, accelerated = (part.stop - part.start for part in (states.drive, states.accelerated))
+        nothing, still = (np.zeros((count, size), dtype=np.complex128) for size in (channels, accelerated))
+        return cls(
+            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, still, np.ones(count),
+            np.zeros(count), np.ones(count), np.full(inputs, _FIRST_SIZE), _FIRST_DEFORMATION,
+        )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Projected:
+    """A segment at one model, whitened.
+
+    Attributes
+    ----------
+    response, late
+        Response of the states; phases of the delays, shape (F, C).
+    white
+        What whitens the readings.
+    free, left
+        What whitens what no input explains, shape (F, C - W, C), and the residual there, (F, C - W).
+    jump, ends, ends_information
+        Effect of the ends on that residual, shape (F, C - W, X), their estimate (X,) and its information (X, X).
+    basis, root
+        Factors of T, shape (F, C, W) and (F, W, W).
+    seen
+        Readings less what is known, shape (F, C).
+    jump_readings
+        Effect of the ends on the readings, shape (F, C, X).
+    cost
+        Negative logarithm of the likelihood, up to a constant.
+    """
+
+    response: Response
+    late: Complex
+    white: Whitening
+    free: Complex
+    left: Complex
+    jump: Complex
+    ends: Array
+    ends_information: Array
+    basis: Complex
+    root: Complex
+    seen: Complex
+    jump_readings: Complex
+    cost: float
+
+    def inverse(self) -> Complex:
+        """Return ``T^+``: from whitened readings to the inputs, shape (F, W, C)."""
+        return np.asarray(np.linalg.solve(self.root, self.basis.conj().transpose(0, 2, 1)))
+
+    def inputs(self) -> Complex:
+        """Return ``T^+ (y - G b)``, shape (F, W)."""
+        moved = self.seen - self.jump_readings @ self.ends
+        return np.asarray(np.matmul(self.inverse(), moved[:, :, None])[:, :, 0])
+
+
+@dataclasses.dataclass(frozen=True)
+class Whitening:
+    """What gives the noise of the readings unit variance.
+
+    Attributes
+    ----------
+    std
+        Of the white noise per line, shape (F, C).
+    lines, matrix
+        Lines at which more than white noise counts, and what is applied there after dividing by ``std``, shape (L, C, C).
+    """
+
+    std: Array
+    lines: NDArray[np.int64]
+    matrix: Array
+
+    @classmethod
+    def of(cls, std: Array, wandering: Array, lean: Array) -> Whitening:
+        """Return the whitening of white noise and of ``lean`` (C, 3 M) times what every mount moves by itself."""
+        share = wandering * np.max(np.sum(lean**2, axis=1) / std**2, axis=1)
+        lines = np.flatnonzero(share > _NO_SHARE)
+        rows = lean / std[lines, :, None]
+        covariance = np.eye(std.shape[1]) + wandering[lines, None, None] * np.matmul(rows, rows.transpose(0, 2, 1))
+        return cls(std, lines, np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    def whiten(self, values: Complex) -> Complex:
+        """Return whitened columns, shape (F, C, K)."""
+        found = values / self.std[:, :, None]
+        found[self.lines] = np.matmul(self.matrix, found[self.lines])
+        return np.asarray(found)
+
+    def part(self, at: slice) -> Whitening:
+        """Return the whitening of some of the lines."""
+        inside = (self.lines >= (at.start or 0)) & (self.lines < (at.stop or len(self.std)))
+        return Whitening(self.std[at], self.lines[inside] - (at.start or 0), self.matrix[inside])
+
+    def transform(self, rows: Complex) -> Complex:
+        """Return rows over whitened readings as rows over readings, shape (F, K, C)."""
+        found = rows.copy()
+        found[self.lines] = np.matmul(found[self.lines], self.matrix)
+        return np.asarray(found / self.std[:, None, :])
+
+
+def project(model: Model, segment: Segment) -> Projected:
+    """Return what the inputs leave over of a segment."""
+    plant, lines = model.plant, segment.lines
+    found = _response(model, segment)
+    rows = model.rows[:, plant.states.motion]
+    late = np.exp(-lines.laplace[:, None] * model.theta[plant.delay_of])
+    pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
+    known = segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T
+    white = Whitening.of(np.sqrt(segment.factor)[:, None] * plant.noise, segment.wandering, model.lean)
+    seen = white.whiten((segment.moving - late * known)[:, :, None])[:, :, 0]
+    inputs = np.matmul(rows, found.drive) + model.rows[:, plant.states.drive]
+    inputs -= (1.0 - segment.twisting)[:, None, None] * _applied(model.twist[1], found.drive)
+    inputs = white.whiten(late[:, :, None] * inputs)
+    jump = white.whiten(late[:, :, None] * np.matmul(rows, found.jump))
+    q, r = np.linalg.qr(inputs, mode="complete")
+    count = inputs.shape[2]
+    basis, free, root = q[:, :, :count], q[:, :, count:].conj().transpose(0, 2, 1), r[:, :count]
+    left, over = np.matmul(free, seen[:, :, None])[:, :, 0], np.matmul(free, jump)
+    prior = ends_std(plant, basis, root, seen, lines)
+    stacked = over.reshape(-1, over.shape[2])
+    information = (stacked.conj().T @ stacked).real + np.diag(0.5 * prior**-2.0)
+    ends = np.linalg.solve(information, (stacked.conj().T @ left.ravel()).real)
+    left = left - over @ ends
+    cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
+    return Projected(found, late, white, white.transform(free), left, over, ends, information, basis, root, seen, jump, cost)
+
+
+def _response(model: Model, segment: Segment) -> Response:
+    """Return the response of the states, brackets following the share of deformations that is twist of the base."""
+    states = model.plant.states
+    found = response(model.dynamics.A, segment.lines, states.accelerated, states.deformation.start)
+    less = (1.0 - segment.twisting)[:, None, None] * _applied(model.twist[0], found.drive)
+    return dataclasses.replace(found, drive=found.drive - np.matmul(found.accel, less))
+
+
+def _applied(matrix: Array, drive: Complex) -> Complex:
+    """Return what rows (K, V) over states and inputs make of the inputs, given the response (F, X, W) of the states."""
+    states = drive.shape[1]
+    return np.asarray(np.matmul(matrix[:, :states], drive) + matrix[:, states:])
+
+
+def ends_std(plant: Plant, basis: Complex, root: Complex, seen: Complex, lines: Lines) -> Array:
+    """Return the standard deviation of the difference of the states between both ends, shape (X,), as transforms count it."""
+    raw = np.linalg.solve(root, np.matmul(basis.conj().transpose(0, 2, 1), seen[:, :, None]))[:, :, 0]
+    rms = np.sqrt(2.0 * np.sum(np.abs(raw[lines.frequency > ENDS_HZ]) ** 2, axis=0) / lines.count)
+    slow = 2.0 * np.pi * ENDS_HZ
+    rigid, patterns = np.append(rms[:6], np.full(plant.carried.count, rms[:6].max())), rms[6:]
+    size = np.concatenate([rigid / slow**2, rigid / slow, patterns / slow**2, patterns / slow])
+    return np.asarray(np.sqrt(2.0 / lines.count) * size)
+
+
+def states_of(model: Model, segment: Segment, p: Projected) -> tuple[Complex, Array]:
+    """Return states and inputs of a segment without the second order, shape (F, V), and the spectra of the inputs (F, W).
+
+    Inputs are shrunk by their signal-to-noise ratio (Wiener).
+    """
+    lines, states = segment.lines, model.plant.states
+    raw = p.inputs()
+    power = input_power(lines, raw, np.sum(np.abs(np.linalg.inv(p.root)) ** 2, axis=2))
+    information = np.matmul(p.root.conj().transpose(0, 2, 1), p.root)
+    total = information + np.eye(raw.shape[1]) / power[:, :, None]
+    drive = np.linalg.solve(total, np.matmul(information, raw[:, :, None]))[:, :, 0]
+    deforms = (1.0 / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8))[:, None]
+    drive[:, 6:] *= deforms
+    return motion_of(states, p, drive, deforms), power
+
+
+def input_power(lines: Lines, raw: Complex, noise: Array) -> Array:
+    """Return the spectra of the inputs, shape (F, W), from inputs with an error of the variance ``noise`` (F, W).
+
+    Tapered: the ends of a segment would fill the lines in which a base is quiet. Not below what noise is mistaken for.
+    """
+    noise = lines.smooth(noise)
+    power = lines.smooth(np.abs(lines.taper(raw)) ** 2) - (1.0 + 2.0 * lines.smoothing_error()) * noise
+    return np.asarray(np.maximum(power, 1e-6 * noise))
+
+
+def motion_of(states: FastStates, p: Projected, drive: Complex, deforms: Array) -> Complex:
+    """Return states and inputs (F, V) of inputs (F, W); ``deforms`` (F, 1) is kept of the deformation the ends cause."""
+    bends = np.arange(len(p.ends)) >= states.deformation.start
+    motion = np.matmul(p.response.drive, drive[:, :, None])[:, :, 0]
+    motion += p.response.jump @ np.where(bends, 0.0, p.ends) + deforms * (p.response.jump @ np.where(bends, p.ends, 0.0))
+    return np.hstack([motion, drive])
+
+
+def renew(model: Model, segment: Segment, p: Projected) -> None:
+    """Compute the second order of a segment from its states, and the factor on the noise from what is left over."""
+    plant, lines = model.plant, segment.lines
+    states = plant.states
+    v, power = states_of(model, segment, p)
+    v[:, states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
+    fast = 1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2)
+    rate = v[:, states.base_accel][:, 3:] * (fast / lines.laplace)[:, None]
+    both = lines.back(np.hstack([v, rate]))
+    found = second_order(plant, model.constants, model.dynamics, model.theta, both[:, :-3], both[:, -3:])
+    excess = np.mean(np.abs(p.left) ** 2, axis=1) * segment.factor
+    segment.second_mean = found.readings.mean(axis=0)
+    segment.second_readings, segment.second_accel = lines.transform(found.readings), lines.transform(found.accel)
+    segment.factor = np.maximum(lines.smooth(excess), 1.0)
+    # the twist of a frame is one pattern and known to tilt brackets: the median pattern is what mounts do by themselves
+    own = np.median(power[:, 6:], axis=1) / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8)
+    segment.wandering = own / np.abs(lines.laplace) ** 4
+    segment.twisting = _twisting(plant, power[:, 6:])
+    segment.size = np.sqrt(2.0 * power.sum(axis=0) / lines.count)
+    segment.deformation = float(np.sqrt(np.mean(both[:, states.deformation] ** 2)))
+
+
+def _twisting(plant: Plant, power: Array) -> Array:
+    """Return the share of the twist of the base in the power that the mounts show of it.
+
+    Brackets follow the twist, not what a mount moves by itself: of the twist W + n that is seen, ``S_W / (S_W + S_n)`` is the
+    best estimate of W.
+    """
+    if not np.any(plant.twist):
+        return np.ones(len(power))
+    seen = power @ (plant.twist / np.linalg.norm(plant.twist)) ** 2
+    return np.asarray(np.clip(1.0 - np.median(power, axis=1) / seen, 0.0, 1.0))

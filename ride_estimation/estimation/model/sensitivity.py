@@ -1,0 +1,102 @@
+# Copyright 2026 ride_estimation contributors
+"""Derivatives of the model with the slow states, by differences; an error of a sensor changes its own readings only."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.model.readings import reading
+from ride_estimation.estimation.model.segments import Model, Projected, Segment
+from ride_estimation.estimation.model.states import reading_width
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: step of differences in slow states, in their own unit
+_STEP = 1e-5
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives with the free slow states, P of them, at a model.
+
+    Attributes
+    ----------
+    model
+        Where they are taken.
+    accel
+        Of the accelerations of body and carried bodies, shape (P, 6 + Q, V).
+    rows, constants
+        Of rows and constant part of the readings, shape (P, C, V) and (P, C).
+    force, still
+        Of the rows of the forces and of the forces that do not move, shape (P, 3 M, V) and (P, 3 M).
+    """
+
+    model: Model
+    accel: Array
+    rows: Array
+    constants: Array
+    force: Array
+    still: Array
+
+    @classmethod
+    def of(cls, model: Model) -> Sensitivity:
+        """Return the derivatives at a model."""
+        plant = model.plant
+        slow, rate = plant.slow, plant.states.accelerated
+        free = slow.free
+        accel = np.zeros((len(free), rate.stop - rate.start, plant.states.size))
+        rows, constants = np.zeros((len(free), *model.rows.shape)), np.zeros((len(free), len(model.constant)))
+        force, still = np.zeros((len(free), *model.dynamics.force.shape)), np.zeros((len(free), len(model.still)))
+        owners = {
+            place: sensor for sensor in plant.sensors for part in slow.sensors[sensor.name].values()
+            for place in range(part.start, part.stop)
+        }  # fmt: skip
+        first = dict(zip((s.name for s in plant.sensors), np.cumsum([0, *(reading_width(s) for s in plant.sensors)]).tolist()))
+        for n, i in enumerate(free.tolist()):
+            theta = model.theta.copy()
+            theta[i] += _STEP
+            if i in owners:
+                sensor = owners[i]
+                at = slice(first[sensor.name], first[sensor.name] + reading_width(sensor))
+                own, constant = reading(plant, model.dynamics, sensor, theta, theta[slow.cg])
+                rows[n, at], constants[n, at] = (own - model.rows[at]) / _STEP, (constant - model.constant[at]) / _STEP
+            else:
+                other = Model.of(plant, theta)
+                accel[n] = (other.dynamics.A[rate] - model.dynamics.A[rate]) / _STEP
+                rows[n], constants[n] = (other.rows - model.rows) / _STEP, (other.constant - model.constant) / _STEP
+                force[n] = (other.dynamics.force - model.dynamics.force) / _STEP
+                still[n] = (other.still - model.still) / _STEP
+        return cls(model, accel, rows, constants, force, still)
+
+    def pushes(self, segment: Segment, v: Complex, at: slice) -> Complex:
+        """Return the derivative of the accelerations at given states and inputs v (F, V), lines ``at``: (L, 6 + Q, P)."""
+        return self._shared(self._applied(self.accel, v[at]), segment, at)
+
+    def readings(self, segment: Segment, p: Projected, v: Complex, at: slice) -> Complex:
+        """Return the derivative of the readings at given inputs, lines ``at``, shape (L, C, P)."""
+        plant, x = self.model.plant, v[at]
+        effect = np.matmul(self.model.rows[:, plant.states.motion], p.response.accel[at])
+        found = np.matmul(effect, self.pushes(segment, v, at)) + self._shared(self._applied(self.rows, x), segment, at)
+        moving = x @ self.model.rows.T
+        for channel, place in enumerate(plant.delay_of):
+            if plant.slow.std[place] > 0.0:
+                found[:, channel, np.searchsorted(plant.slow.free, place)] = -segment.lines.laplace[at] * moving[:, channel]
+        return np.asarray(p.late[at][:, :, None] * found)
+
+    def forces(self, v: Complex) -> Complex:
+        """Return the derivative of the moving forces at given states and inputs v (F, V), shape (F, 3 M, P)."""
+        return self._applied(self.force, v)
+
+    def _applied(self, derivative: Array, x: Complex) -> Complex:
+        flat = derivative.reshape(-1, derivative.shape[2]).T
+        return np.asarray((x @ flat).reshape(len(x), len(derivative), -1).transpose(0, 2, 1))
+
+    def _shared(self, found: Complex, segment: Segment, at: slice) -> Complex:
+        """Take of the effect of bracket tilt the share of the deformations that is twist of the base."""
+        free, tilt = self.model.plant.slow.free, self.model.plant.slow.tilt_shares
+        found[:, :, (free >= tilt.start) & (free < tilt.stop)] *= segment.twisting[at, None, None]
+        return found

@@ -1,0 +1,165 @@
+# Copyright 2026 ride_estimation contributors
+"""Smoothed forces and deflections of a run: the states of the model, given all readings and the slow states of the whole run.
+
+Inputs of the base are what the readings say, ``T^+ y = w + n``, weighted by how much of it is motion (Wiener):
+``w = S (S + N)^-1 T^+ y`` with N the noise and what the slow states leave uncertain, ``N = (T* T)^-1 + G P G*``, G the derivative
+of ``T^+ y`` with the slow states and P their covariance. An error of the force follows from the inputs that are missed, from
+noise, and from the slow states, which change inputs and laws at once: ``(L K G + dF/dtheta) P (L K G + dF/dtheta)*``, L from the
+inputs to the force, K the weight. The error of k, c, gain, misalignment ... is in it once, at the motion of the time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ride_estimation.estimation.model.joint import RENEWALS, JointEstimate
+from ride_estimation.estimation.model.second_order import force_of_second_order
+from ride_estimation.estimation.model.segments import (
+    DEFORMS_HZ,
+    Model,
+    Projected,
+    Segment,
+    input_power,
+    motion_of,
+    project,
+    renew,
+    states_of,
+)  # fmt: skip
+from ride_estimation.estimation.model.sensitivity import Sensitivity
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: lines handled together: bounds the memory
+_CHUNK = 256
+#: power over the standard deviation of its estimate from which motion shows, below this frequency [Hz]
+_SHOWN, _SLOW_HZ = 2.0, 5.0
+
+
+@dataclasses.dataclass(frozen=True)
+class SmoothedSegment:
+    """A segment of N samples.
+
+    Attributes
+    ----------
+    force, std, deflection
+        Forces of the mounts on the body, axes of the body, with standard deviation [N]; deflections [m]; shape (N, M, 3).
+    nis
+        Mean normalised square of what no input explains: 1 where the model describes the segment.
+    """
+
+    force: Array
+    std: Array
+    deflection: Array
+    nis: float
+
+
+def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
+    """Return the forces of a segment.
+
+    Parameters
+    ----------
+    joint
+        Slow states of the run, estimated.
+    readings
+        Of the segment, shape (N, C), in the order of the plant's sensors.
+    """
+    plant, model = joint.plant, joint.model()
+    segment = Segment.of(readings, joint.dt, plant.states)
+    for _ in range(RENEWALS):
+        renew(model, segment, project(model, segment))
+    p = project(model, segment)
+    error = _Errors(joint, model, segment, p)
+    v = error.states()
+    variance = error.variance(v)
+    v[:, plant.states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
+    moving = segment.lines.back(v)
+    d = model.dynamics
+    shape = (len(readings), len(plant.mounts), 3)
+    force = model.still + moving @ d.force.T + force_of_second_order(plant, model.constants, d, moving).reshape(len(moving), -1)
+    nis = float(np.mean(np.abs(p.left) ** 2 * segment.factor[:, None]))
+    deflection = moving @ d.deflection.T + model.deflected
+    return SmoothedSegment(force.reshape(shape), np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
+
+
+class _Errors:
+    """Inputs of a segment with all that makes them err."""
+
+    def __init__(self, joint: JointEstimate, model: Model, segment: Segment, p: Projected) -> None:
+        self._model, self._segment, self._p = model, segment, p
+        self._sensitivity = Sensitivity.of(model)
+        free = joint.plant.slow.free
+        values, vectors = np.linalg.eigh(joint.covariance[np.ix_(free, free)])
+        #: root of the covariance of the slow states
+        self._root = vectors * np.sqrt(np.maximum(values, 0.0))
+        self._gain = self._of_slow_states(states_of(model, segment, p)[0])
+        inverse = np.linalg.inv(p.root)
+        self._noise = np.matmul(inverse, inverse.conj().transpose(0, 2, 1))
+        self._raw = p.inputs()
+        total = segment.lines.smooth(self._noise + np.matmul(self._gain, self._gain.conj().transpose(0, 2, 1)))
+        variance = np.diagonal(total, axis1=1, axis2=2).real
+        found, self._power = input_power(segment.lines, self._raw, variance), self._expected_power(variance)
+        power = found[:, :, None] * np.eye(len(variance[0]))
+        #: weight of the inputs
+        self._deforms = 1.0 / (1.0 + (DEFORMS_HZ / segment.lines.frequency) ** 8)
+        self._weight = np.matmul(power, np.linalg.inv(power + total))
+        self._weight[:, 6:] *= self._deforms[:, None, None]
+
+    def _of_slow_states(self, v: Complex) -> Complex:
+        """Return the derivative of ``T^+ y`` with the slow states, in units of their standard deviations, (F, W, P)."""
+        p = self._p
+        inverse, found = p.inverse(), []
+        for first in range(0, len(v), _CHUNK):
+            at = slice(first, first + _CHUNK)
+            change = self._sensitivity.readings(self._segment, p, v, at) @ self._root
+            found.append(-np.matmul(inverse[at], p.white.part(at).whiten(change)))
+        return np.concatenate(found)
+
+    def _expected_power(self, noise: Array) -> Array:
+        """Return what the spectra of the inputs are expected to be, shape (F, W), where noise hides them too.
+
+        A spectrum is not negative: the mean of a normal distribution that is cut off at zero. Deformation slower than what the
+        accelerometers show is taken to be no larger than there: the road twists a frame by the difference of four heights.
+        """
+        lines = self._segment.lines
+        std = lines.smoothing_error() * noise
+        difference = lines.smooth(np.abs(lines.taper(self._raw)) ** 2) - noise
+        ratio = np.clip(difference / std, -5.0, 5.0)
+        found = np.where(ratio < 5.0, std * stats.norm.pdf(ratio) + difference * stats.norm.cdf(ratio), difference)
+        found = np.maximum(found, 0.0)
+        for pattern in range(6, found.shape[1]):
+            hidden = np.flatnonzero((ratio[:, pattern] < _SHOWN) & (lines.frequency < _SLOW_HZ))
+            first = max(int(hidden[-1]) + 1 if len(hidden) else 0, int(np.argmax(lines.frequency >= DEFORMS_HZ)))
+            around = slice(first, first + max(1, first // 2))
+            flat = np.mean(found[around, pattern] / lines.frequency[around] ** 4)
+            found[:first, pattern] = np.minimum(found[:first, pattern], flat * lines.frequency[:first] ** 4)
+        return found
+
+    def states(self) -> Complex:
+        """Return states and inputs, shape (F, V)."""
+        drive = np.matmul(self._weight, self._raw[:, :, None])[:, :, 0]
+        return motion_of(self._model.plant.states, self._p, drive, self._deforms[:, None])
+
+    def variance(self, v: Complex) -> Array:
+        """Return the variance of the forces at states and inputs v, shape (N, 3 M)."""
+        model, lines, p = self._model, self._segment.lines, self._p
+        motion = model.plant.states.motion
+        force = np.matmul(model.dynamics.force[:, motion], p.response.drive)
+        weighted = np.matmul(force, self._weight)
+        missed = force - weighted
+        steady = np.einsum("fij,fj,fij->i", missed, self._power, missed.conj()).real
+        steady += np.einsum("fij,fji->i", np.matmul(weighted, self._noise), weighted.conj().transpose(0, 2, 1)).real
+        everything = slice(0, len(v))
+        direct = self._sensitivity.forces(v) + np.matmul(
+            np.matmul(model.dynamics.force[:, motion], p.response.accel), self._sensitivity.pushes(self._segment, v, everything)
+        )
+        changes = np.matmul(weighted, self._gain) + direct @ self._root
+        still = self._sensitivity.still.T @ self._root
+        found = np.empty((lines.count, len(steady)))
+        for i in range(len(steady)):
+            found[:, i] = np.sum((lines.back(changes[:, i]) + still[i]) ** 2, axis=1)
+        return np.asarray(found + 2.0 / lines.count * steady + np.diag(model.constants.static_covariance))
