@@ -145,6 +145,9 @@ def _mechanisms() -> dict[str, Mechanism]:
         "late sensors": Mechanism(
             "faults.late_sensors", "LateSensors.find", returns(False), "puts readings back by a delay that the tests found"
         ),
+        "model of the whole run": Mechanism(
+            "offline", "run_forces", returns("switched off"), "smoothed forces by the model, with the sensors' errors estimated"
+        ),
         # deflections and forces
         "deformation of the base": Mechanism(
             "forces.mount_forces", "MountForceEstimator.__init__", _without_frame(MountForceEstimator.__init__),

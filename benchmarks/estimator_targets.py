@@ -34,9 +34,9 @@ from worlds.installation import installed as with_errors  # noqa: E402
 from worlds.roads import Road, base_motion  # noqa: E402
 from worlds.vehicle_text import Belief  # noqa: E402
 
+from ride_estimation.estimation import offline  # noqa: E402
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.model.drive_calibration import calibrate_drive  # noqa: E402
-from ride_estimation.estimation.model.run_forces import run_forces  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
@@ -62,17 +62,20 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
     return np.concatenate([getattr(b, name) for b in blocks])
 
 
-def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> SmoothedForces:
-    """Return the smoothed forces of a finished run, as ``replay`` computes them."""
+def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> tuple[SmoothedForces, SmoothedForces]:
+    """Return the smoothed forces of a finished run, as ``replay`` computes them, and without the model of the whole run."""
     recorder = SmootherRecorder(pipeline.geometry)
     for block in blocks:
         recorder.take(block)
     signals = {name: joined(blocks, name) for name in SIGNALS}
-    model = run_forces(recording(data), pipeline.geometry.vehicle)
-    found = second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory, model)
-    if isinstance(found, str):
-        raise SystemExit(found)
-    return found
+    found = [
+        second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory, model, pipeline.parameters())
+        for model in (offline.run_forces(recording(data), pipeline.geometry.vehicle), "not wanted")
+    ]
+    for one in found:
+        if isinstance(one, str):
+            raise SystemExit(one)
+    return found[0], found[1]
 
 
 def ticks_of(blocks: list[OutputBlock], data: Measurement) -> tuple[np.ndarray, np.ndarray]:
@@ -165,10 +168,11 @@ def calibrated(cab: CabVehicle, sensors: tuple[CabSensor, ...], vehicle: Vehicle
 
 
 def judge_drive(
-    rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool, drawn: bool = False, calibrate: bool = False
+    rows: dict[str, list], seed: int, noise: float, anti_alias: float, real: bool, drawn: bool = False, calibrate: bool = False,
+    seconds: float = 15.0,
 ) -> tuple[CabVehicle, Measurement]:
     """Add errors, coverage and consistency of the drive of a world to figures; return the world."""
-    cab, data = world(seed, 15.0, noise, anti_alias, real)
+    cab, data = world(seed, seconds, noise, anti_alias, real)
     vehicle = believed_vehicle(data, drawn_belief(Belief(), seed) if drawn else None, seed=seed)
     if calibrate:
         vehicle = calibrated(cab, data.sensors, vehicle, seed, noise)
@@ -191,13 +195,16 @@ def judge_drive(
     rows.setdefault("apart vertical", []).extend(apart[:, 2])
     rows.setdefault("force horizontal", []).extend(score[:, :2].ravel())
     rows.setdefault("force vertical", []).extend(score[:, 2])
-    later = looked_back(pipeline, blocks, data)
+    later, alone = looked_back(pipeline, blocks, data)
+    rows.setdefault("model share", []).append(later.model_share)
+    alone_score = np.sqrt(np.mean((alone.force[good][late] - true) ** 2, axis=0)) / np.std(true, axis=0)
     error = later.force[good][late] - true
     later_score = np.sqrt(np.mean(error**2, axis=0)) / np.std(true, axis=0)
     held = np.mean(np.abs(error) < 2.0 * later.std[good][late], axis=0)
     for axis, part in (("horizontal", slice(0, 2)), ("vertical", slice(2, 3))):
         rows.setdefault(f"later {axis}", []).extend(later_score[:, part].ravel())
         rows.setdefault(f"later inside {axis}", []).extend(held[:, part].ravel())
+        rows.setdefault(f"alone {axis}", []).extend(alone_score[:, part].ravel())
         for path, own_error, own_std in (("live", force - true, std), ("later", error, later.std[good][late])):
             ratio = np.sqrt(np.mean(own_std[..., part] ** 2, axis=0) / np.mean(own_error[..., part] ** 2, axis=0))
             rows.setdefault(f"{path} {axis} std over error", []).extend(ratio.ravel())
@@ -213,15 +220,22 @@ def judge_drive(
 
 
 def nominal(
-    seeds: range, noise: float, anti_alias: float, real: bool = False, drawn: bool = False, calibrate: bool = False
+    seeds: range, noise: float, anti_alias: float, real: bool = False, drawn: bool = False, calibrate: bool = False,
+    seconds: float = 15.0,
 ) -> dict[str, list]:
     rows: dict[str, list] = {}
     for seed in seeds:
-        cab, data = judge_drive(rows, seed, noise, anti_alias, real, drawn, calibrate)
+        cab, data = judge_drive(rows, seed, noise, anti_alias, real, drawn, calibrate, seconds)
         for when, least in zip(("causal", "smoothed"), least_error(cab, data)):
             rows.setdefault(f"least {when}", []).extend(least.ravel())
         stiffness, force = (100 * max(rows[f"{what} vertical"][-4:]) for what in ("k", "force"))
-        print(f"  seed {seed}: kz {stiffness:.2f} %, force z {force:.1f} %", file=sys.stderr)
+        mounts = 4
+        sideways = [100 * np.mean(rows[f"{what} horizontal"][-2 * mounts :]) for what in ("later", "alone")]
+        upright = [100 * np.mean(rows[f"{what} vertical"][-mounts:]) for what in ("later", "alone")]
+        print(
+            f"  seed {seed}: kz {stiffness:.2f} %, force z {force:.1f} %; smoothed (without the model) sideways "
+            f"{sideways[0]:.1f} ({sideways[1]:.1f}) %, vertical {upright[0]:.1f} ({upright[1]:.1f}) %", file=sys.stderr,
+        )  # fmt: skip
     return rows
 
 
@@ -314,7 +328,10 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float]) -> 
             f"{target} %",
             f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
         )
+        line("the same without the model of the whole run", "-", f"{100 * np.median(rows[f'alone {axis}']):.1f} %")
         line(f"force {axis} smoothed, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'later inside {axis}']):.1f} %")
+        line(f"force {axis} smoothed, std over error", "1 to 1.3", f"{np.median(rows[f'later {axis} std over error']):.1f}")
+    line("share of the model of the whole run", "-", f"{100 * np.mean(rows['model share']):.0f} %")
     worst = f"{100 * max(mass['anchored']):.2f} %"
     line("mass with known stiffness (file mass 15 % high, with and without the inertia), worst", "3 %", worst)
     line(
@@ -343,11 +360,12 @@ def main() -> None:
     parser.add_argument("--installed", action="store_true", help="sensors with all errors of a usual installation")
     parser.add_argument("--drawn", action="store_true", help="a vehicle file that errs by what it states")
     parser.add_argument("--calibrated", action="store_true", help="calibrate the sensors from another drive first")
+    parser.add_argument("--seconds", type=float, default=15.0, help="length of a run (default 15)")
     given = parser.parse_args()
     start = time.perf_counter()
     seeds = range(given.first, given.first + given.seeds)
     few = range(given.first, given.first + max(given.seeds // 4, 1))
-    rows = nominal(seeds, given.noise, given.anti_alias, given.installed, given.drawn, given.calibrated)
+    rows = nominal(seeds, given.noise, given.anti_alias, given.installed, given.drawn, given.calibrated, given.seconds)
     table(rows, masses(few, given.noise), changes(few, given.noise))
     print(f"{given.seeds} worlds, {time.perf_counter() - start:.0f} s")
 

@@ -146,16 +146,28 @@ MUTATIONS = (
         "excess = 1.0", "sensors that contradict each other in the motion",
     ),
     Mutation(
-        "model/joint.py", "total = information + np.eye(raw.shape[1]) / power[:, :, None]", "total = information",
+        "model/segments.py", "total = information + np.eye(raw.shape[1]) / power[:, :, None]", "total = information",
         "noise of the inputs: derivatives are taken at noise",
     ),
     Mutation(
-        "model/joint.py", "lines = np.flatnonzero(share > _NO_SHARE)", "lines = np.flatnonzero(share > 1e30)",
+        "model/segments.py", "lines = np.flatnonzero(share > _NO_SHARE)", "lines = np.flatnonzero(share > 1e30)",
         "what a bracket that moves alone and does not lean adds to the readings of the base",
     ),
     Mutation(
-        "model/joint.py", "segment.wandering = own / np.abs(lines.laplace) ** 4", "segment.wandering = 0.0 * own",
+        "model/segments.py", "segment.wandering = own / np.abs(lines.laplace) ** 4", "segment.wandering = 0.0 * own",
         "how far mounts move by themselves",
+    ),
+    Mutation(
+        "model/segments.py", "return np.asarray(np.clip(1.0 - np.median(power, axis=1) / seen, 0.0, 1.0))",
+        "return np.ones(len(power))", "brackets follow the twist of the base and not what mounts move by themselves",
+    ),
+    Mutation(
+        "model/smoother.py", "changes = np.matmul(weighted, self._gain) + direct @ self._root",
+        "changes = 0.0 * (direct @ self._root)", "slow states in the std of smoothed forces",
+    ),
+    Mutation(
+        "model/smoother.py", "self._weight = np.matmul(power, np.linalg.inv(power + total))",
+        "self._weight = np.broadcast_to(np.eye(power.shape[1]), power.shape).copy()", "noise in the inputs of smoothed forces",
     ),
 )  # fmt: skip
 

@@ -325,7 +325,7 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
-        smoothed=second_pass(recorder, first_pass, pipeline.tilting, pipeline.settings.parameter_memory, model()),
+        smoothed=second_pass(recorder, first_pass, pipeline.tilting, pipeline.settings.parameter_memory, model(), parameters),
         blocks=views,
         reports=reports,
     )

@@ -63,7 +63,12 @@ def shaped(rng: np.random.Generator, count: int, low: float, high: float) -> np.
 
 
 def linear_readings(vehicle: Vehicle, seed: int, duration: float, size: float) -> tuple[Plant, np.ndarray, np.ndarray]:
-    """Return plant, readings of its linear model with errors drawn from the priors, and the true slow states.
+    """Return plant, readings and true slow states of :func:`linear_run`."""
+    return linear_run(vehicle, seed, duration, size)[:3]
+
+
+def linear_run(vehicle: Vehicle, seed: int, duration: float, size: float) -> tuple[Plant, np.ndarray, np.ndarray, np.ndarray]:
+    """Return plant, readings of its linear model with errors drawn from the priors, the true slow states, forces of the mounts.
 
     The base moves in bands that the estimate does not know; integrated at eight times the rate. The motion is so small, and
     the noise with it, that second-order kinematics do not count.
@@ -94,7 +99,8 @@ def linear_readings(vehicle: Vehicle, seed: int, duration: float, size: float) -
     v = np.hstack([out, drive])[round(1.0 / DT) : round((1.0 + duration) / DT)]
     readings = v @ model.rows.T + model.constant
     white = np.repeat([s.noise_std for s in plant.sensors], [3 if s.kind != "displacement" else 1 for s in plant.sensors])
-    return plant, readings + white * rng.normal(size=readings.shape), theta
+    force = v @ model.dynamics.force.T + model.still
+    return plant, readings + white * rng.normal(size=readings.shape), theta, force.reshape(len(v), -1, 3)
 
 
 def test_transforms_of_a_segment_obey_the_response_whatever_its_ends() -> None:
@@ -156,6 +162,17 @@ def test_transform_and_back_are_inverse_in_the_band() -> None:
     t = np.arange(500) * DT
     x = np.column_stack([np.sin(2 * np.pi * 5.0 * t), np.cos(2 * np.pi * 2.5 * t)])
     np.testing.assert_allclose(lines.back(lines.transform(x)), x, atol=1e-9)
+
+
+def test_what_ends_abruptly_does_not_fill_quiet_lines() -> None:
+    lines = Lines.of(2500, DT)
+    t = np.arange(2500) * DT
+    raw = lines.transform(np.sin(2.0 * np.pi * 8.027 * t)[:, None])
+    power = segments.input_power(lines, raw, np.full((len(raw), 1), 1e-9))
+    assert power[lines.frequency < 2.0].max() < 1e-5 * power.max()
+    white = np.random.default_rng(1).normal(size=(2500, 1))
+    whole, tapered = lines.transform(white), lines.taper(lines.transform(white))
+    assert np.mean(np.abs(tapered) ** 2) == pytest.approx(np.mean(np.abs(whole) ** 2), rel=0.1)
 
 
 @pytest.fixture(scope="module")

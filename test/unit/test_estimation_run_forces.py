@@ -1,0 +1,177 @@
+# Copyright 2026 ride_estimation contributors
+"""Smoothed forces by the model of a whole run: truth, stated uncertainty from both sides, faults, what it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from worlds.adapters import START_NS, believed_vehicle, recording
+from worlds.cab import Measurement, drive, measure, random_sensors, random_vehicle
+from worlds.installation import installed
+from worlds.roads import Road
+
+from ride_estimation.estimation.common.estimate import Estimate, Status
+from ride_estimation.estimation.model.joint import JointEstimate
+from ride_estimation.estimation.model.run_forces import RunForces, run_forces
+from ride_estimation.estimation.model.run_readings import run_readings
+from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
+from ride_estimation.estimation.smoothing.smoothed_forces import _not_linear
+from ride_estimation.sensors.installation import USUAL
+from ride_estimation.signals.recording import Recording
+from ride_estimation.vehicles.vehicle import Vehicle
+
+KINDS = ("bias", "gain", "misalignment", "position", "delay")
+FOLLOW = (0.95, 0.95)
+
+
+def world(seed: int, seconds: float) -> tuple[Measurement, Vehicle]:
+    """Return a drive with sensors installed as usual, brackets that follow the twist of the frame, and the vehicle file."""
+    rng = np.random.default_rng(seed)
+    cab = random_vehicle(rng, "air" if seed % 2 == 0 else "rubber")
+    sensors = installed(random_sensors(cab, rng), seed, **{kind: getattr(USUAL, kind) for kind in KINDS})
+    run = drive(cab, dataclasses.replace(Road.random(rng), follow=FOLLOW), seconds, seed)
+    data = measure(run, sensors, 200.0, seed, noise_share=0.01, anti_alias=0.0)
+    return data, believed_vehicle(data, None, seed=seed)
+
+
+def judged(data: Measurement, found: RunForces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return error, standard deviation and true spread of the forces away from the ends."""
+    start, segment = found.segments[0]
+    time = (start - START_NS) * 1e-9 + np.arange(len(segment.force)) * found.dt
+    inside = (time > 5.0) & (time < time[-1] - 4.0)
+    true = np.stack(
+        [[np.interp(time, data.time, data.truth["mount_force"][:, m, a]) for a in range(3)] for m in range(4)]
+    ).transpose(2, 0, 1)
+    return (segment.force - true)[inside], segment.std[inside], np.std(true[inside], axis=0)
+
+
+@pytest.fixture(scope="module")
+def drive_and_forces() -> tuple[Measurement, Vehicle, RunForces]:
+    data, vehicle = world(7303, 24.0)
+    found = run_forces(recording(data), vehicle)
+    assert isinstance(found, RunForces), found
+    return data, vehicle, found
+
+
+def test_forces_are_near_the_truth_and_no_surer_than_they_are(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> None:
+    data, _, found = drive_and_forces
+    error, std, size = judged(data, found)
+    score = np.sqrt(np.mean(error**2, axis=0)) / size
+    # of this drive the filters of the first pass leave 11 % sideways
+    assert score[:, :2].mean() < 0.07
+    assert score[:, 2].mean() < 0.04
+    ratio = np.sqrt(np.mean(std**2, axis=0) / np.mean(error**2, axis=0))
+    assert 0.7 < np.median(ratio[:, :2]) < 3.0
+    assert np.mean(np.abs(error) < 2.0 * std) > 0.9
+
+
+@pytest.fixture(scope="module")
+def fitted(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> tuple[JointEstimate, np.ndarray]:
+    """Return slow states estimated from 16 s of the drive, and the readings."""
+    data, vehicle, _ = drive_and_forces
+    found = run_readings(recording(data), vehicle)
+    part = found.segments[0][250:2250]
+    joint = JointEstimate(found.plant, [part], found.dt)
+    joint.fit()
+    return joint, part
+
+
+def test_brackets_follow_the_twist_of_the_frame_and_not_what_mounts_move_by_themselves(
+    fitted: tuple[JointEstimate, np.ndarray],
+) -> None:
+    joint, _ = fitted
+    shares = joint.plant.slow.tilt_shares
+    roll, _, pitch, _ = joint.theta[shares]
+    std = np.sqrt(np.diag(joint.covariance))[shares]
+    assert abs(roll - FOLLOW[0]) < 3.0 * std[0]
+    assert abs(pitch - FOLLOW[1]) < 3.0 * std[2]
+    assert max(std[0], std[2]) < 0.45
+
+
+def test_an_uncertain_slow_state_is_in_the_standard_deviation_at_the_motion_of_the_time(
+    fitted: tuple[JointEstimate, np.ndarray],
+) -> None:
+    joint, readings = fitted
+    known, plant = joint.covariance, joint.plant
+    place = plant.slow.log_damping.start + 2
+    step = 0.1
+    joint.covariance = np.zeros_like(known)
+    without = smooth(joint, readings)
+    joint.covariance[place, place] = step**2
+    found = smooth(joint, readings)
+    joint.covariance = known
+    added = np.sqrt(np.maximum(found.std**2 - without.std**2, 0.0))[250:-250, 0, 2]
+    joint.theta[place] += step
+    moved = smooth(joint, readings)
+    joint.theta[place] -= step
+    change = (moved.force - without.force)[250:-250, 0, 2]
+    # what the state changes of the force when it moves by its standard deviation
+    assert np.sqrt(np.mean((added - np.abs(change)) ** 2)) < 0.2 * np.sqrt(np.mean(change**2))
+
+
+@pytest.mark.slow
+def test_a_faulty_sensor_does_not_bend_the_forces(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> None:
+    data, vehicle, before = drive_and_forces
+    run = recording(data)
+    name = next(s.name for s in data.sensors if s.place == "cab")
+    channel = run.channels[name]
+    off = dataclasses.replace(channel, values=channel.values + np.array([0.4, 0.0, 0.0]))
+    found = run_forces(dataclasses.replace(run, channels={**run.channels, name: off}), vehicle)
+    assert isinstance(found, RunForces)
+    error, std, size = judged(data, found)
+    usual, _, _ = judged(data, before)
+    assert np.abs(error.mean(axis=0) - usual.mean(axis=0))[:, 0].max() < 0.03 * size[:, 0].max()
+    assert np.mean(np.abs(error) < 2.0 * std) > 0.9
+
+
+def test_what_the_model_does_not_describe_is_refused_with_a_reason(
+    drive_and_forces: tuple[Measurement, Vehicle, RunForces],
+) -> None:
+    data, vehicle, _ = drive_and_forces
+    run = recording(data)
+    rng = np.random.default_rng(1)
+    names = [s.name for s in data.sensors]
+    noisy = {n: dataclasses.replace(c, values=c.values + rng.normal(size=c.values.shape)) for n, c in run.channels.items()}
+    assert "NIS" in str(run_forces(dataclasses.replace(run, channels=noisy), vehicle))
+    assert names[0] in str(run_forces(dataclasses.replace(run, channels={n: run.channels[n] for n in names[1:]}), vehicle))
+    assert "10 s" in str(run_forces(cut(run, 6.0), vehicle))
+
+
+def cut(run: Recording, seconds: float) -> Recording:
+    """Return the beginning of a run."""
+    channels = {}
+    for name, channel in run.channels.items():
+        at = channel.stamp_ns < channel.stamp_ns[0] + round(1e9 * seconds)
+        channels[name] = dataclasses.replace(channel, stamp_ns=channel.stamp_ns[at], values=channel.values[at])
+    return dataclasses.replace(run, channels=channels)
+
+
+def test_forces_of_the_model_count_away_from_the_ends_and_leave_what_is_faster() -> None:
+    dt, count = 0.008, 2500
+    time = np.arange(count) * dt
+    slow = np.sin(2.0 * np.pi * 2.0 * time)[:, None, None] * np.ones((1, 4, 3))
+    found = RunForces(((1_000_000_000, SmoothedSegment(slow, 2.0 + 0.0 * slow, 0.0 * slow, 1.0)),), dt)
+    stamps = 1_000_000_000 + np.arange(10_000, dtype=np.int64) * 2_000_000
+    fast = np.sin(2.0 * np.pi * 120.0 * np.arange(10_000) * 0.002)[:, None, None] * np.ones((1, 4, 3))
+    force, std, deflection = 5.0 + fast, np.full(fast.shape, 10.0), np.ones(fast.shape)
+    share = found.fade_in(stamps, np.ones(10_000), force, std, deflection)
+    assert share == pytest.approx((20.0 - 6.0) / 20.0, abs=0.01)
+    np.testing.assert_array_equal(force[:1000], 5.0 + fast[:1000])
+    middle = slice(3000, 7000)
+    truth = np.sin(2.0 * np.pi * 2.0 * np.arange(10_000) * 0.002)[:, None, None] + fast
+    np.testing.assert_allclose(force[middle], truth[middle], atol=0.02)
+    np.testing.assert_allclose(std[middle], 2.0)
+    np.testing.assert_allclose(deflection[middle], 0.0, atol=1e-6)
+    force, std, deflection = 5.0 + fast, np.full(fast.shape, 10.0), np.ones(fast.shape)
+    assert found.fade_in(stamps, np.zeros(10_000), force, std, deflection) == 0.0
+    np.testing.assert_array_equal(force, 5.0 + fast)
+
+
+def test_a_vertical_law_that_is_not_known_as_linear_is_named() -> None:
+    good = Estimate("front_left.z.stiffness", 1.0, 0.1, "N/m", 1.0, Status.VALID, "", 0)
+    assert _not_linear([good]) == ""
+    lost = dataclasses.replace(good, name="rear_right.z.damping", status=Status.NOT_IDENTIFIABLE)
+    assert "rear_right.z.damping" in _not_linear([good, lost])
+    assert _not_linear([dataclasses.replace(lost, name="rear_right.x.damping")]) == ""
