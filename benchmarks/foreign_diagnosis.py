@@ -40,6 +40,7 @@ MAGNITUDES = {
 }
 #: what the runs call an effect -> cause id, where they differ
 NAMES = {"cab_flexible_mode": "flexible_mode"}
+_NEAR_M = 0.15  # distance at which a load still is at the seat where it was put [m]
 AXLES = {"front": ("fl", "fr"), "rear": ("rl", "rr"), "left": ("fl", "rl"), "right": ("fr", "rr")}
 
 
@@ -88,6 +89,12 @@ def right_cause(effect: dict[str, Any], cause: dict[str, Any]) -> bool:
 def right_place(effect: dict[str, Any], causes: list[dict[str, Any]]) -> bool:
     """Return whether the causes of the right name sit where the effect does; an axle may be named mount by mount."""
     true = effect["location"] or ""
+    point = (effect.get("magnitude") or {}).get("point_from_cg_m")
+    if point is not None:  # a load by the point it lies at
+        stated = {
+            p["name"][-1]: p for c in causes if right_cause(effect, c) for p in c["parameters"] if "place from the CG" in p["name"]
+        }
+        return bool(stated) and all(abs(p["value"] - point["xyz".index(a)]) < max(2.0 * p["std"], _NEAR_M) for a, p in stated.items())
     found = {c["location"] for c in causes if right_cause(effect, c)}
     return any(true == f or f.startswith(true) for f in found) or (bool(found) and found == set(AXLES.get(true, ())))
 
