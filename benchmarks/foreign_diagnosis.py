@@ -91,10 +91,9 @@ def right_place(effect: dict[str, Any], causes: list[dict[str, Any]]) -> bool:
     true = effect["location"] or ""
     point = (effect.get("magnitude") or {}).get("point_from_cg_m")
     if point is not None:  # a load by the point it lies at
-        stated = {
-            p["name"][-1]: p for c in causes if right_cause(effect, c) for p in c["parameters"] if "place from the CG" in p["name"]
-        }
-        return bool(stated) and all(abs(p["value"] - point["xyz".index(a)]) < max(2.0 * p["std"], _NEAR_M) for a, p in stated.items())
+        parameters = [p for c in causes if right_cause(effect, c) for p in c["parameters"]]
+        stated = [(p, point["xyz".index(p["name"][-1])]) for p in parameters if "place from the CG" in p["name"]]
+        return bool(stated) and all(abs(p["value"] - x) < max(2.0 * p["std"], _NEAR_M) for p, x in stated)
     found = {c["location"] for c in causes if right_cause(effect, c)}
     return any(true == f or f.startswith(true) for f in found) or (bool(found) and found == set(AXLES.get(true, ())))
 
