@@ -113,9 +113,10 @@ def resonant(omega: Array, spectrum: ComplexArray, frequency_hz: float, damping_
     return np.asarray(spectrum * ((w0**2 + 2 * damping_ratio * w0 * s) / (s**2 + 2 * damping_ratio * w0 * s + w0**2))[shape])
 
 
-def step_window(time_s: Array, at_s: float) -> Array:
-    """Return 0 before and 1 after an instant."""
-    return np.where(time_s >= at_s, 1.0, 0.0)
+def step_window(time_s: Array, at_s: float, over_s: float) -> Array:
+    """Return 0 before and 1 after a change around an instant that takes a while, half a cosine."""
+    share = np.clip((time_s - at_s) / over_s + 0.5, 0.0, 1.0)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * share))
 
 
 def legendre(time_s: Array, degree: int) -> Array:

@@ -33,6 +33,9 @@ ComplexArray = NDArray[np.complex128]
 _UP = np.array([0.0, 0.0, 1.0])
 #: instants on the grid, and distance of two of them over which more are tried around the best
 _INSTANTS, _NEIGHBOURS = 20, 1.5
+#: how long a load takes to come on [s]: first trial, and from what is dropped to what is filled. What comes on slower than a
+#: body bounces hardly makes it bounce
+_TAKES, _TAKES_WITHIN = 0.5, (0.05, 10.0)
 #: a load from the start: standard deviation of a mass that the file states without one, standard deviations that a load is
 #: beyond, its largest share of the body and its largest distance from the CG [m]
 _WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 3.0
@@ -53,10 +56,12 @@ class MassChange(Cause):
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return two hypotheses per body: a load from the start, and one from an instant of a grid on."""
         first, last = (float(t) for t in view.blocks.time_s[[0, -1]])
-        grid = tuple({"at": float(t)} for t in np.linspace(first, last, _INSTANTS))
+        grid = tuple({"at": float(t), "over": _TAKES} for t in np.linspace(first, last, _INSTANTS))
         # how the body bounces after a sudden load tells the instant to a twentieth of a second, and only there
         apart = (last - first) / (_INSTANTS - 1)
-        bounds = (Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart),)
+        bounds = (
+            Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart), Shape("over", _TAKES, *_TAKES_WITHIN)
+        )  # fmt: skip
         sinks = any(s.kind == "displacement" for s in view.plant.outputs)
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
@@ -64,7 +69,7 @@ class MassChange(Cause):
             always = _AlwaysThere(body)
 
             def changing(view: RunView, shape: Shapes, always: _AlwaysThere = always) -> list[Column]:
-                window = step_window(view.data.time_s, float(shape["at"]))
+                window = step_window(view.data.time_s, float(shape["at"]), float(shape["over"]))
                 return [tuple(dataclasses.replace(e, signal=window * e.signal) for e in column) for column in always(view)]
 
             def constant(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
