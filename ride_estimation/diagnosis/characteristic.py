@@ -26,6 +26,7 @@ class Family(enum.IntEnum):
     SQUARE = 4  #: ``u |u|``, flow through an orifice
     BULGE = 5  #: ``u exp(-(u / s)^2)``, a force around zero that fades
     POWER = 6  #: ``sign(u) |u|^s``
+    KNEE = 7  #: ``u`` within ``-s .. s``, a valve that blows off
 
 
 #: a damper is nonlinear at rates beyond that share of their rms; a force that levels off below it is friction by name, and the
@@ -51,6 +52,8 @@ def odd_form(u: Array, shape: Shapes) -> Array:
             return np.asarray(u * np.exp(-((u / scale) ** 2)))
         case Family.POWER:
             return np.asarray(np.sign(u) * np.abs(u) ** scale)
+        case Family.KNEE:
+            return np.asarray(np.clip(u, -scale, scale))
 
 
 def characteristic_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array]:

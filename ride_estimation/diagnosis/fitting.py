@@ -437,6 +437,11 @@ class FullFitter:
             if iteration:
                 self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
             result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
+            if self._negative(result):
+                regression, projector = self._grounded(regression, result)
+                if iteration:
+                    self._search_shapes(view, projector, hypotheses, shapes, [False] * len(shapes))
+                result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
             result = dataclasses.replace(result, simulated=simulated)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
             if settle:
@@ -465,6 +470,21 @@ class FullFitter:
         if best is None:
             raise ValueError("at least one pass is needed")
         return best
+
+    def _negative(self, result: FullFit) -> list[int]:
+        """Return the stiffnesses and dampings that a result would have below nothing."""
+        return [i for i in self._ports if result.coefficients[i] < -1.0]
+
+    def _grounded(self, regression: Regression, result: FullFit) -> tuple[Regression, Projector]:
+        """Return the regression whose negative springs and dampers stay at the limit of a step.
+
+        A law beside a spring or a damper of negative sign may fit along a deflection that is given and is no model that could
+        move by itself: the law has to do without it.
+        """
+        limits = {i: step_factor(result.coefficients[i]) - 1.0 for i in self._negative(result)}
+        std = regression.prior_std * np.sqrt(regression.temper)
+        grounded = regression.with_prior(*hold(std, regression.prior_offset, limits))
+        return grounded, Projector(grounded, self._blocks)
 
     def _solve(
         self, view: RunView, regression: Regression, adjustables: tuple[Adjustable, ...], projector: Projector,

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 _FORMS = (
     (Family.SQUARE, 1.0), (Family.SATURATING, 0.4), (Family.SATURATING, 0.8), (Family.SATURATING, 2.0), (Family.BULGE, 0.5),
-    (Family.BULGE, 1.0), (Family.POWER, 0.45), (Family.POWER, 0.7),
+    (Family.BULGE, 1.0), (Family.POWER, 0.45), (Family.POWER, 0.7), (Family.KNEE, 1.5),
 )  # fmt: skip
 _COLUMNS = 3
 
