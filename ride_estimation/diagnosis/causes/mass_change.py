@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -81,11 +81,15 @@ class MassChange(Cause):
 
             mass = view.plant.vehicle.bodies[body].mass
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
-            out.append(Hypothesis(self.ID, body, "", changing, grid, bounds, run_bound=True))
+            moments = len(_moment_axes(view, body))
 
-            def plausible(coefficients: Array, least: float = known) -> bool:
-                size = abs(float(coefficients[0]))
-                return size >= least and bool(np.all(np.abs(coefficients[1:]) <= _REACH * size))
+            def on_the_body(coefficients: Array, count: int = moments) -> bool:
+                return bool(np.all(np.abs(coefficients[1 : 1 + count]) <= _REACH * abs(float(coefficients[0]))))
+
+            def plausible(coefficients: Array, least: float = known, near: Callable[[Array], bool] = on_the_body) -> bool:
+                return abs(float(coefficients[0])) >= least and near(coefficients)
+
+            out.append(Hypothesis(self.ID, body, "", changing, grid, bounds, run_bound=True, plausible=on_the_body))
 
             out.append(Hypothesis(
                 self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
@@ -148,9 +152,13 @@ class _AlwaysThere:
 
 def _moments(view: RunView, fitted: Fitted) -> list[int]:
     """Return the axes of the first moments among the coefficients, in order."""
-    body = fitted.hypothesis.location
-    columns = _constant_load(view, body, six_of(view, body)[1])
-    return [axis for axis, column in enumerate(columns[1:]) if column]
+    return _moment_axes(view, fitted.hypothesis.location)
+
+
+def _moment_axes(view: RunView, body: str) -> list[int]:
+    """Return the axes along which a run can tell the place of a load: about the two others the body turns by itself."""
+    turns = view.plant.vehicle.bodies[body].coordinates
+    return [i for i in range(3) if any(c in turns for c in COORDINATES[3:] if c != COORDINATES[3 + i])]
 
 
 def _constant_load(view: RunView, body: str, moving: Array) -> list[Column]:
@@ -205,7 +213,7 @@ def _load(view: RunView, body: str, window: Array, a: Array, weight: float) -> l
     load = a[:, :3] + weight * _UP
     out = [wrench_column(view, body, -window * load, np.zeros_like(load))]
     for i in range(3):
-        if not any(c in view.plant.vehicle.bodies[body].coordinates for c in COORDINATES[3:] if c != COORDINATES[3 + i]):
+        if i not in _moment_axes(view, body):
             out.append(())
             continue
         arm = np.eye(3)[i]
