@@ -67,6 +67,39 @@ def bolt_in_a_hole(clearance: float, level: float) -> Callable[[float, float], f
     return law
 
 
+def relief_valve(knee: float, share: float) -> Callable[[float, float], float]:
+    """Return what a valve that opens at a rate [m/s] takes away of a share of the damping beyond it."""
+    return lambda x, v: -share * DAMPING * math.copysign(max(abs(v) - knee, 0.0), v)
+
+
+def loose_damper(clearance: float) -> Callable[[float, float], float]:
+    """Return what the damper lacks behind a clearance [m] and a joint 40 times as stiff as the damper at 1 Hz. For one run."""
+    joint, step, piston = 40.0 * 2.0 * math.pi * DAMPING, 1.0 / (RATE_HZ * FINE), 0.0
+
+    def law(x: float, v: float) -> float:
+        nonlocal piston
+        slack = x - piston
+        force = joint * (slack - min(max(slack, -0.5 * clearance), 0.5 * clearance))
+        piston += step * force / DAMPING
+        return force - DAMPING * v
+
+    return law
+
+
+def load_taken_on(mass: float, at_s: float, over_s: float) -> Callable[[float, float], float]:
+    """Return the force that makes the body heavier by a mass [kg] that comes on over some seconds. For one run."""
+    step, now = 1.0 / (RATE_HZ * FINE), 0.0
+
+    def law(x: float, v: float) -> float:
+        nonlocal now
+        now += step
+        load = mass * min(max((now - at_s) / over_s, 0.0), 1.0)
+        carried = STIFFNESS * x + DAMPING * v
+        return MASS * (carried + load * GRAVITY) / (MASS + load) - carried
+
+    return law
+
+
 def iwan_chain(level: float, reach: float, count: int = 12) -> Callable[[float, float], float]:
     """Return parallel elements of one stiffness that slide at evenly spread forces, the last after a stroke [m] (Iwan 1966)."""
     limits = np.arange(1, count + 1) / np.arange(1, count + 1).sum() * level

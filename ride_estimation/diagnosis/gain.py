@@ -54,7 +54,7 @@ def _in_band(accepted: FullFit | None) -> bool:
 
 def _confirmed(work: Work, base: Prediction, extended: Prediction) -> bool:
     """Return whether the extended model predicts the judge blocks better, or no worse where means are the evidence."""
-    judge = work.splits.judge
+    judge = extended.told(work.splits.judge)
     (before, signal), (after, _) = block_squares(base), block_squares(extended)
     tolerated = 1.0 if _in_band(work.selection.accepted) else _AS_GOOD
     return pooled_nrmse(after, signal, judge) < tolerated * pooled_nrmse(before, signal, judge)
@@ -68,7 +68,7 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     """
     if not _in_band(work.selection.accepted):
         return True
-    inside = base.view.data.block_window(work.splits.judge)[:, None]
+    inside = base.view.data.block_window(extended.told(work.splits.judge))[:, None]
     parts = (base.residual(), extended.residual(), base.measured())
     before, after, signal = (np.sum((part * inside) ** 2, axis=0) for part in parts)
     # a channel near a node is the small difference of two motions, each of which the model may miss by so much
@@ -107,6 +107,7 @@ def measured_gain(
                     f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
                 )
                 continue
+            judged = better.told(judged)
             left_errors, known = block_squares(better)[0], _in_range(work.selection.accepted, better.view, judged)
             del better  # a view of a minute takes a hundred megabytes
         probe = predict(data, work.baseline)
@@ -126,7 +127,7 @@ def measured_gain(
             other.name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
             min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
-    judge = work.splits.judge
+    judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
     # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
     floor = min(noise_floor(base.view, base_squares[1], judge), baseline, after)

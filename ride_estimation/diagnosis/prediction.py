@@ -75,11 +75,27 @@ class Prediction:
     ----------
     settled
         Whether the law forces are those along the predicted deflections, as far as a prediction can be told from a guess.
+    fitted
+        The causes, those that belong to one run only as they were fitted again.
     """
 
     view: RunView
     spectrum: ComplexArray
     settled: bool = True
+    fitted: tuple[Fitted, ...] = ()
+
+    def told(self, blocks: IntArray) -> IntArray:
+        """Return the blocks without those in which something of this run alone sets in: no other stretch tells how it does.
+
+        A load on a spring bounces for another block. All blocks where the others are fewer than half.
+        """
+        middle = self.view.blocks.time_s[blocks]
+        length = self.view.blocks.index.shape[1] / self.view.grid.decimated_rate_hz
+        quiet = np.ones(len(blocks), dtype=bool)
+        for shape in (f.shape for f in self.fitted if f.hypothesis.run_bound and "at" in f.shape):
+            reach = 0.5 * (length + shape.get("over", 0.0))
+            quiet &= (middle < shape["at"] - reach) | (middle > shape["at"] + reach + length)
+        return blocks[quiet] if 2 * np.count_nonzero(quiet) >= len(blocks) else blocks
 
     def residual(self) -> Array:
         """Return the in-band residual in measured units, shape (N, ny)."""
@@ -123,7 +139,7 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     for weight, spectrum in zip(weights, spectra):
         if weight != 0.0:
             adjusted += weight * spectrum
-    return Prediction(view, adjusted, missed < _GUESS)
+    return Prediction(view, adjusted, missed < _GUESS, tuple(fitted))
 
 
 def _unseen(data: RunData, state: ModelState, model: Model) -> RunView:

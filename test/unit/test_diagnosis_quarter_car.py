@@ -6,7 +6,17 @@ from __future__ import annotations
 import math
 
 import pytest
-from diagnosis_runs import SITE, bolt_in_a_hole, hiding_law, iwan_chain, quarter_car, quarter_car_run
+from diagnosis_runs import (
+    SITE,
+    bolt_in_a_hole,
+    hiding_law,
+    iwan_chain,
+    load_taken_on,
+    loose_damper,
+    quarter_car,
+    quarter_car_run,
+    relief_valve,
+)
 from worlds.hiding import law_of
 
 from ride_estimation.diagnosis.diagnose import diagnose
@@ -106,3 +116,33 @@ def test_a_stop_that_a_rougher_road_hits_deeper_is_judged_within_the_strokes_of_
     assert answer.verdict == "explained"
     assert answer.causes[0].confidence > 0.9
     assert "within the strokes and rates of the fitted run" in answer.sentence
+
+
+def test_a_valve_that_blows_off_rarely_is_a_damper_with_a_knee():
+    # on a road on which the damper is linear most of the time, a bend without a corner asks for a dashpot of negative sign
+    run, rougher = (quarter_car_run(s, law=relief_valve(2.0 * SITE.rate, 0.95), roughness=r) for s, r in ((31, 1.0), (32, 2.0)))
+    answer = diagnose(quarter_car(), run, [rougher])
+    assert answer.verdict == "explained"
+    assert [c.id for c in answer.causes] == ["damping_nonlinearity"]
+    assert answer.gain is not None
+    assert answer.gain.validation[0].extended < 0.3 * answer.gain.validation[0].baseline
+
+
+def test_a_damper_loose_for_most_of_its_stroke_has_play():
+    clearance = 0.8 * SITE.deflection
+    run, other = (quarter_car_run(s, law=loose_damper(clearance)) for s in (31, 32))
+    answer = diagnose(quarter_car(), run, [other])
+    assert answer.verdict == "explained"
+    assert [c.id for c in answer.causes] == ["backlash"]
+    told = {p.name: p for p in answer.causes[0].parameters}["clearance of the damper"]
+    assert abs(told.value - clearance) < 2.0 * told.std
+
+
+def test_a_load_is_taken_on_over_a_while():
+    run = quarter_car_run(31, law=load_taken_on(60.0, 17.0, 1.5))
+    other = quarter_car_run(32, law=load_taken_on(60.0, 23.0, 1.5))
+    answer = diagnose(quarter_car(), run, [other])
+    assert answer.verdict == "explained"
+    assert [c.id for c in answer.causes] == ["mass_change"]
+    told = {p.name: p for p in answer.causes[0].parameters}["added mass"]
+    assert abs(told.value - 60.0) < 2.0 * told.std

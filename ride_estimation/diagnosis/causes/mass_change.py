@@ -59,9 +59,8 @@ class MassChange(Cause):
         grid = tuple({"at": float(t), "over": _TAKES} for t in np.linspace(first, last, _INSTANTS))
         # how the body bounces after a sudden load tells the instant to a twentieth of a second, and only there
         apart = (last - first) / (_INSTANTS - 1)
-        bounds = (
-            Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart), Shape("over", _TAKES, *_TAKES_WITHIN)
-        )  # fmt: skip
+        instant = Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart)
+        bounds = (instant, Shape("over", _TAKES, *_TAKES_WITHIN))
         sinks = any(s.kind == "displacement" for s in view.plant.outputs)
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
