@@ -180,10 +180,12 @@ class Selector:
             if not current.candidates:
                 break
             worthwhile = self._worthwhile(current, accepted)
+            split = None if worthwhile or accepted is None else self._split(current.candidates[0].fit, accepted)
+            worthwhile |= split is not None
             if not worthwhile and (accepted is None or not self._puzzling(accepted)):
                 break
             before, known = accepted, dict(contests)
-            accepted = self._narrowed(current.candidates[0].fit)
+            accepted = self._narrowed(current.candidates[0].fit) if split is None else split
             contests[identity(accepted.fitted[-1].hypothesis)] = record
             if number and worthwhile:
                 accepted = self._contested(self._without_idle(accepted), contests)
@@ -202,6 +204,28 @@ class Selector:
         return Selection(
             accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._spent
         )
+
+    def _split(self, further: FullFit, accepted: FullFit) -> FullFit | None:
+        """Return the model with the last cause of a fit in the place of a law at the mounts that both share, None where worse.
+
+        One law at two mounts and two laws at one mount each say as much: a law at a group that stands at one of its mounts for
+        another law takes most of what is evidence for that one.
+        """
+        last = further.fitted[-1]
+        for place, f in enumerate(accepted.fitted):
+            rest = set(f.hypothesis.ports) - set(last.hypothesis.ports)
+            if not rest or len(rest) == len(f.hypothesis.ports) or last.hypothesis.cause == f.hypothesis.cause:
+                continue
+            fewer = next((h for h in self._build(accepted.view) if within(h, f.hypothesis) and set(h.ports) == rest), None)
+            if fewer is None:
+                continue
+            others = [other for i, other in enumerate(accepted.fitted) if i != place]
+            trial = self._fitted([[*others, Score(fewer, f.shape, np.zeros(0), 0.0, 0.0), last]], 2, accepted)[0]
+            temper = self._common_temper([accepted, trial])
+            gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
+            if gain > self._settings.significance and trial.held_out < accepted.held_out:
+                return trial
+        return None
 
     def _settled(self, accepted: FullFit) -> FullFit:
         """Return accepted causes in a model whose installation is calibrated with them.

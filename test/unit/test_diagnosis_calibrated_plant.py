@@ -143,7 +143,7 @@ def test_a_cause_must_explain_more_of_some_channel_than_a_right_model_misses(sha
         noise=SimpleNamespace(power_ratio=np.array([1.0, node, 1.0])),
     )
     base = SimpleNamespace(view=view, residual=lambda: before, measured=lambda: signal)
-    extended = SimpleNamespace(residual=lambda: left)
+    extended = SimpleNamespace(residual=lambda: left, told=lambda blocks: blocks)
     work = SimpleNamespace(
         selection=SimpleNamespace(accepted=SimpleNamespace(in_band=True)), settings=Settings(),
         splits=SimpleNamespace(judge=np.array([0])),

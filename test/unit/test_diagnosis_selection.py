@@ -19,6 +19,8 @@ from ride_estimation.diagnosis.fitting import searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.screening import Score
+from ride_estimation.diagnosis.selection import Selector
+from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.verdict import reversal_odds
 from ride_estimation.signals.recording import UniformRun
 
@@ -159,3 +161,28 @@ def test_a_scan_finds_a_peak_too_narrow_for_steps():
     assert abs(found[2.5] - 5.0) < 0.05
     assert min(bounds[0].scanned(9.0)) == 6.5
     assert max(bounds[0].scanned(9.0)) == 10.0
+
+
+@pytest.mark.parametrize(("gained", "taken"), [(100.0, True), (5.0, False)])
+def test_a_law_of_its_own_takes_the_place_of_a_group_law_at_its_mount(gained: float, taken: bool):
+    def sited(cause: str, location: str, *ports: int) -> Hypothesis:
+        return Hypothesis(cause, location, "z", lambda view, shape: [], ports=ports)
+
+    def fit_of(log_likelihood: float, held_out: float, *hypotheses: Hypothesis) -> types.SimpleNamespace:
+        fitted = tuple(types.SimpleNamespace(hypothesis=h, shape={}) for h in hypotheses)
+        return types.SimpleNamespace(fitted=fitted, log_likelihood=lambda temper: log_likelihood, held_out=held_out, view=None)
+
+    front, left, right = (sited("coulomb_friction", n, *p) for n, p in (("front", (2, 5)), ("fl", (2,)), ("fr", (5,))))
+    valve = sited("damping_nonlinearity", "fr", 5)
+    selector = object.__new__(Selector)
+    selector._build, selector._settings = lambda view: [front, left, right], Settings()
+    selector._common_temper = lambda fits: 1.0
+    selector._fitted = lambda sets, passes, after: [fit_of(gained, 1.0, *(s.hypothesis for s in sets[0]))]
+    found = selector._split(fit_of(50.0, 1.5, front, valve), fit_of(0.0, 2.0, front))
+    assert (found is not None) is taken
+    if found is not None:
+        assert [(f.hypothesis.cause, f.hypothesis.location) for f in found.fitted] == [
+            ("coulomb_friction", "fl"), ("damping_nonlinearity", "fr"),
+        ]  # fmt: skip
+    other = sited("damping_nonlinearity", "rear", 8, 11)
+    assert selector._split(fit_of(50.0, 1.5, front, other), fit_of(0.0, 2.0, front)) is None
