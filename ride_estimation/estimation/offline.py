@@ -154,10 +154,11 @@ class OfflineRun:
 
     def _model_in_words(self) -> str:
         assert not isinstance(self.smoothed, str)
-        if self.smoothed.not_modelled:
-            return f"not by the model of the whole run: {self.smoothed.not_modelled}"
-        share = 100.0 * self.smoothed.model_share
-        return f"{share:.0f} % of it by one model with the sensors' errors estimated from the whole run"
+        share, reason = self.smoothed.model_share, self.smoothed.not_modelled
+        if not share:
+            return f"not by the model of the whole run: {reason or 'sensors lost or suspect, or a load'}"
+        part = f"horizontal forces ({reason})" if reason else "forces"
+        return f"{100.0 * share:.0f} % of the {part} by one model with the sensors' errors estimated from the whole run"
 
     @property
     def time_s(self) -> Array:

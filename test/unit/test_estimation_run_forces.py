@@ -165,6 +165,11 @@ def test_forces_of_the_model_count_away_from_the_ends_and_leave_what_is_faster()
     np.testing.assert_allclose(std[middle], 2.0)
     np.testing.assert_allclose(deflection[middle], 0.0, atol=1e-6)
     force, std, deflection = 5.0 + fast, np.full(fast.shape, 10.0), np.ones(fast.shape)
+    found.fade_in(stamps, np.ones(10_000), force, std, deflection, axes=2)
+    np.testing.assert_allclose(force[middle, :, :2], truth[middle, :, :2], atol=0.02)
+    for values, before in ((force, 5.0 + fast), (std, 10.0), (deflection, 1.0)):
+        np.testing.assert_array_equal(values[..., 2], np.broadcast_to(before, fast.shape)[..., 2])
+    force, std, deflection = 5.0 + fast, np.full(fast.shape, 10.0), np.ones(fast.shape)
     assert found.fade_in(stamps, np.zeros(10_000), force, std, deflection) == 0.0
     np.testing.assert_array_equal(force, 5.0 + fast)
 

@@ -44,7 +44,9 @@ class RunForces:
     segments: tuple[tuple[int, SmoothedSegment], ...]
     dt: float
 
-    def fade_in(self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array) -> float:
+    def fade_in(
+        self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array, axes: int = 3
+    ) -> float:
         """Replace forces, standard deviations and deflections at stamps by those of the model, in place.
 
         What is faster than the model stays.
@@ -57,6 +59,8 @@ class RunForces:
             How far the run is one the model describes, 0 to 1, shape (N,).
         force, std, deflection
             Shape (N, M, 3).
+        axes
+            How many axes are replaced: x and y, or all.
 
         Returns
         -------
@@ -75,12 +79,13 @@ class RunForces:
                 continue
             weight = (trusted * inside)[at, None, None]
             share[at] += weight[:, 0, 0] * (1.0 - share[at])
-            for values, found in ((force, segment.force), (deflection, segment.deflection)):
-                before = values[at]
+            for values, found in ((force, segment.force[..., :axes]), (deflection, segment.deflection[..., :axes])):
+                before = values[at, :, :axes]
                 slow = before if low_pass is None else signal.sosfiltfilt(low_pass, before, axis=0, padlen=min(len(at) - 1, 200))
-                values[at] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
-            square = interpolate.make_interp_spline(own, segment.std**2, k=1)(time[at])
-            std[at] = np.sqrt(std[at] ** 2 + weight * (square - std[at] ** 2))
+                values[at, :, :axes] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
+            square = interpolate.make_interp_spline(own, segment.std[..., :axes] ** 2, k=1)(time[at])
+            first = std[at, :, :axes] ** 2
+            std[at, :, :axes] = np.sqrt(first + weight * (square - first))
         return float(share.mean())
 
 

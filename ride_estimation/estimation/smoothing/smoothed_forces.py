@@ -71,7 +71,7 @@ class SmoothedForces:
     model_share
         Mean share of the model of the whole run in them (:mod:`ride_estimation.estimation.model`).
     not_modelled
-        Why that has none.
+        Why that has none, or none of the vertical forces.
     """
 
     force: Array
@@ -308,11 +308,11 @@ def second_pass(
         return f"no stretch of the run without a break is {_SHORTEST:g} s long"
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
-    reason = model if isinstance(model, str) else _not_linear(parameters)
-    if isinstance(model, str) or reason:
-        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=reason)
-    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(), force, std, deflection)
-    return SmoothedForces(force, std, deflection, float(weight.mean()), share)
+    if isinstance(model, str):
+        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model)
+    reason = _not_linear(parameters)
+    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(), force, std, deflection, 2 if reason else 3)
+    return SmoothedForces(force, std, deflection, float(weight.mean()), share, reason)
 
 
 def _not_linear(parameters: Sequence[Estimate]) -> str:
@@ -322,7 +322,7 @@ def _not_linear(parameters: Sequence[Estimate]) -> str:
     the foreign runs: 55 instead of 100 % inside at the worst mount).
     """
     names = [e.name for e in parameters if e.name.endswith(_VERTICAL) and e.status is not Status.VALID]
-    return f"not valid: {', '.join(names[:3])}{' ...' if len(names) > 3 else ''}" if names else ""
+    return f"vertical laws that are not valid: {', '.join(names[:3])}{' ...' if len(names) > 3 else ''}" if names else ""
 
 
 class _Stretch:
