@@ -8,6 +8,8 @@ phase and not in these rows.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -53,7 +55,12 @@ def point_rows(plant: Plant, d: Dynamics, sensor: Sensor, cg: Array) -> Array:
 
 def axes(sensor: Sensor, misalignment: Array) -> Array:
     """Return the rotation from the axes a sensor really has to those of its body, shape (3, 3)."""
-    return np.asarray(sensor.rotation @ Rotation.from_rotvec(misalignment).as_matrix())
+    return np.asarray(sensor.rotation @ _rotation(*misalignment.tolist()))
+
+
+@functools.lru_cache(maxsize=256)  # most slow states leave it as it is
+def _rotation(x: float, y: float, z: float) -> Array:
+    return np.asarray(Rotation.from_rotvec([x, y, z]).as_matrix())
 
 
 def _spin(plant: Plant, d: Dynamics, sensor: Sensor) -> Array:
