@@ -317,8 +317,8 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[UniformR
 def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCause, ...]) -> tuple[str, float, float]:
     """Return the verdict, the share of the residual energy that remains and the probability that the library explains the run.
 
-    Causes that leave little where nothing was fitted explain the run even if their laws have not the form of the real ones; what
-    remains lowers their confidence and is stated.
+    A cause that leaves little where nothing was fitted explains the run even if its law has not the form of the real one; what
+    remains lowers its confidence and is stated. Several that rather mimic one effect outside the library may predict as well.
     """
     left, remaining = (1.0, 1.0) if judged.refuted else remaining_energy(work, base, judged.gain)
     elsewhere = left_elsewhere(judged.gain)
@@ -326,7 +326,7 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     known = within_library(len(named), share, judged.law, work.settings)
     if not named:
         return (UNEXPLAINED if remaining > 0.0 else NO_DISCREPANCY), remaining, known
-    enough = elsewhere is not None and elsewhere < work.settings.unexplained
+    enough = len(named) == 1 and elsewhere is not None and elsewhere < work.settings.unexplained
     return (EXPLAINED if known >= 0.5 or enough else UNEXPLAINED), remaining, known
 
 

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_run
 
+from ride_estimation.diagnosis import diagnose as chain
 from ride_estimation.diagnosis.baseline import mean_table
 from ride_estimation.diagnosis.calibration import file_parameters
 from ride_estimation.diagnosis.diagnose import diagnose, form_variance
 from ride_estimation.diagnosis.effect import Effect, Where
+from ride_estimation.diagnosis.free_law import FreeLaw
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import missing_forces
@@ -204,3 +206,14 @@ def test_what_the_form_of_a_law_leaves_open_is_in_stiffness_and_damping() -> Non
     found = form_variance(SimpleNamespace(view=view, fitted=(law,)), 2)  # type: ignore[arg-type]
     np.testing.assert_allclose(found[:, 1], [0.0025 * (100.0 / 440.0) ** 2, 0.0025 * (100.0 / 110.0) ** 2], rtol=1e-9)
     assert np.all(found[:, 0] == 0.0) and np.all(form_variance(None, 2) == 0.0)
+
+
+def test_several_causes_that_rather_mimic_one_unlisted_effect_explain_nothing(monkeypatch):
+    monkeypatch.setattr(chain, "remaining_energy", lambda work, base, gain: (0.0, 0.0))
+    monkeypatch.setattr(chain, "left_elsewhere", lambda gain: 0.001)
+    work = SimpleNamespace(settings=Settings())
+    judged = SimpleNamespace(refuted=False, gain=None, law=FreeLaw("all", "x", 0.05))
+    # a law of another form explains five per cent more: one cause may have that form, two have less than one in five
+    assert chain._verdict(work, None, judged, (None,))[0] == "explained"
+    verdict, _, known = chain._verdict(work, None, judged, (None, None))
+    assert verdict == "unexplained" and known < 0.2
