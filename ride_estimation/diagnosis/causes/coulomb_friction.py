@@ -131,7 +131,9 @@ class CoulombFriction(Cause):
 
 
 def _has_play(fitted: Fitted) -> bool:
-    return fitted.shape["half"] > 1.01 * _NO_PLAY
+    """Return whether the play is more than the none at the bound by its standard deviation."""
+    half = fitted.shape["half"]
+    return half > _NO_PLAY + fitted.spread("half", 0.2 * half)
 
 
 def _behind_a_play(group: PortGroup) -> Hypothesis:
