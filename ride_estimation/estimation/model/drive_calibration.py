@@ -66,8 +66,9 @@ class DriveCalibration:
         By name.
     names, covariance
         ``sensor.kind[.axis]`` of every error and their joint covariance, shape (E, E).
-    nis
-        Mean normalised square of what no motion of the base explains: 1 where the model explains the readings.
+    nis, largest_nis
+        Mean normalised square of what no motion of the base explains, over all frequencies and in the octave where it is largest:
+        1 where the model explains the readings.
     duration_s
         Time that was used.
     conflicts
@@ -80,6 +81,7 @@ class DriveCalibration:
     names: tuple[str, ...]
     covariance: Array
     nis: float
+    largest_nis: float
     duration_s: float
     conflicts: tuple[str, ...]
     findings: tuple[str, ...]
@@ -87,7 +89,7 @@ class DriveCalibration:
     @property
     def usable(self) -> bool:
         """Return whether the model describes the drive well enough."""
-        return not self.conflicts and self.nis <= LARGEST_NIS
+        return not self.conflicts and self.largest_nis <= LARGEST_NIS
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with the calibrated sensors."""
@@ -159,7 +161,8 @@ def _result(vehicle: Vehicle, plant: Plant, joint: JointEstimate, duration: floa
             places += range(parts[k].start, parts[k].stop)
     covariance, conflicts = joint.covariance[np.ix_(places, places)], joint.conflicts()
     return DriveCalibration(
-        found, tuple(names), covariance, joint.nis, duration, conflicts, _findings(found, joint.nis, conflicts)
+        found, tuple(names), covariance, joint.nis, joint.largest_nis, duration, conflicts,
+        _findings(found, joint.largest_nis, conflicts),
     )
 
 
@@ -183,7 +186,7 @@ def _corrected(sensor: Sensor, errors: Mapping[str, Array], stds: Mapping[str, A
     )  # fmt: skip
 
 
-def _findings(found: Mapping[str, CalibratedSensor], nis: float, conflicts: Sequence[str]) -> tuple[str, ...]:
+def _findings(found: Mapping[str, CalibratedSensor], largest_nis: float, conflicts: Sequence[str]) -> tuple[str, ...]:
     words = []
     for kind in _KINDS:
         open_ = [n for n, c in found.items() if kind in c.determined and not np.any(c.determined[kind])]
@@ -192,10 +195,10 @@ def _findings(found: Mapping[str, CalibratedSensor], nis: float, conflicts: Sequ
                          f"{', '.join(open_)}")  # fmt: skip
     words.append("delay: relative to the mean of all sensors; a delay common to all is not observable")
     words.append("gain: the part common to all sensors is observable from gravity along z only, through the bias that is stated")
-    if nis > LARGEST_NIS:
+    if largest_nis > LARGEST_NIS:
         words.append(
-            f"do not use this: the model does not explain the readings (NIS {nis:.2f}): a law that is not linear, a fault, or "
-            "another vehicle"
+            f"do not use this: the model does not explain the readings (NIS {largest_nis:.1f} in one octave): a law that is not "
+            "linear, a fault, or another vehicle"
         )
     if conflicts:
         words.append(
@@ -213,7 +216,8 @@ def _findings(found: Mapping[str, CalibratedSensor], nis: float, conflicts: Sequ
 def summary_lines(found: DriveCalibration) -> Sequence[str]:
     """Return the table a command prints; what the drive does not determine is in brackets."""
     lines = [
-        f"{found.duration_s:.1f} s; normalised residual squared (NIS) {found.nis:.2f} (1: the model explains the readings)",
+        f"{found.duration_s:.1f} s; normalised residual squared (NIS) {found.nis:.2f}, worst octave {found.largest_nis:.2f} "
+        "(1: the model explains the readings)",
         f"{'sensor':<22}{'error':<14}{'x':>20}{'y':>20}{'z':>20}  unit",
     ]
     units = {"gain": (100.0, "%"), "misalignment": (math.degrees(1.0), "deg"), "position": (1e3, "mm"), "delay": (1e3, "ms")}

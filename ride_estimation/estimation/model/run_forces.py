@@ -108,8 +108,8 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
         joint.fit()
     except RideEstimationError as error:
         return str(error)
-    if joint.nis > LARGEST_NIS:
-        return f"the model does not explain the readings (NIS {joint.nis:.2f})"
+    if joint.largest_nis > LARGEST_NIS:
+        return f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
     if joint.conflicts():
         return f"the model misses what the errors {', '.join(joint.conflicts()[:3])} would explain"
     smoothed = []

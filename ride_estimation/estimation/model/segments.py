@@ -34,6 +34,8 @@ ENDS_HZ = 0.5
 _FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
 #: angular rates slower than this are left out of the second order [Hz]
 _RATE_HZ = 0.2
+#: octaves in which the residual is judged: begin of the first [Hz], which contains what is slower, and how many
+_FIRST_OCTAVE_HZ, _OCTAVES = 0.5, 12
 #: share of the variance of a reading below which what mounts move by themselves is left out
 _NO_SHARE = 1e-3
 
@@ -195,6 +197,17 @@ class Projected:
     seen: Complex
     jump_readings: Complex
     cost: float
+
+    def squares(self, segment: Segment) -> tuple[Array, Array]:
+        """Return per octave from :data:`_FIRST_OCTAVE_HZ` the sum of the normalised squares of the residual, and their number.
+
+        The mean over all lines hides what a wrong law leaves: most lines are above the motion.
+        """
+        lines = segment.lines.frequency
+        octave = np.maximum(np.floor(np.log2(lines / _FIRST_OCTAVE_HZ)), 0.0).astype(np.int64)
+        squares = np.sum(np.abs(self.left) ** 2, axis=1) * segment.factor
+        found = np.bincount(octave, squares, _OCTAVES), np.bincount(octave, minlength=_OCTAVES) * float(self.left.shape[1])
+        return np.asarray(found[0]), np.asarray(found[1])
 
     def inverse(self) -> Complex:
         """Return ``T^+``: from whitened readings to the inputs, shape (F, W, C)."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ride_estimation.estimation.model.joint import RENEWALS, JointEstimate
+from ride_estimation.estimation.model.joint import RENEWALS, JointEstimate, largest
 from ride_estimation.estimation.model.second_order import force_of_second_order
 from ride_estimation.estimation.model.segments import (
     DEFORMS_HZ,
@@ -49,7 +49,8 @@ class SmoothedSegment:
     force, std, deflection
         Forces of the mounts on the body, axes of the body, with standard deviation [N]; deflections [m]; shape (N, M, 3).
     nis
-        Mean normalised square of what no input explains: 1 where the model describes the segment.
+        Mean normalised square of what no input explains, in the octave where it is largest: 1 where the model describes
+        the segment.
     """
 
     force: Array
@@ -81,8 +82,8 @@ def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
     d = model.dynamics
     shape = (len(readings), len(plant.mounts), 3)
     force = model.still + moving @ d.force.T + force_of_second_order(plant, model.constants, d, moving).reshape(len(moving), -1)
-    nis = float(np.mean(np.abs(p.left) ** 2 * segment.factor[:, None]))
     deflection = moving @ d.deflection.T + model.deflected
+    nis = largest(*p.squares(segment))
     return SmoothedSegment(force.reshape(shape), np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
 
 
