@@ -137,7 +137,8 @@ def main() -> None:
         inside = np.mean([abs(e) < 2.0 * s for values in rows.values() for e, s, _ in values])
         spent = time.process_time() - began
         said = "" if found.usable else f", not usable, conflicts {len(found.conflicts)}"
-        print(f"{getattr(case, 'name', case)}: NIS {found.nis:.2f} ({found.largest_nis:.2f}), inside {inside:.0%}, {spent:.0f} s{said}", flush=True)
+        nis = f"NIS {found.nis:.2f}, worst octave {found.largest_nis:.2f}"
+        print(f"{getattr(case, 'name', case)}: {nis}, inside {inside:.0%}, {spent:.0f} s{said}", flush=True)
         if not found.usable:
             continue
         for kind, values in rows.items():
