@@ -122,6 +122,8 @@ class Plant:
         _, fit = plate_fit(a.mounts)
         twist = fit[3] if len(fit) == 4 else np.zeros(count)
         self.twist = twist @ self.patterns[2::3]
+        #: relative standard deviation of the mass: all forces have it in common, also where the mass is held
+        self.mass_std = (a.body.mass.std or 0.0) / a.body.mass.value
         self.carried = Carried(a)
         self.states = FastStates.of(self.patterns.shape[1], self.carried.count)
         self.slow = self._slow()
@@ -139,7 +141,7 @@ class Plant:
                     pairs[part].append(found)
         k, c = (np.array(p).T for p in pairs.values())
         known = any(r.kind == "known_mass" and r.body == body.name for r in a.vehicle.force_references)
-        mass_std = 0.0 if known else (body.mass.std or 0.0) / body.mass.value
+        mass_std = 0.0 if known else self.mass_std
         cg_std = np.full(3, _CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         spread = _INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
         return slow_states(

@@ -77,6 +77,7 @@ def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
     error = _Errors(joint, model, segment, p)
     v = error.states()
     variance = error.variance(v)
+    held = plant.mass_std if plant.slow.std[plant.slow.log_mass][0] == 0.0 else 0.0
     v[:, plant.states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
     moving = segment.lines.back(v)
     d = model.dynamics
@@ -84,6 +85,8 @@ def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
     force = model.still + moving @ d.force.T + force_of_second_order(plant, model.constants, d, moving).reshape(len(moving), -1)
     deflection = moving @ d.deflection.T + model.deflected
     nis = largest(*p.squares(segment))
+    # stiffness, damping and mass are known up to a common factor: where the mass is held its error is that of every force
+    variance += (held * force) ** 2
     return SmoothedSegment(force.reshape(shape), np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
 
 
@@ -124,7 +127,8 @@ class _Errors:
         """Return what the spectra of the inputs are expected to be, shape (F, W), where noise hides them too.
 
         A spectrum is not negative: the mean of a normal distribution that is cut off at zero. Deformation slower than what the
-        accelerometers show is taken to be no larger than there: the road twists a frame by the difference of four heights.
+        accelerometers show is taken to go on as it begins to show, and not to rise: the road twists a frame by the difference of
+        four heights.
         """
         lines = self._segment.lines
         std = lines.smoothing_error() * noise
@@ -135,9 +139,12 @@ class _Errors:
         for pattern in range(6, found.shape[1]):
             hidden = np.flatnonzero((ratio[:, pattern] < _SHOWN) & (lines.frequency < _SLOW_HZ))
             first = max(int(hidden[-1]) + 1 if len(hidden) else 0, int(np.argmax(lines.frequency >= DEFORMS_HZ)))
-            around = slice(first, first + max(1, first // 2))
-            flat = np.mean(found[around, pattern] / lines.frequency[around] ** 4)
-            found[:first, pattern] = np.minimum(found[:first, pattern], flat * lines.frequency[:first] ** 4)
+            shown = slice(first, 2 * first + 2)
+            ratio_f, level = np.log(lines.frequency[shown] / lines.frequency[first]), found[shown, pattern]
+            slope, size = np.polyfit(ratio_f, np.log(np.maximum(level, 1e-300) / lines.frequency[shown] ** 4), 1)
+            below = lines.frequency[:first] / lines.frequency[first]
+            expected = np.exp(size) * below ** max(slope, 0.0) * lines.frequency[:first] ** 4
+            found[:first, pattern] = np.minimum(found[:first, pattern], expected)
         return found
 
     def states(self) -> Complex:
