@@ -12,6 +12,9 @@ import math
 
 import numpy as np
 
+from ride_estimation.frames import skew
+from ride_estimation.sensors.installation import USUAL
+
 from .cab import CabVehicle
 from .vehicle_text import Belief
 
@@ -31,7 +34,10 @@ def drawn_belief(belief: Belief, seed: int) -> Belief:
 
 
 def drawn_split(cab: CabVehicle, seed: int) -> np.ndarray:
-    """Return what the static forces differ by from shares by stiffness, shape (M, 3) [N]: drawn, and without a wrench."""
+    """Return what the static forces differ by from upright shares by stiffness, shape (M, 3) [N]: drawn, and without a wrench.
+
+    Loads err as those of mounts of one model, and brackets lean at rest as the sensors on them do.
+    """
     size = STATIC_LOAD_STD * cab.static_force[:, 2]
     arms = cab.mounts - cab.cg
     wrench = np.vstack([np.ones(len(arms)), arms[:, 0], arms[:, 1]])
@@ -39,4 +45,8 @@ def drawn_split(cab: CabVehicle, seed: int) -> np.ndarray:
     spread = size[:, None] ** 2 * wrench.T
     split = np.zeros((len(arms), 3))
     split[:, 2] = drawn - spread @ np.linalg.solve(wrench @ spread, wrench @ drawn)
+    lean = np.random.default_rng([seed, 13]).normal(scale=USUAL.misalignment, size=(len(arms), 2))
+    sideways = np.hstack([np.vstack([np.eye(3), skew(arm)])[:, :2] for arm in arms])
+    pushed = (cab.static_force[:, 2:] * lean).ravel()
+    split[:, :2] = (pushed - np.linalg.pinv(sideways) @ (sideways @ pushed)).reshape(-1, 2)
     return split
