@@ -109,7 +109,7 @@ def mean_table(view: RunView) -> MeanTable:
 
 def static_shift(view: RunView, wrench: Array) -> Array:
     """Return the coordinates at rest under a constant wrench, both of shape (n,)."""
-    return view.plant.at_rest(view.state.stiffness, wrench)
+    return view.plant.at_rest(view.state.stiffness, wrench, view.grid.duration_s)
 
 
 def static_means(view: RunView, table: MeanTable, shift: Array) -> dict[int, float]:

@@ -160,7 +160,7 @@ class ModelRun:
         """
         plant = self._data.plant
         along = np.array([[float(c == axis) for axis in AXES] for _, c in plant.coordinates])
-        return -plant.at_rest(self.state.linear[0], plant.mass @ along @ force.T).T
+        return -plant.at_rest(self.state.linear[0], plant.mass @ along @ force.T, self._data.grid.duration_s).T
 
     def slow_from_ports(self, ports: Sequence[int], forces: Array) -> Array:
         """Return what port forces, shape (N, ports), deflect all ports below the band, their means included, shape (N, P).
@@ -169,7 +169,8 @@ class ModelRun:
         """
         plant = self._data.plant
         left = self._data.grid.below(forces, flank=True)
-        return (plant.port_map @ plant.at_rest(self.state.linear[0], -plant.port_map[list(ports)].T @ left.T)).T
+        wrench = -plant.port_map[list(ports)].T @ left.T
+        return (plant.port_map @ plant.at_rest(self.state.linear[0], wrench, self._data.grid.duration_s)).T
 
     def slow_rate_of(self, slow: Array) -> Array:
         """Return the rates of slow deflections, shape (N, P)."""

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from ride_estimation.diagnosis.bracket_tilts import BracketTilt, bracket_tilts
 from ride_estimation.diagnosis.extension import linear_part
@@ -143,10 +144,16 @@ class Plant:
         direct = self.base_direct.reshape(len(self.mounts), len(AXES), -1)
         return np.asarray(direct[self.dc_base].sum(axis=0) / max(np.count_nonzero(self.dc_base), 1))
 
-    def at_rest(self, stiffness: Array, wrench: Array) -> Array:
-        """Return the coordinates at rest under a constant wrench, both of shape (n, ...); stiffness of the ports, shape (P,)."""
+    def at_rest(self, stiffness: Array, wrench: Array, duration_s: float) -> Array:
+        """Return the coordinates at rest under a wrench, both of shape (n, ...); stiffness of the ports, shape (P,).
+
+        ``q = sum_i phi_i phi_i^T f / w_i^2`` over the modes that come to rest within the run, ``w_i > 2 pi / T``: a body that
+        nothing holds, and the head of a bench that is too heavy to move, stay where they are.
+        """
         spring = self.port_map.T @ (stiffness[:, None] * self.port_map) + self.gravity_stiffness
-        return np.asarray(np.linalg.lstsq(spring, wrench, rcond=1e-9)[0])
+        square, shape = eigh(spring, self.mass)
+        settles = square > (2.0 * np.pi / duration_s) ** 2
+        return np.asarray((shape[:, settles] / square[settles]) @ shape[:, settles].T @ wrench)
 
     @property
     def slope(self) -> Array:

@@ -48,6 +48,11 @@ class FrequencyGrid:
         return 2.0 * np.pi * self.frequency
 
     @property
+    def duration_s(self) -> float:
+        """Return the duration of the run [s]."""
+        return self.samples / self.rate_hz
+
+    @property
     def decimated_rate_hz(self) -> float:
         """Return the rate of decimated signals [Hz]."""
         return self.rate_hz * self.decimated / self.padded

@@ -124,7 +124,7 @@ def test_a_mass_changes_within_the_stretch_that_is_analysed():
     view = cab_view()
     (h,) = (h for h in library()["mass_change"].hypotheses(view) if h.shapes)
     first, last = view.blocks.time_s[[0, -1]]
-    (instant,) = h.shapes
+    instant = next(s for s in h.shapes if s.name == "at")
     assert first <= instant.lower <= min(g["at"] for g in h.grid) < max(g["at"] for g in h.grid) <= instant.upper <= last
 
 
