@@ -140,8 +140,8 @@ class _Errors:
             hidden = np.flatnonzero((ratio[:, pattern] < _SHOWN) & (lines.frequency < _SLOW_HZ))
             first = max(int(hidden[-1]) + 1 if len(hidden) else 0, int(np.argmax(lines.frequency >= DEFORMS_HZ)))
             shown = slice(first, 2 * first + 2)
-            ratio_f, level = np.log(lines.frequency[shown] / lines.frequency[first]), found[shown, pattern]
-            slope, size = np.polyfit(ratio_f, np.log(np.maximum(level, 1e-300) / lines.frequency[shown] ** 4), 1)
+            level = np.log(np.maximum(found[shown, pattern], 1e-300) / lines.frequency[shown] ** 4)
+            slope, size = np.polyfit(np.log(lines.frequency[shown] / lines.frequency[first]), level, 1)
             below = lines.frequency[:first] / lines.frequency[first]
             expected = np.exp(size) * below ** max(slope, 0.0) * lines.frequency[:first] ** 4
             found[:first, pattern] = np.minimum(found[:first, pattern], expected)
