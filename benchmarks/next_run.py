@@ -2,10 +2,10 @@
 """Does the next run that a diagnosis names decide between rivals? Worlds with hidden laws whose first run leaves a rival alive.
 
 Quarter cars integrated here with laws of forms the library does not have, small enough that a rival of the named cause stays
-alive after a first run. The run that is named is driven in the same world, and diagnosed on its own. It decides where the right
-cause is then named and the odds of the other of the two are below one to four, the 80 % from which on a run is recommended. The
-same run once more, with other noise, is driven for comparison. Worlds where the right cause is neither of the two are counted
-apart: no run decides between two wrong ones.
+alive after a first run. The run that is named is driven in the same world, and diagnosed with the first one as validation run.
+It decides where the right cause is then named and the odds of the other of the two are below one to four, the 80 % from which on
+a run is recommended. The same run once more, with other noise, is driven for comparison. Worlds where the right cause is neither
+of the two are counted apart: no run decides between two wrong ones.
 
 Run: ``python benchmarks/next_run.py [--seeds N] [--first SEED]``
 """
@@ -104,8 +104,8 @@ def main() -> None:
         offered += 1
         before += decided(first, cause, plan)
         repeated, other = (driven(car, run, words, form, size, seed + 1) for words in (plan.tried[0].words, plan.best.words))
-        once = decided(diagnose(car, repeated, settings=settings), cause, plan)
-        after = diagnose(car, other, settings=settings)
+        once = decided(diagnose(car, repeated, [run], settings=settings), cause, plan)
+        after = diagnose(car, other, [run], settings=settings)
         good = decided(after, cause, plan)
         again, right = again + once, right + good
         named = after.causes[0].id if after.causes else after.verdict

@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit, combined_effects
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy
+from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy, usable_runs
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
@@ -44,6 +44,7 @@ from ride_estimation.diagnosis.selection import Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
 from ride_estimation.diagnosis.stability import stability
+from ride_estimation.diagnosis.validation_evidence import weighed
 from ride_estimation.diagnosis.verdict import (
     describe,
     gained_nothing,
@@ -84,7 +85,7 @@ def diagnose(
     run
         Measured run; fits, selects and judges on separate blocks.
     validation
-        Further runs that only judge.
+        Further runs that take no part in fits: they judge, and weigh rivals that the run leaves alive.
     settings
         Band, thresholds, tolerances.
     progress
@@ -207,7 +208,8 @@ def insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
 def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) -> Diagnosis:
     settings, view = work.settings, work.calibrated.view
     base = predict(work.data, work.baseline)
-    judged = _accepted_or_not(work, base, validation)
+    others, unused = usable_runs(work, validation)
+    judged = _accepted_or_not(weighed(work, others), base, others)
     work, extended, gain, law = judged.work.stated(), judged.extended, judged.gain, judged.law
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
@@ -219,7 +221,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     residual = residual_summary(base, extended, remaining, accepted is not None)
     ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
     warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
-    of_the_gain = judged.warnings
+    of_the_gain = [*unused, *judged.warnings]
     del base, extended, judged  # views of a minute take a hundred megabytes each, which the copies of the run need
     stable = stability(work, verdict) if settings.stability else None
     sure = known if stable is None else known * stable.factor
@@ -282,7 +284,7 @@ class _Judged:
     refuted: bool = False
 
 
-def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[UniformRun]) -> _Judged:
+def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]) -> _Judged:
     """Return the accepted causes as judged where they were not fitted."""
     accepted, settings = work.selection.accepted, work.settings
     if accepted is None:

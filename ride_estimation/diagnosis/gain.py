@@ -75,8 +75,24 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     return bool(np.any(before - after > work.settings.adequacy**2 * base.view.noise.power_ratio * signal))
 
 
+def usable_runs(work: Work, validation: Sequence[UniformRun]) -> tuple[list[RunData], list[str]]:
+    """Return the validation runs that measure what the model needs, and warnings about the others."""
+    usable, warnings = [], []
+    for other in validation:
+        try:
+            data = RunData(work.plant, measurement(work.plant, other), work.settings)
+        except KeyError as error:
+            warnings.append(f"validation run {other.name}: sensor {error} is missing; not used")
+            continue
+        if data.blocks.count < LEAST_BLOCKS:
+            warnings.append(f"validation run {other.name}: too short; not used")
+            continue
+        usable.append(data)
+    return usable, warnings
+
+
 def measured_gain(
-    work: Work, base: Prediction, extended: Prediction, validation: Sequence[UniformRun]
+    work: Work, base: Prediction, extended: Prediction, validation: Sequence[RunData]
 ) -> tuple[Gain, list[str]]:
     """Return the errors of the calibrated and the extended model where nothing was fitted, and warnings.
 
@@ -86,16 +102,8 @@ def measured_gain(
     warnings: list[str] = []
     base_squares, ext_squares = block_squares(base), block_squares(extended)
     results = []
-    for other in validation:
-        try:
-            data = RunData(work.plant, measurement(work.plant, other), settings)
-        except KeyError as error:
-            warnings.append(f"validation run {other.name}: sensor {error} is missing; not used")
-            continue
-        count = data.blocks.count
-        if count < LEAST_BLOCKS:
-            warnings.append(f"validation run {other.name}: too short; not used")
-            continue
+    for data in validation:
+        name, count = data.measured.name, data.blocks.count
         bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
         refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
         judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
@@ -104,18 +112,18 @@ def measured_gain(
             better = predict(data, work.extended, refit)
             if not better.settled:
                 warnings.append(
-                    f"validation run {other.name}: the found law is so stiff there that its prediction did not settle; not used"
+                    f"validation run {name}: the found law is so stiff there that its prediction did not settle; not used"
                 )
                 continue
             judged = better.told(judged)
-            left_errors, known = block_squares(better)[0], _in_range(work.selection.accepted, better.view, judged)
+            left_errors, known = block_squares(better)[0], in_range(work.selection.accepted, better.view, judged)
             del better  # a view of a minute takes a hundred megabytes
         probe = predict(data, work.baseline)
         e0, s0 = block_squares(probe)
         e1 = e0 if left_errors is None else left_errors
         if work.extended.fitted and pooled_nrmse(e1, s0, judged) > _AS_GOOD * pooled_nrmse(e0, s0, judged):
             warnings.append(
-                f"validation run {other.name}: the extended model is worse there than the calibrated one; "
+                f"validation run {name}: the extended model is worse there than the calibrated one; "
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
             )
         before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
@@ -124,7 +132,7 @@ def measured_gain(
             there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
             inside = (there[0], there[1], min(noise_floor(probe.view, s0, known), *there))
         results.append(ValidationGain(
-            other.name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
+            name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
             min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
     judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
@@ -143,7 +151,7 @@ def measured_gain(
     return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
 
 
-def _in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntArray:
+def in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntArray:
     """Return the blocks of another run in which the laws stay within what they were fitted on, all where those are too few.
 
     A stop that the other road hits twice as deep is the same stop, and what it does there no run has told.

@@ -84,7 +84,7 @@ def confusions(rounds: Sequence[Round], limit: float = 5.0) -> tuple[Confusion, 
         first = best.hypothesis.cause
         for other in current.candidates[1:]:
             second = other.hypothesis.cause
-            deficit = best.log_likelihood - other.log_likelihood
+            deficit = other.behind(best)
             if second != first and deficit < limit:
                 out.append(Confusion(first, second, float(deficit), separation(first, second)))
     return tuple(out)

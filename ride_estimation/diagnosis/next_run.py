@@ -24,22 +24,19 @@ from ride_estimation.diagnosis.fitting import FullFit, FullFitter
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted
 from ride_estimation.diagnosis.isolability import separation
 from ride_estimation.diagnosis.measurement import Measurement
-from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import Plant
-from ride_estimation.diagnosis.prediction import Model, predict
+from ride_estimation.diagnosis.prediction import predict
 from ride_estimation.diagnosis.result import DECIDES, CandidateRun, NextRun
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.selection import Candidate, Round, Selector
+from ride_estimation.diagnosis.selection import Selector
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, make_splits
-from ride_estimation.diagnosis.verdict import reversal_odds
+from ride_estimation.diagnosis.verdict import rivals_alive
 from ride_estimation.diagnosis.wording import title
-from ride_estimation.diagnosis.work import Work
+from ride_estimation.diagnosis.work import Work, model_of
 
 Array = NDArray[np.float64]
 
-#: odds of a rival over the named cause from which on it is alive
-ALIVE = 0.05
 #: sizes of the motion and speeds that are tried, as factors of those of the run
 _SIZES, _SPEEDS = (0.5, 2.0), (0.7, 1.4)
 #: single bumps: height and length [m], vehicle speed [m/s], time between two [s]
@@ -48,20 +45,6 @@ _BUMP = (0.04, 1.5, 4.0, 4.0)
 _KNOWN_RANGE = 2.5
 #: passes of a fit that starts from the numbers of another
 _PASSES = 2
-
-
-def rival_alive(contest: Round, blocks: NDArray[np.int64]) -> tuple[Candidate, float] | None:
-    """Return the strongest other cause of a contest that this run does not rule out and its odds, None where there is none."""
-    leader = contest.candidates[0]
-    effect = leader.log_likelihood - contest.reference
-
-    def odds(other: Candidate) -> float:
-        behind = leader.log_likelihood - other.log_likelihood
-        return max(float(np.exp(-max(behind, 0.0))), reversal_odds(leader, other, contest.temper, blocks, effect))
-
-    rivals = [c for c in contest.candidates[1:] if c.hypothesis.cause != leader.hypothesis.cause]
-    found = max(((c, odds(c)) for c in rivals), key=lambda pair: pair[1], default=None)
-    return found if found is not None and found[1] >= ALIVE else None
 
 
 def next_run(work: Work) -> NextRun | None:
@@ -76,10 +59,10 @@ def next_run(work: Work) -> NextRun | None:
     if accepted is None:
         return None
     for place, contest in enumerate(work.selection.contests):
-        alive = rival_alive(contest, blocks)
-        if alive is None:
+        alive = rivals_alive(contest, blocks)
+        if not alive:
             continue
-        rival, odds = alive
+        rival, odds = alive[0]
         mine, its = accepted.fitted[place], rival.fit.fitted[rival.contested]
         others = tuple(f for i, f in enumerate(accepted.fitted) if i != place)
         fitter = FullFitter(work.calibrated, work.splits)
@@ -142,15 +125,10 @@ def _bumps(plant: Plant, data: Measurement, rest: Array) -> Array | None:
     return out
 
 
-def _model(fit: FullFit) -> Model:
-    state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
-    return Model(state, fit.adjustables, fit.coefficients[: fit.regression.count], fit.fitted, fit.view.scales)
-
-
 def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data: Measurement, truth: int) -> float:
     """Return the probability that a candidate run decides between two explanations where that of number ``truth`` is true."""
     plant, settings = work.plant, work.settings
-    predicted = predict(RunData(plant, data, settings), _model(fits[truth]))
+    predicted = predict(RunData(plant, data, settings), model_of(fits[truth]))
     moved, known = (float(np.abs(s.deflection).max()) for s in (predicted.view, work.calibrated.view))
     if not predicted.settled or moved > _KNOWN_RANGE * known:
         return 0.0

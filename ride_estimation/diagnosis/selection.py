@@ -58,6 +58,25 @@ Build = Callable[[RunView], Sequence[Hypothesis]]
 
 
 @dataclasses.dataclass(frozen=True)
+class Elsewhere:
+    """What validation runs say of a candidate against the first one of its round.
+
+    Attributes
+    ----------
+    gap
+        Log-likelihood by which it predicts them worse [nat].
+    spread
+        Standard deviation of the gap over other stretches of road [nat].
+    effect
+        Log-likelihood that the first one gains there over the model without it [nat].
+    """
+
+    gap: float = 0.0
+    spread: float = 0.0
+    effect: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
 class Candidate:
     """A fully fitted set of hypotheses with its likelihood.
 
@@ -65,11 +84,18 @@ class Candidate:
     ----------
     contested
         Position of the hypothesis that the candidates of a round differ in.
+    elsewhere
+        Evidence of validation runs, none where they were not asked.
     """
 
     fit: FullFit
     log_likelihood: float
     contested: int = -1
+    elsewhere: Elsewhere = Elsewhere()
+
+    def behind(self, leader: Candidate) -> float:
+        """Return the log-likelihood by which it is worse than the first of its round, on the run and elsewhere [nat]."""
+        return leader.log_likelihood - self.log_likelihood + self.elsewhere.gap
 
     @property
     def hypothesis(self) -> Hypothesis:

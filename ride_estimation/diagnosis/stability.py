@@ -137,15 +137,18 @@ class _Copy:
     def changed(self, accepted: FullFit, place: int, contest: Round) -> str:
         """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
         named = accepted.fitted[place]
-        rivals = [c.fit.fitted[c.contested] for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis)]
+        rivals = [c for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis)][:_RIVALS]
         others = [s for i, f in enumerate(accepted.fitted) if i != place and (s := self._start(f)) is not None]
-        own, *rest = (self._start(f) for f in (named, *rivals[:_RIVALS]))
+        own, *rest = (self._start(f) for f in (named, *(c.fit.fitted[c.contested] for c in rivals)))
         if own is None:
             return f"no sensor left that shows {_name(named.hypothesis)}"
+        gaps = [0.0, *(c.elsewhere.gap for c, s in zip(rivals, rest) if s is not None)]
         fits = [self._fit([*others, s]) for s in (own, *rest) if s is not None]
         before = self._fit(others) if others else None
         found = self._selector.compared(fits, len(others), before)
-        best = found.candidates[0]
+        # what validation runs say of rivals is no less true of a copy of the run
+        elsewhere = {id(f): gap for f, gap in zip(fits, gaps)}
+        best = max(found.candidates, key=lambda c: c.log_likelihood - elsewhere[id(c.fit)])
         if best.fit is not fits[0]:
             return f"{_name(best.hypothesis)} instead of {_name(named.hypothesis)}"
         enough = best.log_likelihood - found.reference >= self._significance if others else self._selector.names(found)

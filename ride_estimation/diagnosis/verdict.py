@@ -24,6 +24,8 @@ from ride_estimation.signals.recording import run_title
 
 IntArray = NDArray[np.int64]
 
+#: odds of a rival over the named cause from which on it is alive
+ALIVE = 0.05
 MISSED = 2.5  # error, in shares that count as right and over the noise floor, from which a model misses something
 _LOUD = 0.2  # noise floor above which a clean verdict says that smaller effects would not show
 _MOSTLY_NOISE = (
@@ -139,21 +141,40 @@ def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: In
     effect
         What the leader gains over the model without it [nat].
     """
-    gap = leader.log_likelihood - other.log_likelihood
+    gap = other.behind(leader)
     per_block = (other.fit.block_misfit - leader.fit.block_misfit)[blocks] / (2.0 * temper)
     sampled = float(np.sqrt(len(blocks)) * np.std(per_block, ddof=1)) if len(blocks) > 1 else 0.0
-    spread = float(np.hypot(sampled, FORM * max(effect, 0.0)))
+    form = FORM * (max(effect, 0.0) + max(other.elsewhere.effect, 0.0))
+    spread = float(np.linalg.norm([sampled, other.elsewhere.spread, form]))
     if spread <= 0.0 or gap <= 0.0:
         return 0.0
     below = float(ndtr(-gap / spread))
     return below / (1.0 - below)
 
 
+def rivals_alive(contest: Round, blocks: IntArray) -> list[tuple[Candidate, float]]:
+    """Return the best candidate of every other cause that neither the run nor others rule out, with its odds, likeliest first."""
+    leader = contest.candidates[0]
+    effect = leader.log_likelihood - contest.reference
+    best: dict[str, Candidate] = {}
+    for c in contest.candidates[1:]:
+        known = best.setdefault(c.hypothesis.cause, c)
+        best[c.hypothesis.cause] = min(known, c, key=lambda one: one.behind(leader))
+    best.pop(leader.hypothesis.cause, None)
+
+    def odds(other: Candidate) -> float:
+        alike = float(np.exp(-max(other.behind(leader), 0.0)))
+        return max(alike, reversal_odds(leader, other, contest.temper, blocks, effect))
+
+    found = [(c, odds(c)) for c in best.values()]
+    return sorted((pair for pair in found if pair[1] >= ALIVE), key=lambda pair: -pair[1])
+
+
 def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
     """Return confidence and rivals of the cause that won a comparison, everything else equal."""
     leader = contest.candidates[0]
     named = leader.hypothesis.cause
-    values = np.array([c.log_likelihood for c in contest.candidates] + [contest.reference])
+    values = np.array([leader.log_likelihood - c.behind(leader) for c in contest.candidates] + [contest.reference])
     weights = np.exp(np.clip(values - values.max(), -700.0, 0.0))
     for i, c in enumerate(contest.candidates):
         effect = leader.log_likelihood - contest.reference
@@ -164,7 +185,7 @@ def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
         h = c.hypothesis
         if h.cause == named or h.cause in rivals:
             continue
-        deficit = leader.log_likelihood - c.log_likelihood
+        deficit = c.behind(leader)
         ratio = float(np.sqrt(c.fit.misfit / max(leader.fit.misfit, 1e-9)))
         words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
         hint = separation(named, h.cause) if deficit < _STRONG else ""

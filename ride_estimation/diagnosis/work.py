@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import Calibrated
+from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.prediction import Model
@@ -35,6 +36,13 @@ def within_tolerance(adjustables: Sequence[Adjustable], coefficients: Array) -> 
     # a coefficient is what comes on top of the part that the plant already holds, its offset with the sign turned
     held = np.array([a.offset if np.isfinite(b) else 0.0 for a, b in zip(adjustables, limit)])
     return np.asarray(np.clip(coefficients, held - limit, held + limit))
+
+
+def model_of(fit: FullFit) -> Model:
+    """Return the model that a fit found, to predict other runs with."""
+    state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
+    coefficients = fit.coefficients[: fit.regression.count]
+    return Model(state, fit.adjustables, coefficients, fit.fitted, fit.view.scales, fit.view.plant)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,11 +78,7 @@ class Work:
     def extended(self) -> Model:
         """Return the extended model, the calibrated one where nothing was accepted."""
         fit = self.selection.accepted
-        if fit is None:
-            return self.baseline
-        state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
-        coefficients = fit.coefficients[: fit.regression.count]
-        return Model(state, fit.adjustables, coefficients, fit.fitted, fit.view.scales, fit.view.plant)
+        return self.baseline if fit is None else model_of(fit)
 
     def stated(self) -> Work:
         """Return the same with the standard deviations that are stated, see :meth:`fitting.FullFitter.stated`."""
