@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from worlds.hiding import Site, law_of
@@ -141,6 +141,24 @@ def quarter_car_run(
     u = scale * base
     du, ddu = (scale * np.fft.irfft(spectrum * w**p, n) for p in (1, 2))
     return ridden(f"quarter_car_{seed}", (u, du, ddu), rng, rate_hz, law, noise, sag)
+
+
+def rough_patches(
+    seed: int, middles_s: Sequence[float], width_s: float, seconds: float = 60.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a smooth base motion, 2.5 times as large at some places of a width, with its two derivatives, for :func:`ridden`."""
+    rng = np.random.default_rng(seed)
+    n, step = int(seconds * RATE_HZ) * FINE, 1.0 / (RATE_HZ * FINE)
+    f = np.fft.rfftfreq(n, step)
+    shape = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0)
+    base = np.fft.irfft(shape * np.exp(2j * np.pi * rng.random(len(f))), n)
+    time, envelope = np.arange(n) * step, np.ones(n)
+    for middle in middles_s:
+        phase = np.clip(2.0 * np.pi * (time - middle) / width_s, -np.pi, np.pi)
+        envelope += 0.75 * (1.0 + np.cos(phase))
+    u = 0.003 * base / np.std(base) * envelope
+    du = np.gradient(u, step)
+    return u, du, np.gradient(du, step)
 
 
 def ridden(

@@ -102,11 +102,20 @@ def diagnose(
     report = progress or (lambda share: None)
     answer = _diagnosed(vehicle, run, validation, settings, report, causes)
     worst = unexplained_run(answer.gain, settings) if answer.gain is not None and not answer.causes else ""
-    other = next((v for v in validation if v.name == worst), None)
-    if other is None:
+    if not worst:
         return answer
+    other = next((v for v in validation if v.name == worst), None)
+    if other is None:  # the blocks of the run that took no part in the fit
+        return _unexplained(answer)
     rest = [run, *(v for v in validation if v is not other)]
     return _elsewhere_answer(answer, _diagnosed(vehicle, other, rest, settings, lambda share: None, causes), other.name)
+
+
+def _unexplained(answer: Diagnosis) -> Diagnosis:
+    """Return an answer without causes whose model misses something where nothing was fitted."""
+    if answer.verdict != NO_DISCREPANCY:
+        return answer
+    return dataclasses.replace(answer, verdict=UNEXPLAINED, sentence=describe(UNEXPLAINED, (), answer.gain, 1.0))
 
 
 def _elsewhere_answer(answer: Diagnosis, second: Diagnosis, name: str) -> Diagnosis:
@@ -116,9 +125,7 @@ def _elsewhere_answer(answer: Diagnosis, second: Diagnosis, name: str) -> Diagno
         words = f"The fitted run shows no discrepancy, {title_of} does. {second.sentence}"
         warning = f"the causes were found on the validation run {title_of}, where the model of the fitted run misses most"
         return dataclasses.replace(second, sentence=words, warnings=(*second.warnings, warning))
-    if answer.verdict != NO_DISCREPANCY:
-        return answer
-    return dataclasses.replace(answer, verdict=UNEXPLAINED, sentence=describe(UNEXPLAINED, (), answer.gain, 1.0))
+    return _unexplained(answer)
 
 
 def _diagnosed(
@@ -166,7 +173,7 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         raise InputDataError(
             f"only {data.blocks.count} blocks of {settings.block_s:g} s without gaps remain; {LEAST_BLOCKS} are needed"
         )
-    return data, make_splits(data.blocks.count)
+    return data, make_splits(data.block_peaks)
 
 
 def require_testable(vehicle: Vehicle, run: UniformRun, settings: Settings | None = None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from diagnosis_runs import (
     SITE,
@@ -16,11 +17,14 @@ from diagnosis_runs import (
     quarter_car,
     quarter_car_run,
     relief_valve,
+    ridden,
+    rough_patches,
 )
 from worlds.hiding import law_of
 
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.extension import parts_of
+from ride_estimation.diagnosis.settings import Settings
 
 #: cause, form and size of a law that leaves 2 to 5 % to the linear model
 LAWS = [
@@ -146,3 +150,31 @@ def test_a_load_is_taken_on_over_a_while():
     assert [c.id for c in answer.causes] == ["mass_change"]
     told = {p.name: p for p in answer.causes[0].parameters}["added mass"]
     assert abs(told.value - 60.0) < 2.0 * told.std
+
+
+def stopped_in(blocks: tuple[int, ...], gap: float):
+    """Return the diagnosis of a run that hits a stop in some of its blocks only."""
+    settings = Settings(stability=False)
+    middles = [settings.trim_s + settings.block_s * (b + 0.5) for b in blocks]
+    base = rough_patches(5, middles, settings.block_s)
+    law = lambda x, v: -2e6 * max(-x - gap, 0.0) ** 1.4  # noqa: E731
+    return diagnose(quarter_car(), ridden("patches", base, np.random.default_rng(5), law=law), settings=settings)
+
+
+@pytest.mark.parametrize("blocks", [(1, 5, 9), (3, 7, 11)])
+def test_a_stop_that_is_hit_in_a_few_blocks_is_named_wherever_they_lie(blocks):
+    """Dealt by their place in the run, all of them selected or all judged: nothing was named beside an error of 24 %."""
+    answer = stopped_in(blocks, 0.006)
+    assert [c.id for c in answer.causes] == ["bump_stop"]
+    gap = next(p for p in answer.causes[0].parameters if p.name == "gap")
+    assert abs(gap.value - 0.006) < 3.0 * gap.std
+
+
+def test_what_a_model_misses_on_blocks_that_were_not_fitted_is_no_agreement():
+    """A stop that is hit in one block alone cannot be confirmed, and is no reason to call the model right."""
+    answer = stopped_in((1, 5, 9), 0.007)
+    judged = answer.gain.validation[0]
+    assert not answer.causes
+    assert judged.baseline > 2.5 * judged.noise_floor
+    assert answer.verdict == "unexplained"
+    assert "does not name" in answer.sentence

@@ -19,7 +19,7 @@ from ride_estimation.diagnosis.fitting import searched_shape, with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.screening import Score
-from ride_estimation.diagnosis.selection import Selector
+from ride_estimation.diagnosis.selection import Candidate, Selector
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.verdict import reversal_odds
 from ride_estimation.signals.recording import UniformRun
@@ -128,8 +128,8 @@ def test_a_group_of_mounts_competes_only_where_it_brings_more_than_its_best_moun
 
 
 def test_the_form_of_a_law_limits_how_sure_a_lead_is():
-    def candidate(level: float, misfit: float) -> types.SimpleNamespace:
-        return types.SimpleNamespace(log_likelihood=level, fit=types.SimpleNamespace(block_misfit=np.full(16, misfit)))
+    def candidate(level: float, misfit: float) -> Candidate:
+        return Candidate(types.SimpleNamespace(block_misfit=np.full(16, misfit)), level)
 
     blocks = np.arange(16)
     leader, other = candidate(0.0, 1.0), candidate(-20.0, 3.5)

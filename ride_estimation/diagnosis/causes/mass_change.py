@@ -36,8 +36,8 @@ _INSTANTS, _NEIGHBOURS = 20, 1.5
 #: how long a load takes to come on [s]: first trial, and from what is dropped to what is filled. What comes on slower than a
 #: body bounces hardly makes it bounce
 _TAKES, _TAKES_WITHIN = 0.5, (0.05, 10.0)
-#: a load from the start: standard deviation of a mass that the file states without one, standard deviations that a load is
-#: beyond, its largest share of the body and its largest distance from the CG [m]
+#: a load: standard deviation of a mass that the file states without one, standard deviations that one from the start is
+#: beyond, the largest share of the body that comes or goes and its largest distance from the CG [m]
 _WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 3.0
 _CONSTANT = "from the start"
 
@@ -88,10 +88,12 @@ class MassChange(Cause):
             def plausible(coefficients: Array, least: float = known, near: Callable[[Array], bool] = on_the_body) -> bool:
                 return abs(float(coefficients[0])) >= least and near(coefficients)
 
-            out.append(Hypothesis(self.ID, body, "", changing, grid, bounds, run_bound=True, plausible=on_the_body))
-
+            most = _MOST * mass.value
             out.append(Hypothesis(
-                self.ID, body, "", constant, variant=_CONSTANT, largest=_MOST * mass.value, plausible=plausible,
+                self.ID, body, "", changing, grid, bounds, largest=most, run_bound=True, plausible=on_the_body
+            ))
+            out.append(Hypothesis(
+                self.ID, body, "", constant, variant=_CONSTANT, largest=most, plausible=plausible,
                 shows_in_means=sinks, only_alone=not sinks, moves_cg=True, simulated=carried,
             ))
         return out
