@@ -31,7 +31,7 @@ from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Selector
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, make_splits
-from ride_estimation.diagnosis.verdict import rivals_alive
+from ride_estimation.diagnosis.verdict import ALIVE, rivals_of
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.work import Work, model_of
 
@@ -59,7 +59,7 @@ def next_run(work: Work) -> NextRun | None:
     if accepted is None:
         return None
     for place, contest in enumerate(work.selection.contests):
-        alive = rivals_alive(contest, blocks)
+        alive = [pair for pair in rivals_of(contest, blocks) if pair[1] >= ALIVE]
         if not alive:
             continue
         rival, odds = alive[0]

@@ -21,7 +21,7 @@ from ride_estimation.diagnosis.prediction import Model, Prediction, predict
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.selection import Candidate, Elsewhere, Round, Selection
-from ride_estimation.diagnosis.verdict import rivals_alive
+from ride_estimation.diagnosis.verdict import ALIVE, STRONG, rivals_of
 from ride_estimation.diagnosis.work import Work, model_of
 
 Array = NDArray[np.float64]
@@ -56,8 +56,9 @@ def _contested(work: Work, place: int, runs: Sequence[RunData]) -> Selection:
     contest = selection.contests[place]
     if accepted is None or accepted.fitted[place].hypothesis.run_bound:
         return selection
-    alive = [c for c, _ in rivals_alive(contest, work.splits.train) if not any(f.hypothesis.run_bound for f in c.fit.fitted)]
-    alive = alive[:_RIVALS]
+    first, rivals = contest.candidates[0], rivals_of(contest, work.splits.train)
+    near = [c for c, odds in rivals if odds >= ALIVE or c.behind(first) < STRONG]
+    alive = [c for c in near if not any(f.hypothesis.run_bound for f in c.fit.fitted)][:_RIVALS]
     if not alive:
         return selection
     fits = [work.selector.fitter.fit(c.fit.fitted, _PASSES) for c in alive]

@@ -36,7 +36,7 @@ _NEAR = 1.5  # error over noise floor above which a clean verdict does not claim
 _FORM_LEFT = 0.05  # mean share of the residual that the right cause leaves because the real law has another form
 _TAIL = 3.0  # of what right causes leave: means that scatter by the factor 1.8 from one kind of mount to the next
 _FITS_ANYTHING = 1.0 / 30.0  # share of what else a model misses that a law of general form at the best of all places fits
-_STRONG = 25.0  # rivals with a larger deficit [nat] are not listed
+STRONG = 25.0  # deficit of a rival [nat] from which nothing is said that would separate it
 
 
 def name_causes(
@@ -152,8 +152,8 @@ def reversal_odds(leader: Candidate, other: Candidate, temper: float, blocks: In
     return below / (1.0 - below)
 
 
-def rivals_alive(contest: Round, blocks: IntArray) -> list[tuple[Candidate, float]]:
-    """Return the best candidate of every other cause that neither the run nor others rule out, with its odds, likeliest first."""
+def rivals_of(contest: Round, blocks: IntArray) -> list[tuple[Candidate, float]]:
+    """Return the best candidate of every other cause with its odds over the one that leads, likeliest first."""
     leader = contest.candidates[0]
     effect = leader.log_likelihood - contest.reference
     best: dict[str, Candidate] = {}
@@ -166,8 +166,7 @@ def rivals_alive(contest: Round, blocks: IntArray) -> list[tuple[Candidate, floa
         alike = float(np.exp(-max(other.behind(leader), 0.0)))
         return max(alike, reversal_odds(leader, other, contest.temper, blocks, effect))
 
-    found = [(c, odds(c)) for c in best.values()]
-    return sorted((pair for pair in found if pair[1] >= ALIVE), key=lambda pair: -pair[1])
+    return sorted(((c, odds(c)) for c in best.values()), key=lambda pair: -pair[1])
 
 
 def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
@@ -188,7 +187,7 @@ def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:
         deficit = c.behind(leader)
         ratio = float(np.sqrt(c.fit.misfit / max(leader.fit.misfit, 1e-9)))
         words = f"log-likelihood {deficit:.0f} nat lower; leaves {ratio:.2f} times the residual of the named cause"
-        hint = separation(named, h.cause) if deficit < _STRONG else ""
+        hint = separation(named, h.cause) if deficit < STRONG else ""
         rivals[h.cause] = Rival(h.cause, h.location, h.axis, words, float(deficit), hint)
     return float(same / weights.sum()), tuple(sorted(rivals.values(), key=lambda r: r.log_likelihood_deficit))
 

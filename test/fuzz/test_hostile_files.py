@@ -170,8 +170,9 @@ def test_aliases_of_aliases_are_counted_before_they_are_walked(tmp_path: Path) -
     ("text", "says"),
     [
         ("a: &a [*a]", "stands in"),
-        ("[" * 5000, "levels deep in line 1"),
-        ("[" * 50_000 + "]" * 50_000, "levels deep"),  # the C parser overflows its stack from here on
+        # the scanner of PyYAML 6.0.4 looks a thousand levels ahead and refuses them before the first one is counted here
+        ("[" * 5000, "(levels deep|nesting depth) in line 1"),
+        ("[" * 50_000 + "]" * 50_000, "levels deep|nesting depth"),  # the C parser before it overflows its stack from here on
         ("a:\n - " + "{b: " * 3000, "levels deep in line 2"),
         ("- " * 100_000, "levels deep"),
         ("a: !!int '1" + ":59" * 100_000 + "'", "not an integer"),

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import types
 
@@ -137,13 +136,7 @@ def test_the_form_of_a_law_limits_how_sure_a_lead_is():
     below = float(ndtr(-1.0))
     assert reversal_odds(leader, other, 1.0, blocks, 4000.0) == pytest.approx(below / (1.0 - below), rel=1e-9)
     assert reversal_odds(leader, other, 1.0, blocks, 0.0) == 0.0
-    assert reversal_odds(leader, dataclasses.replace(_Candidate(-20.0, other.fit)), 1.0, blocks, 400.0) < 1e-12
-
-
-@dataclasses.dataclass(frozen=True)
-class _Candidate:
-    log_likelihood: float
-    fit: object
+    assert reversal_odds(leader, Candidate(other.fit, -20.0), 1.0, blocks, 400.0) < 1e-12
 
 
 def test_a_scan_finds_a_peak_too_narrow_for_steps():
