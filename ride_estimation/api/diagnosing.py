@@ -6,9 +6,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ride_estimation.api.plots import DiagnosisPlots
 from ride_estimation.api.runs import Run
 from ride_estimation.api.tables import dataframe, html_table
 from ride_estimation.diagnosis.diagnose import diagnose as diagnose_run
@@ -20,10 +19,14 @@ from ride_estimation.errors import ConfigurationError, RideEstimationError
 from ride_estimation.io.json_file import written_last
 from ride_estimation.io.results import output_folder, software
 from ride_estimation.io.vehicle_file import save_vehicle
-from ride_estimation.reporting.diagnosis_report import Truth, write_diagnosis_report
 from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Recording, UniformRun
+
+# pictures are imported when one is asked for: they take a second
+if TYPE_CHECKING:
+    from ride_estimation.api.plots import DiagnosisPlots
+    from ride_estimation.reporting.diagnosis_report import Truth
 
 _HIGHEST_RATE_HZ = 400.0  # the analysis band ends at 40 Hz; more samples cost time and tell nothing
 
@@ -55,6 +58,8 @@ class DiagnosedRun:
     @property
     def plot(self) -> DiagnosisPlots:
         """Return the pictures, one method each."""
+        from ride_estimation.api.plots import DiagnosisPlots
+
         return DiagnosisPlots(self.answer)
 
     def to_dataframe(self, table: str = "causes") -> Any:
@@ -77,6 +82,8 @@ class DiagnosedRun:
 
     def report(self, path: str | Path, truth: Truth | None = None) -> Path:
         """Write the report as one HTML file and return its path; ``truth`` of a simulated run is shown beside what was found."""
+        from ride_estimation.reporting.diagnosis_report import write_diagnosis_report
+
         write_diagnosis_report(self.answer, self.name, Path(path), truth)
         return Path(path)
 

@@ -165,7 +165,7 @@ def baseline_columns(
     rows = np.empty((*view.residual.shape, len(adjustables)), dtype=np.float32)
     while spectra:
         done = len(adjustables) - len(spectra)
-        rows[:, :, done : done + _BATCH] = view.rows(np.stack(spectra[:_BATCH], axis=2))
+        rows[:, :, done : done + _BATCH] = view.rows(np.stack(spectra[:_BATCH], axis=2), single=True)
         del spectra[:_BATCH]
     return adjustables, rows, means
 
@@ -205,7 +205,7 @@ def port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Ad
 def port_columns(view: RunView, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Array]:
     """Return the port adjustables of a view and their whitened rows (B, R, p)."""
     pairs = port_adjustables(view, prior)
-    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2))
+    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2), single=True)
 
 
 def body_spectra(view: RunView, body: str) -> tuple[ComplexArray, ComplexArray]:
@@ -280,7 +280,7 @@ def body_adjustables(view: RunView, accelerations: Mapping[str, ComplexArray]) -
 def balanced_columns(view: RunView, bodies: Collection[str]) -> tuple[tuple[Adjustable, ...], Array]:
     """Return CG and inertia of some bodies and their whitened rows (B, R, p) along :func:`balanced_acceleration`."""
     pairs = body_adjustables(view, {name: balanced_acceleration(view, name) for name in bodies})
-    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2))
+    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2), single=True)
 
 
 def _axes_columns(view: RunView, columns: ColumnSet) -> None:
@@ -368,7 +368,7 @@ def faulty_rows(view: RunView, adjustables: Sequence[Adjustable], faults: Mappin
             errors, is_input = sensor_error_spectra(view, a.place, a.kind, component, faults[a.place])
             places.append(i)
             spectra.append(error_outputs(view, errors, is_input))
-    return places, view.rows(np.stack(spectra, axis=2)) if spectra else np.zeros((*view.residual.shape, 0))
+    return places, view.rows(np.stack(spectra, axis=2), single=True) if spectra else np.zeros((*view.residual.shape, 0))
 
 
 def error_outputs(view: RunView, errors: dict[int, ComplexArray], is_input: bool) -> ComplexArray:

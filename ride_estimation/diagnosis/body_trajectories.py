@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.plant import Plant
-from ride_estimation.frames import AXES, rotation_matrices
+from ride_estimation.frames import AXES, rotation_matrices, skew
 from ride_estimation.vehicles.guided import carrier_of, own_mass_matrix
 
 Array = NDArray[np.float64]
@@ -56,13 +56,18 @@ class Trajectory:
 
     def arm(self, offset: Array) -> Array:
         """Return the rotated lever arm, (N, 3)."""
-        return np.asarray(self.rotation @ offset)
+        return np.asarray(self.rotation.reshape(-1, 3) @ offset).reshape(-1, 3)
 
     def beyond(self, offset: Array) -> tuple[Array, Array]:
         """Return displacement and velocity of a point beyond small rotation, (N, 3) each."""
         arm = self.arm(offset)
-        moved = self.displacement - self.linear[0] + arm - offset - np.cross(self.theta, offset)
-        return moved, self.velocity - self.linear[1] + np.cross(self.omega, arm) - np.cross(self.theta_dot, offset)
+        moved = self.displacement - self.linear[0] + arm - offset - self.theta @ skew(offset)
+        return moved, self.velocity - self.linear[1] + np.cross(self.omega, arm) - self.theta_dot @ skew(offset)
+
+    def turned(self, tensor: Array, vectors: Array) -> Array:
+        """Return the products of a tensor of the body (3, 3) with vectors, both in world axes, shape (N, 3)."""
+        own = np.einsum("nji,nj->ni", self.rotation, vectors) @ tensor.T
+        return np.asarray(np.einsum("nij,nj->ni", self.rotation, own))
 
     def point_acceleration(self, offset: Array) -> Array:
         """Return the acceleration of a point, (N, 3)."""
@@ -159,9 +164,8 @@ class Trajectories:
         for name, body in self.bodies.items():
             given = own_mass_matrix(vehicle.bodies[name])
             left[name] -= vehicle.bodies[name].mass.value * (body.acceleration + weight)
-            world = body.rotation @ given[3:, 3:] @ np.transpose(body.rotation, (0, 2, 1))
-            momentum = np.einsum("nij,nj->ni", world, body.omega)
-            turning[name] -= np.einsum("nij,nj->ni", world, body.alpha) + np.cross(body.omega, momentum)
+            momentum = body.turned(given[3:, 3:], body.omega)
+            turning[name] -= body.turned(given[3:, 3:], body.alpha) + np.cross(body.omega, momentum)
         for name in reversed(self.bodies):
             guide, rows = self._guides.get(name), plant.coordinate_rows(name)
             push, own = left[name], [column for _, column in rows]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration import calibrate, file_parameters, with_held_faults
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.effect import Where
+from ride_estimation.diagnosis.effect import Where, combined_effects
 from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
-from ride_estimation.diagnosis.fitting import FullFit, combined_effects
+from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy, usable_runs
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law

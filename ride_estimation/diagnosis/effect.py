@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,3 +87,16 @@ class Shape:
         else:
             chains = [(current * factor, current * factor**2) for factor in (1.6, 1.0 / 1.6, 1.15, 1.0 / 1.15)]
         return tuple(tuple(min(max(v, self.lower), self.upper) for v in chain) for chain in chains)
+
+
+def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Effect, ...]:
+    """Return one effect per entry point with the coefficients applied; mean readings are left out."""
+    total: dict[tuple[Where, int], Array] = {}
+    for column, value in zip(columns, coefficients):
+        if value == 0.0:
+            continue
+        for effect in column:
+            if effect.where is not Where.MEAN:
+                key = (effect.where, effect.index)
+                total[key] = total.get(key, 0.0) + value * effect.signal
+    return tuple(Effect(where, index, signal) for (where, index), signal in total.items())

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,14 @@ from ride_estimation.diagnosis.calibration import (
     step_factor,
     stepped,
 )
-from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes, Sign
+from ride_estimation.diagnosis.effect import Column, Effect, Where, combined_effects
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.screening import Projector, Pushed, Score, mean_rows, price, solve_signed
+from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, price, solve_signed
+from ride_estimation.diagnosis.shape_search import ShapeTrials, slopes_of
 from ride_estimation.diagnosis.splits import Splits
 
 Array = NDArray[np.float64]
@@ -38,9 +39,6 @@ _TOLERATED = {
     "sensor_gain": "gain", "sensor_misalignment": "misalignment", "wrong_sensor_position": "position",
     "sensor_delay": "delay", "cg_offset": "cg",
 }  # fmt: skip
-_STEPS = 2  # Gauss-Newton steps of the shape parameters in one pass
-_SHARES = (1.0, 0.4, 0.15)  # of such a step that are tried: the edge of a contact is no straight line
-_CLOSE = 2  # best entries of a grid whose scales are varied before the best of all is chosen
 _MOVES = 0.03  # step of ln k or ln c from which a result is a linearisation of the model that it is a step to
 _RUNAWAY = 1e6  # energy of the residual over that of the calibrated model from which a trial model means nothing
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
@@ -178,19 +176,6 @@ def _faults(fitted: Iterable[Fitted]) -> dict[str, Array]:
     return {f.hypothesis.location: f.hypothesis.fault(f.coefficients) for f in fitted if f.hypothesis.fault is not None}
 
 
-def combined_effects(columns: Sequence[Column], coefficients: Array) -> tuple[Effect, ...]:
-    """Return one effect per entry point with the coefficients applied; mean readings are left out."""
-    total: dict[tuple[Where, int], Array] = {}
-    for column, value in zip(columns, coefficients):
-        if value == 0.0:
-            continue
-        for effect in column:
-            if effect.where is not Where.MEAN:
-                key = (effect.where, effect.index)
-                total[key] = total.get(key, 0.0) + value * effect.signal
-    return tuple(Effect(where, index, signal) for (where, index), signal in total.items())
-
-
 def held_effects(view: RunView, every: bool = False) -> list[Effect]:
     """Return what the linear response holds of law forces, along the deflection of a view.
 
@@ -229,65 +214,6 @@ def with_effects(view: RunView, state: ModelState, effects: Sequence[Effect]) ->
         else:
             out.append(e)
     return dataclasses.replace(state, effects=tuple(out), held=held if np.any(held) else None)
-
-
-def searched_shape(
-    hypothesis: Hypothesis, start: dict[str, float], drop: Callable[[Shapes], float]
-) -> dict[str, float]:
-    """Return shape parameters improved one at a time: by a scan where one starts on the grid, and by fixed moves."""
-    best, current = start, drop(start)
-    for shape in hypothesis.shapes:
-        for value in shape.scanned(best[shape.name]) if start in hypothesis.grid else ():
-            trial = {**best, shape.name: value}
-            if (gained := drop(trial)) > current:
-                current, best = gained, trial
-        for number in range(len(shape.moves(best[shape.name]))):
-            for value in shape.moves(best[shape.name])[number]:
-                trial = {**best, shape.name: value}
-                gained = drop(trial) if value != best[shape.name] else current
-                if gained <= current + 0.5:
-                    break
-                current, best = gained, trial
-    return best
-
-
-def _slopes(
-    hypothesis: Hypothesis, view: RunView, shape: Shapes, coefficients: Array
-) -> tuple[list[Column], Array]:
-    """Return what small moves of the shape parameters change in the response to a law, and the moves (Gauss-Newton)."""
-    own = hypothesis.columns(view, shape)
-    weights = coefficients[: len(own)]
-    out: list[Column] = []
-    sizes = []
-    for s in hypothesis.shapes:
-        size = 0.1 * s.step if s.step > 0.0 else 0.02 * abs(shape[s.name])
-        if shape[s.name] + size > s.upper:
-            size = -size
-        moved = hypothesis.columns(view, {**shape, s.name: shape[s.name] + size})
-        out.append(combined_effects([*moved, *own], np.concatenate([weights, -weights])))
-        sizes.append(size)
-    return out, np.array(sizes)
-
-
-def _moved(hypothesis: Hypothesis, shape: dict[str, float], moves: Array) -> dict[str, float]:
-    """Return shape parameters after a step, limited to where its linearisation may hold."""
-    out = dict(shape)
-    for s, move in zip(hypothesis.shapes, moves):
-        limit = 3.0 * s.step if s.step > 0.0 else 0.4 * abs(shape[s.name])
-        out[s.name] = float(np.clip(shape[s.name] + np.clip(move, -limit, limit), s.lower, s.upper))
-    return out
-
-
-def _widened(hypothesis: Hypothesis, entries: Sequence[Shapes]) -> list[dict[str, float]]:
-    """Return shapes with their scales down to half and up to double."""
-    scales = {s.name: s for s in hypothesis.shapes if s.step == 0.0}
-    out: list[dict[str, float]] = []
-    for entry in entries:
-        for factor in (0.5, 0.7, 1.4, 2.0):
-            scaled = {n: min(max(factor * v, scales[n].lower), scales[n].upper) if n in scales else v for n, v in entry.items()}
-            if scaled not in out and scaled != entry:
-                out.append(scaled)
-    return out
 
 
 def unsettled(fit: FullFit) -> float:
@@ -433,7 +359,8 @@ class FullFitter:
             adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
             projector = Projector(regression, self._blocks)
             if iteration == 1:
-                self._choose_families(view, projector, hypotheses, shapes, fresh)
+                for trials, index in self._trials(view, projector, hypotheses, shapes, fresh):
+                    shapes[index] = trials.chosen(shapes[index])
             if iteration:
                 self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
             result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
@@ -535,7 +462,7 @@ class FullFitter:
         sizes: list[float] = []
         spread: list[float] = []
         for f in fit.fitted:
-            columns, moves = _slopes(f.hypothesis, view, f.shape, f.coefficients)
+            columns, moves = slopes_of(f.hypothesis, view, f.shape, f.coefficients)
             slopes += columns
             sizes += [*moves]
             spread += [s.spread for s in f.hypothesis.shapes]
@@ -558,42 +485,15 @@ class FullFitter:
             start = part.stop
         return dataclasses.replace(fit, fitted=tuple(fitted), covariance=covariance)
 
-    def _choose_families(
-        self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
-        fresh: Sequence[bool],
-    ) -> None:
-        """Choose again among what the grid of a hypothesis tells apart beyond shape parameters; changes ``shapes``.
-
-        The screening chose along stiffness and damping of a model without the law.
-        """
+    def _trials(
+        self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: Sequence[Shapes],
+        wanted: Sequence[bool],
+    ) -> Iterator[tuple[ShapeTrials, int]]:
+        """Yield trials of every wanted hypothesis beside the others as they are by then, and its place."""
         for index, h in enumerate(hypotheses):
-            refined = {s.name for s in h.shapes}
-            if not fresh[index] or not any(name not in refined for name in shapes[index]):
-                continue
-            others, signs = self._others(view, projector, hypotheses, shapes, index)
-
-            def drop(trial: Shapes, h: Hypothesis = h, others: tuple[Pushed, ...] = others, signs: list[Sign] = signs) -> float:
-                own = self._pushed(view, projector, h.columns(view, trial))
-                return solve_signed(*projector.join(own, *others), [*h.column_signs(len(own.size)), *signs])[1]
-
-            ranked = sorted([dict(shapes[index]), *(dict(g) for g in h.grid if g != shapes[index])], key=drop, reverse=True)
-            shapes[index] = max([ranked[0], *_widened(h, ranked[:_CLOSE])], key=drop)
-
-    def _pushed(self, view: RunView, projector: Projector, columns: Sequence[Column]) -> Pushed:
-        return projector.pushed(view.push(columns, single=True), mean_rows(self._cal.table, columns))
-
-    def _others(
-        self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: Sequence[Shapes], index: int
-    ) -> tuple[tuple[Pushed, ...], list[Sign]]:
-        """Return the columns of all hypotheses but one with their signs; nothing where there is no other."""
-        columns: list[Column] = []
-        signs: list[Sign] = []
-        for i, (h, shape) in enumerate(zip(hypotheses, shapes)):
-            if i != index:
-                own = h.columns(view, shape)
-                columns += own
-                signs += h.column_signs(len(own))
-        return ((self._pushed(view, projector, columns),) if columns else ()), signs
+            if wanted[index]:
+                others = [pair for i, pair in enumerate(zip(hypotheses, shapes)) if i != index]
+                yield ShapeTrials(view, self._cal.table, projector, h, others), index
 
     def _search_shapes(
         self, view: RunView, projector: Projector, hypotheses: Sequence[Hypothesis], shapes: list[dict[str, float]],
@@ -606,32 +506,5 @@ class FullFitter:
         searched
             Hypotheses whose shapes are searched one at a time before all of them are stepped together.
         """
-        for index, h in enumerate(hypotheses):
-            if not h.shapes:
-                continue
-            others, signs = self._others(view, projector, hypotheses, shapes, index)
-
-            def solve(
-                trial: Shapes,
-                slopes: Sequence[Column] = (),
-                h: Hypothesis = h,
-                others: tuple[Pushed, ...] = others,
-                signs: list[Sign] = signs,
-            ) -> tuple[Array, float]:
-                own = h.columns(view, trial)
-                fresh = self._pushed(view, projector, [*own, *slopes])
-                normal, right = projector.join(fresh, *others)
-                return solve_signed(normal, right, [*h.column_signs(len(own)), *[Sign.ANY] * len(slopes), *signs])
-
-            if searched[index]:
-                shapes[index] = searched_shape(h, shapes[index], lambda trial, solve=solve: solve(trial)[1])  # type: ignore[misc]
-            for _ in range(_STEPS):
-                coefficients, current = solve(shapes[index])
-                slopes, sizes = _slopes(h, view, shapes[index], coefficients)
-                count = len(coefficients) - len(signs)
-                moves = solve(shapes[index], slopes)[0][count : count + len(slopes)] * sizes
-                trials = [_moved(h, shapes[index], share * moves) for share in _SHARES]
-                better = next((trial for trial in trials if solve(trial)[1] > current + 0.5), None)
-                if better is None:
-                    break
-                shapes[index] = better
+        for trials, index in self._trials(view, projector, hypotheses, shapes, [bool(h.shapes) for h in hypotheses]):
+            shapes[index] = trials.stepped(trials.searched(shapes[index]) if searched[index] else shapes[index])

@@ -10,6 +10,8 @@ three directions.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -155,8 +157,8 @@ def unseen_tilt(plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray,
     return out
 
 
-def _paths(plant: Plant, response: LinearResponse, turning: Array) -> tuple[ComplexArray, ComplexArray]:
-    """Return what turning brackets do to outputs (F, ny, q) and deflections (F, P, q).
+def turned(plant: Plant, turning: Array, twice: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the base accelerations (F, nb, q) and wrenches (F, n, q) of turning brackets.
 
     Gravity that the tilt removes from the base acceleration, the lever from the sensor to the mount, and static mount loads
     that turn with the bracket.
@@ -165,40 +167,35 @@ def _paths(plant: Plant, response: LinearResponse, turning: Array) -> tuple[Comp
     ----------
     turning
         Roll, pitch and yaw acceleration of the brackets per unit of q quantities, shape (nb, q).
+    twice
+        :attr:`LinearResponse.twice_integrated`.
     """
-    twice = (-1.0 / response.omega**2)[:, None, None]
-    base, wrench = plant.lever_motion(turning) + plant.gravity_tilt(turning) * twice, plant.static_tilt(turning) * twice
-    return (
-        np.asarray(response.output_from_base @ base + response.output_from_wrench @ wrench),
-        np.asarray(response.deflection_from_base @ base + response.deflection_from_wrench @ wrench),
-    )
+    return plant.lever_motion(turning) + plant.gravity_tilt(turning) * twice, plant.static_tilt(turning) * twice
 
 
 def tilt_uncertainty(
-    plant: Plant, response: LinearResponse, base_spectrum: ComplexArray, inputs: ComplexArray, noise: ComplexArray,
-    samples: int, width: int,
-) -> tuple[Array, ComplexArray, ComplexArray]:
-    """Return what is unknown of the tilt of brackets and how it reaches outputs and deflections.
+    plant: Plant, base_spectrum: ComplexArray, inputs: ComplexArray, noise: ComplexArray, omega: Array, samples: int, width: int
+) -> tuple[Array, Array]:
+    """Return what is unknown of the tilt of brackets.
 
     Parameters
     ----------
     base_spectrum, noise, samples, width
         As in :func:`local_motion`.
-    inputs
+    inputs, omega
         As in :func:`unseen_tilt`.
 
     Returns
     -------
     tuple
-        Standard deviation per sample of q unknown accelerations, shape (F, q), and their transfer functions, shapes
-        (F, ny, q) and (F, P, q).
+        Standard deviation per sample of q unknown accelerations, shape (F, q), and how brackets turn with them, shape (nb, q).
     """
     local = local_motion(plant, base_spectrum, noise, samples, width)
-    unseen = unseen_tilt(plant, base_spectrum, inputs, response.omega, samples, width)
+    unseen = unseen_tilt(plant, base_spectrum, inputs, omega, samples, width)
     own = np.eye(3 * len(plant.mounts))[:, [3 * j + part for j in range(len(plant.mounts)) for part in range(2)]]
     power, turning = np.hstack([local, unseen]), np.hstack([plant.slope @ vertical_inputs(plant)[1], own])
     used = np.any(power > 0.0, axis=0)
-    return np.sqrt(power[:, used]), *_paths(plant, response, turning[:, used])
+    return np.sqrt(power[:, used]), turning[:, used]
 
 
 def tilt_spectrum(plant: Plant, response: LinearResponse, slope: Array, inputs: ComplexArray) -> ComplexArray:
@@ -211,4 +208,7 @@ def tilt_spectrum(plant: Plant, response: LinearResponse, slope: Array, inputs: 
     inputs
         Shape (F, nu).
     """
-    return np.asarray(np.einsum("fij,fj->fi", _paths(plant, response, slope)[0], inputs))
+    twice = response.twice_integrated[:, :, 0] * inputs
+    base = inputs @ plant.lever_motion(slope).T + twice @ plant.gravity_tilt(slope).T
+    columns = base[:, :, None], (twice @ plant.static_tilt(slope).T)[:, :, None]
+    return np.asarray(response.outputs(response.coordinates(*columns), columns[0])[:, :, 0])

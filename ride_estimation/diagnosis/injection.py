@@ -35,12 +35,12 @@ class Injector:
         self._grid, self._response, self._whitener = grid, response, whitener
         self._known: dict[tuple[Where, bool], NDArray[Any]] = {}
 
-    def _transfer(self, where: Where, single: bool) -> NDArray[Any]:
+    def transfer(self, where: Where, single: bool = False) -> NDArray[Any]:
         """Return the whitened transfer function from an entry point, shape (F, ny, number of entries)."""
         found = self._known.get((where, single))
         if found is None:
             if single:
-                found = self._transfer(where, False).astype(np.complex64)
+                found = self.transfer(where, False).astype(np.complex64)
             elif where is Where.OUTPUT:
                 found = self._whitener
             else:
@@ -64,7 +64,7 @@ class Injector:
             alone = [j for j, part in enumerate(parts) if len(part) == 1 and part[0].where is where]
             if alone:
                 effects = [parts[j][0] for j in alone]
-                transfer = self._transfer(where, single)[:, :, [e.index for e in effects]]
+                transfer = self.transfer(where, single)[:, :, [e.index for e in effects]]
                 product = transfer * self._spectra(effects).astype(kind, copy=False)[:, None, :]
                 if len(alone) == len(columns):
                     return np.asarray(product)
@@ -77,7 +77,7 @@ class Injector:
                 spectra = self._spectra([e for _, e in used])
                 for i, (n, e) in enumerate(used):
                     signals[:, entries.index(e.index), n] += spectra[:, i]
-                out[:, :, shared] += self._transfer(where, single)[:, :, entries] @ signals
+                out[:, :, shared] += self.transfer(where, single)[:, :, entries] @ signals
         return out
 
     def _spectra(self, effects: Sequence[Effect]) -> ComplexArray:

@@ -7,43 +7,65 @@ a known force, output or base acceleration. The pilots measured 0.9 % of the res
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
+from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories, Trajectory
 from ride_estimation.diagnosis.plant import Plant, vertical_row
-from ride_estimation.frames import AXES, rotation_matrices
+from ride_estimation.frames import AXES, rotation_matrices, skew
 
 Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def base_correction(plant: Plant, specific_force: Array, slope: Array) -> Array:
+@dataclasses.dataclass(frozen=True)
+class Brackets:
+    """How the bases of mounts turn along a run.
+
+    Attributes
+    ----------
+    slope, rate
+        Rotation [rad] and angular rate [rad/s] of every mount base, shape (N, 3 M) each.
+    """
+
+    slope: Array
+    rate: Array
+
+    @functools.cached_property
+    def rotation(self) -> tuple[Array, ...]:
+        """Return the rotation matrices of every mount base, shape (N, 3, 3) each; every pass over a model asks for them."""
+        return tuple(rotation_matrices(self.slope[:, i : i + 3]) for i in range(0, self.slope.shape[1], 3))
+
+
+def base_correction(plant: Plant, specific_force: Array, brackets: Brackets) -> Array:
     """Return base acceleration that the linear tilt correction leaves out, shape (N, nb).
 
     Parameters
     ----------
     specific_force
         At every mount base in base axes, gravity included where it was measured, shape (N, nb).
-    slope
-        Rotation of every mount base [rad], shape (N, nb).
+    brackets
+        How the mount bases turn.
     """
     out = np.zeros_like(specific_force)
-    gravity = plant.vehicle.gravity * _UP
+    gravity = skew(plant.vehicle.gravity * _UP)
     for j in range(len(plant.mounts)):
         rows = slice(3 * j, 3 * j + 3)
-        f, theta = specific_force[:, rows], slope[:, rows]
-        rotated = np.einsum("nij,nj->ni", rotation_matrices(theta), f)
-        out[:, rows] = rotated - f - np.cross(theta, gravity)
+        f = specific_force[:, rows]
+        rotated = np.einsum("nij,nj->ni", brackets.rotation[j], f)
+        out[:, rows] = rotated - f - brackets.slope[:, rows] @ gravity
     return out
 
 
-def output_correction(plant: Plant, motion: BodyMotion) -> Array:
+def output_correction(plant: Plant, bodies: Mapping[str, Trajectory]) -> Array:
     """Return what the accelerometers show beyond small rotation, shape (N, ny); zero for other kinds."""
-    out = np.zeros((len(motion.position), len(plant.outputs)))
+    out = np.zeros((len(next(iter(bodies.values())).theta), len(plant.outputs)))
     gravity = plant.vehicle.gravity * _UP
-    bodies = Trajectories(plant, motion).bodies
     columns: dict[str, list[int]] = {}
     for i, signal in enumerate(plant.outputs):
         if signal.kind == "acceleration":
@@ -53,43 +75,42 @@ def output_correction(plant: Plant, motion: BodyMotion) -> Array:
         body = bodies[sensor.body]
         offset = sensor.position - plant.vehicle.bodies[sensor.body].cg
         full = np.einsum("nji,nj->ni", body.rotation, body.point_acceleration(offset) + gravity) - gravity
-        linear = body.linear[2] + np.cross(body.theta_ddot, offset) - np.cross(body.theta, gravity)
+        linear = body.linear[2] + body.theta_ddot @ skew(offset) - body.theta @ skew(gravity)
         difference = (full - linear) @ sensor.rotation
         for i in rows:
             out[:, i] = difference[:, plant.outputs[i].component]
     return out
 
 
-def transducer_correction(plant: Plant, motion: BodyMotion, deflection: Array, bracket: Array) -> Array:
+def transducer_correction(
+    plant: Plant, bodies: Mapping[str, Trajectory], deflection: Array, brackets: Brackets
+) -> Array:
     """Return what displacement transducers show beyond small rotation, shape (N, ny); zero for other kinds.
 
     A transducer measures along an axis that turns with the base of its mount.
 
     Parameters
     ----------
-    motion
-        Linear trajectory.
+    bodies
+        Their motion.
     deflection
         Of every mount along the linear trajectory [m], body minus base, shape (N, 3 M).
-    bracket
-        Rotation of every mount base [rad], shape (N, 3 M).
+    brackets
+        How the mount bases turn.
     """
-    out = np.zeros((len(motion.position), len(plant.outputs)))
+    out = np.zeros((len(deflection), len(plant.outputs)))
     vehicle = plant.vehicle
-    bodies = Trajectories(plant, motion).bodies
     for i, signal in enumerate(plant.outputs):
         if signal.kind != "displacement":
             continue
         mount = vehicle.mounts[vehicle.sensors[signal.sensor].mount]
-        rows = slice(3 * plant.mounts.index(mount.name), 3 * plant.mounts.index(mount.name) + 3)
-        linear, angle = deflection[:, rows], bracket[:, rows]
-        full = linear
+        number = plant.mounts.index(mount.name)
+        full = linear = deflection[:, 3 * number : 3 * number + 3]
         for b, s in ((mount.body, 1.0), (mount.base, -1.0)):
             if b in bodies:
                 full = full + s * bodies[b].beyond(mount.position - vehicle.bodies[b].cg)[0]
-        if mount.base in bodies:
-            angle = bodies[mount.base].theta
-        turned = np.einsum("nji,nj->ni", rotation_matrices(angle), full)
+        turn = bodies[mount.base].rotation if mount.base in bodies else brackets.rotation[number]
+        turned = np.einsum("nji,nj->ni", turn, full)
         out[:, i] = turned[:, signal.component] - linear[:, signal.component]
     return out
 
@@ -110,7 +131,7 @@ def wrench_correction(
     plant: Plant,
     motion: BodyMotion,
     relative: tuple[Array, Array],
-    bracket: tuple[Array, Array],
+    brackets: Brackets,
     modulus: tuple[Array, Array],
     axes: str = "base",
 ) -> Array:
@@ -122,8 +143,8 @@ def wrench_correction(
         Linear trajectory.
     relative
         Deflection [m] and rate [m/s] of every mount along the linear trajectory, body minus base, shape (N, 3 M) each.
-    bracket
-        Rotation [rad] and angular rate [rad/s] of every mount base, shape (N, 3 M) each.
+    brackets
+        How the mount bases turn.
     modulus
         Stiffness and damping of every mount axis, shape (3 M,) each.
     axes
@@ -142,13 +163,13 @@ def wrench_correction(
         full = (
             relative[0][:, rows] + sum(s * dx for s, dx, _ in beyond), relative[1][:, rows] + sum(s * dv for s, _, dv in beyond)
         )
-        angle, spin = bracket[0][:, rows], bracket[1][:, rows]
-        if mount.base in bodies:
-            angle, spin = bodies[mount.base].theta, bodies[mount.base].omega
-        if axes == "body":
-            angle, spin = bodies[mount.body].theta, bodies[mount.body].omega
-        turn = None if axes == "world" else rotation_matrices(angle)
-        total = _mount_force(plant.static_force[j] * _UP, (modulus[0][rows], modulus[1][rows]), full, turn, spin)
+        with_body = mount.body if axes == "body" else mount.base
+        if with_body in bodies:
+            turn, spin = bodies[with_body].rotation, bodies[with_body].omega
+        else:
+            turn, spin = brackets.rotation[j], brackets.rate[:, rows]
+        own = modulus[0][rows], modulus[1][rows]
+        total = _mount_force(plant.static_force[j] * _UP, own, full, None if axes == "world" else turn, spin)
         # both ends act at the body side
         point = bodies[mount.body].displacement + bodies[mount.body].arm(offsets[mount.body])
         for b, s in ends:

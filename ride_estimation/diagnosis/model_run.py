@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.body_trajectories import BodyMotion
+from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
 from ride_estimation.diagnosis.effect import Effect, Where
 from ride_estimation.diagnosis.kinematics import (
+    Brackets,
     base_correction,
     output_correction,
     transducer_correction,
@@ -70,8 +71,8 @@ class ModelRun:
     ----------
     base_spectrum
         Base accelerations, shape (F, nb).
-    slope, slope_rate
-        Inclination of the base [rad] and its rate, shape (N, ...).
+    brackets
+        How the bases turn.
     coordinate_spectrum, deflection_spectrum
         Of the coordinates of the bodies, shape (F, n), and of the ports, shape (F, P).
     slow_deflection, slow_rate
@@ -99,14 +100,15 @@ class ModelRun:
         for effect in self.state.effects:
             if effect.where is Where.INPUT:
                 spectrum[:, effect.index] += grid.spectrum(effect.signal)
-        base = np.einsum("fij,fj->fi", self.response.base_from_input, spectrum)
-        slope = np.einsum("ij,fj->fi", plant.slope, spectrum) / (-grid.omega**2)[:, None]
-        self.slope = grid.signal(slope)
-        self.slope_rate = grid.signal(1j * grid.omega[:, None] * slope)
+        twice = spectrum / (-grid.omega**2)[:, None]
+        slope = twice @ plant.slope.T
+        self.brackets = Brackets(grid.signal(slope), grid.signal(1j * grid.omega[:, None] * slope))
         direct = plant.base_direct + plant.lever_motion(plant.slope)
-        specific = grid.signal(np.einsum("ij,fj->fi", direct, spectrum))
+        base = spectrum @ direct.T
+        specific = grid.signal(base)
         specific[:, 2::3] += plant.vehicle.gravity
-        self.base_spectrum = base + grid.spectrum(base_correction(plant, specific, self.slope))
+        base += twice @ plant.gravity_tilt(plant.slope).T
+        self.base_spectrum = base + grid.spectrum(base_correction(plant, specific, self.brackets))
 
     def _simulate(self) -> None:
         data, plant, r, grid = self._data, self._data.plant, self.response, self._data.grid
@@ -130,24 +132,24 @@ class ModelRun:
         self.slow_rate = self.slow_rate_of(self.slow_deflection)
         enough = (_SETTLED * data.settings.adequacy) ** 2 * float(np.sum(np.abs(data.output_spectrum) ** 2))
         size = np.inf
+        from_base = (r.coordinate_from_base @ self.base_spectrum[:, :, None])[:, :, 0]
         for _ in range(_KINEMATIC_PASSES):
-            q = np.einsum("fij,fj->fi", r.coordinate_from_base, self.base_spectrum)
-            q += np.einsum("fij,fj->fi", r.coordinate_from_wrench, wrench + second_order)
+            q = from_base + (r.coordinate_from_wrench @ (wrench + second_order)[:, :, None])[:, :, 0]
             x = q @ plant.port_map.T - (self.base_spectrum / (-grid.omega**2)[:, None]) @ plant.port_base.T
             self.motion = BodyMotion(grid.signal(q) + lean, grid.signal(iw * q), grid.signal(iw**2 * q))
             # integration drift below the band stretches the base and must not reach the products of full rotation
             real = x * grid.low_flank[:, None]
             travel = grid.signal(real) + self.slow_deflection, grid.signal(iw * real)
             before, second_order = second_order, grid.spectrum(data.tapered(self.rotation_wrench("base", *travel)))
-            change = np.einsum("fij,fj->fi", r.output_from_wrench, second_order - before)
+            change = r.output_from_wrench @ (second_order - before)[:, :, None]
             size, last = float(np.sum(np.abs(change) ** 2)), size
             if size < enough or not size < last:
                 break
         self.coordinate_spectrum, self.deflection_spectrum = q, x
-        outputs = np.einsum("fij,fj->fi", r.output_from_coordinate, q)
-        outputs += (self.base_spectrum / (-grid.omega**2)[:, None]) @ plant.out_base.T
-        beyond = output_correction(plant, self.motion)
-        beyond += transducer_correction(plant, self.motion, self._of_mounts(travel[0]), self.slope)
+        outputs = r.outputs(q[:, :, None], self.base_spectrum[:, :, None])[:, :, 0]
+        bodies = Trajectories(plant, self.motion).bodies
+        beyond = output_correction(plant, bodies)
+        beyond += transducer_correction(plant, bodies, self._of_mounts(travel[0]), self.brackets)
         self.output_rectified = beyond.mean(axis=0)
         self.ideal_spectrum = outputs + grid.spectrum(data.tapered(beyond - self.output_rectified))
         self.predicted_spectrum = self.ideal_spectrum + extra_output
@@ -191,7 +193,7 @@ class ModelRun:
         for p, i in self._translations():
             modulus[0][i], modulus[1][i] = stiffness[p], damping[p]
         relative = self._of_mounts(deflection), self._of_mounts(rate)
-        return wrench_correction(plant, self.motion, relative, (self.slope, self.slope_rate), modulus, axes)
+        return wrench_correction(plant, self.motion, relative, self.brackets, modulus, axes)
 
     def _translations(self) -> list[tuple[int, int]]:
         """Return (port, column among three axes per mount) of the ports along x, y and z."""

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.frame import tilt_uncertainty
+from ride_estimation.diagnosis.frame import tilt_uncertainty, turned
 from ride_estimation.diagnosis.model_run import ModelRun
 from ride_estimation.diagnosis.noise import (
+    DeflectionFilter,
     deflection_filter,
     gross_power,
     over_band,
@@ -25,6 +28,8 @@ ComplexArray = NDArray[np.complex128]
 class NoiseModel:
     """The noise of a run as one model propagates it; models that are compared share the one of the first of them.
 
+    What is asked for is made when it is: a prediction needs the filter alone.
+
     Parameters
     ----------
     data, model
@@ -34,59 +39,76 @@ class NoiseModel:
     ----------
     disturbance
         Standard deviation per sample of input noise and of what is unknown of the tilt of brackets, shape (F, d).
-    output_transfer, deflection_transfer
-        How they reach outputs and deflections, static loads that turn with their bases included, shapes (F, ny, d), (F, P, d).
-    power_ratio
-        Power that a relative error of the model refers to, see :func:`noise.gross_power`, and what the unknown tilt adds to it,
-        in the band over the measured one, at least one, shape (ny,).
-    covariance
-        Of the residual, shape (F, ny, ny).
-    whitener
-        Inverse square root of the covariance times the weight of the band, shape (F, ny, ny).
-    filter
-        Keeps of apparent deflections what is not noise.
     """
 
     def __init__(self, data: RunData, model: ModelRun) -> None:
-        grid, r, plant, settings = data.grid, model.response, data.plant, data.settings
+        self._data, self._model = data, model
+        grid, r, plant, n = data.grid, model.response, data.plant, data.grid.samples
         std = data.noise_scale * np.array([s.noise_std for s in plant.inputs])
         std = std * grid.omega[:, None] ** np.array([s.noise_slope for s in plant.inputs])
-        twice = (-1.0 / grid.omega**2)[:, None, None]
-        turned = plant.static_tilt() * twice
-        spectra = model.base_spectrum, data.input_spectrum, r.base_from_input * std[:, None, :]
-        tilt, output, deflection = tilt_uncertainty(plant, r, *spectra, grid.samples, data.smoothing)
+        from_input = r.base_from_input
+        spectra = model.base_spectrum, data.input_spectrum, from_input * std[:, None, :]
+        tilt, turning = tilt_uncertainty(plant, *spectra, grid.omega, n, data.smoothing)
         self.disturbance: Array = np.concatenate([std, tilt], axis=1)
-        self.output_transfer: ComplexArray = np.concatenate(
-            [r.output_from_input + r.output_from_wrench @ turned, output], axis=2
-        )
-        of_input = r.deflection_from_base @ r.base_from_input
-        self.deflection_transfer: ComplexArray = np.concatenate(
-            [of_input + r.deflection_from_wrench @ turned, deflection], axis=2
-        )
-        gross = gross_power(
-            smoothed_power(data.output_spectrum, grid.samples, data.smoothing),
-            r.output_from_coordinate, model.coordinate_spectrum, grid.samples, data.smoothing,
-            np.array([s.kind == "acceleration" for s in plant.outputs]),
-        )
-        of_outputs = self.output_transfer * self.disturbance[:, None, :]
-        self.power_ratio = self._power_ratio(data, gross, of_outputs[:, :, len(plant.inputs) :])
-        self.covariance = residual_covariance(
-            data.noise_scale * np.array([s.noise_std for s in plant.outputs]),
-            of_outputs,
-            over_band(gross, grid.band_weight) if settings.over_band else gross,
-            settings.adequacy,
-        )
-        self.whitener = whitening(self.covariance, grid.band_weight)
-        # below the band the apparent deflection is integration drift; the body follows slow base motion
-        self.filter = deflection_filter(
-            model.deflection_spectrum, self.deflection_transfer * self.disturbance[:, None, :], grid.samples,
-            max(3, data.smoothing // 2),
+        base, wrench = turned(plant, turning, r.twice_integrated)
+        self._base: Array = np.concatenate([from_input, base], axis=2)
+        self._coordinates = r.coordinates(
+            self._base, np.concatenate([plant.static_tilt() * r.twice_integrated, wrench], axis=2)
         )
 
-    @staticmethod
-    def _power_ratio(data: RunData, gross: Array, tilts: ComplexArray) -> Array:
-        weight = data.grid.band_weight[:, None]
+    @functools.cached_property
+    def output_transfer(self) -> ComplexArray:
+        """Return how disturbances reach the outputs, static loads that turn with their bases included, shape (F, ny, d)."""
+        return self._model.response.outputs(self._coordinates, self._base)
+
+    @functools.cached_property
+    def deflection_transfer(self) -> ComplexArray:
+        """Return how disturbances reach the deflections, shape (F, P, d)."""
+        return self._model.response.deflections(self._coordinates, self._base)
+
+    @functools.cached_property
+    def _gross(self) -> Array:
+        data, model, n = self._data, self._model, self._data.grid.samples
+        return gross_power(
+            smoothed_power(data.output_spectrum, n, data.smoothing), model.response.output_from_coordinate,
+            model.coordinate_spectrum, n, data.smoothing, np.array([s.kind == "acceleration" for s in data.plant.outputs]),
+        )
+
+    @functools.cached_property
+    def power_ratio(self) -> Array:
+        """Return the power that a relative error of the model refers to, see :func:`noise.gross_power`, and what the unknown
+        tilt adds to it, in the band over the measured one, at least one, shape (ny,).
+        """
+        data, weight = self._data, self._data.grid.band_weight[:, None]
         level = np.sum(np.abs(data.output_spectrum * weight) ** 2, axis=0) / data.grid.samples
-        unknown = np.sum(np.abs(tilts) ** 2, axis=2) / data.settings.adequacy**2
-        total = np.sum((gross + unknown) * weight**2, axis=0)
+        tilts = slice(len(data.plant.inputs), None)
+        unknown = np.sum(np.abs(self.output_transfer[:, :, tilts] * self.disturbance[:, None, tilts]) ** 2, axis=2)
+        total = np.sum((self._gross + unknown / data.settings.adequacy**2) * weight**2, axis=0)
         return np.asarray(np.maximum(total / np.maximum(level, 1e-300), 1.0))
+
+    @functools.cached_property
+    def covariance(self) -> ComplexArray:
+        """Return the covariance of the residual, shape (F, ny, ny)."""
+        data = self._data
+        return residual_covariance(
+            data.noise_scale * np.array([s.noise_std for s in data.plant.outputs]),
+            self.output_transfer * self.disturbance[:, None, :],
+            over_band(self._gross, data.grid.band_weight) if data.settings.over_band else self._gross,
+            data.settings.adequacy,
+        )
+
+    @functools.cached_property
+    def whitener(self) -> ComplexArray:
+        """Return the inverse square root of the covariance times the weight of the band, shape (F, ny, ny)."""
+        return whitening(self.covariance, self._data.grid.band_weight)
+
+    @functools.cached_property
+    def filter(self) -> DeflectionFilter:
+        """Return what keeps of apparent deflections what is not noise.
+
+        Below the band the apparent deflection is integration drift; the body follows slow base motion.
+        """
+        return deflection_filter(
+            self._model.deflection_spectrum, self.deflection_transfer * self.disturbance[:, None, :], self._data.grid.samples,
+            max(3, self._data.smoothing // 2),
+        )

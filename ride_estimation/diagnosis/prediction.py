@@ -13,14 +13,15 @@ from scipy.special import ndtr, ndtri, stdtrit
 from ride_estimation.diagnosis.baseline import Adjustable, baseline_spectra, mean_table
 from ride_estimation.diagnosis.calibration import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.fitting import combined_effects, held_effects, searched_shape, with_effects
-from ride_estimation.diagnosis.hypothesis import Fitted, Shapes
+from ride_estimation.diagnosis.effect import Effect, Where, combined_effects
+from ride_estimation.diagnosis.fitting import held_effects, with_effects
+from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.screening import Projector, mean_rows, screen, solve_signed
+from ride_estimation.diagnosis.screening import Projector, screen
+from ride_estimation.diagnosis.shape_search import ShapeTrials
 from ride_estimation.diagnosis.waveform import port_forces
 
 Array = NDArray[np.float64]
@@ -127,11 +128,11 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     fitted = list(model.fitted)
     # a law may carry most of its mount: without its equivalent of the fitted run the first deflections would be far too large
     start = dataclasses.replace(state, held=model.state.held) if fitted else state
-    if blocks is not None:
-        seen = RunView(data, start, scales=model.scales)
-        fitted = [_refitted(seen, f, np.asarray(blocks, dtype=int)) for f in fitted]
-        del seen  # a view of a minute takes a hundred megabytes
-    view, missed = _settled(data, start, state, model, fitted) if fitted else (_unseen(data, start, model), 0.0)
+    view, missed = RunView(data, start, scales=model.scales, sees_outputs=bool(fitted)), 0.0
+    if fitted:
+        if blocks is not None:
+            fitted = [_refitted(view, f, np.asarray(blocks, dtype=int)) for f in fitted]
+        view, missed = _settled(view, state, fitted)
     adjustables, spectra, _ = baseline_spectra(view, mean_table(view), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     weights = np.array([values.get(a.name, 0.0) for a in adjustables])
@@ -142,26 +143,25 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     return Prediction(view, adjusted, missed < _GUESS, tuple(fitted))
 
 
-def _unseen(data: RunData, state: ModelState, model: Model) -> RunView:
-    """Return a view whose motion is not corrected by the measured outputs."""
-    return RunView(data, state, scales=model.scales, sees_outputs=False)
-
-
-def _settled(
-    data: RunData, start: ModelState, state: ModelState, model: Model, fitted: list[Fitted]
-) -> tuple[RunView, float]:
+def _settled(seen: RunView, state: ModelState, fitted: list[Fitted]) -> tuple[RunView, float]:
     """Return the view whose effects are those of the laws along its own deflection, and by which share they still are not.
+
+    ``seen`` is the run through the model the fixed point starts from, whose noise model all views share. Views that follow
+    do not see the measured outputs.
 
     Fixed point: the equivalent linear part of every law force joins stiffness and damping of its port, only the remainder is
     iterated, each step extrapolated from the last few (Anderson 1965, J. ACM 12). Where the law is too stiff for that (a hard
     stop on a rougher road) Newton steps are taken; the view whose effects were nearest to its laws is returned.
     """
+    def unseen(now: ModelState) -> RunView:
+        return RunView(seen.data, now, seen.noise, seen.scales, sees_outputs=False)
+
     def laws(at: RunView) -> tuple[Effect, ...]:
         columns = [c for f in fitted for c in f.hypothesis.forces(at, f.shape)]
         return combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
 
     before: tuple[Effect, ...] = ()
-    view, nearest, best = RunView(data, start, scales=model.scales), np.inf, start
+    view, nearest, best = seen, np.inf, seen.state
     tried: list[Array] = []
     missed: list[Array] = []
     for number in range(_PASSES):
@@ -179,15 +179,15 @@ def _settled(
             step = _extrapolated(tried[-_HISTORY:], missed[-_HISTORY:])
             target = tuple(Effect(e.where, e.index, part) for e, part in zip(target, np.split(step, len(target))))
         before = target
-        view = _unseen(data, with_effects(view, state, target), model)
+        view = unseen(with_effects(view, state, target))
     if nearest >= _GUESS and any(e.where is Where.PORT for e in before):
-        view = _unseen(data, start, model)
+        view = unseen(seen.state)
         for _ in range(_NEWTON_PASSES):
-            view = _unseen(data, port_forces(view, laws), model)
+            view = unseen(port_forces(view, laws))
             change = _missed_laws(view, laws(view))
             if change < _SETTLED:
                 return view, change
-    return (view if view.state is best else _unseen(data, best, model)), nearest
+    return (view if view.state is best else unseen(best)), nearest
 
 
 def _missed_laws(view: RunView, target: tuple[Effect, ...]) -> float:
@@ -234,14 +234,9 @@ def _refitted(view: RunView, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitte
     table, _, regression = build_regression(view, file_parameters(view.plant))
     projector = Projector(regression, blocks)
     best = screen(view, table, projector, same, float(view.block_dof[blocks].sum()))[0]
-    h = best.hypothesis
-
-    def solve(shape: Shapes) -> tuple[Array, float]:
-        columns = h.columns(view, shape)
-        return solve_signed(*projector.reduce(view.push(columns), mean_rows(table, columns)), h.column_signs(len(columns)))
-
-    shape = searched_shape(h, dict(best.shape), lambda trial: solve(trial)[1])
-    return Fitted(h, solve(shape)[0], fitted.covariance, shape)
+    trials = ShapeTrials(view, table, projector, best.hypothesis)
+    shape = trials.searched(dict(best.shape))
+    return Fitted(best.hypothesis, trials.coefficients(shape), fitted.covariance, shape)
 
 
 def block_squares(prediction: Prediction) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,41 +32,58 @@ class LinearResponse:
         Shape (F, n, n).
     coordinate_from_base
         From base acceleration, shape (F, n, nb).
-    output_from_coordinate
-        Shape (F, ny, n).
-    output_from_wrench
-        Shape (F, ny, n).
     """
 
     plant: Plant
     omega: Array
     coordinate_from_wrench: ComplexArray
     coordinate_from_base: ComplexArray
-    output_from_coordinate: Array
-    output_from_wrench: ComplexArray
 
     @property
-    def _displacement_from_acceleration(self) -> Array:
+    def twice_integrated(self) -> Array:
         """Return ``-1 / w^2``, shape (F, 1, 1)."""
         return np.asarray(-1.0 / (self.omega**2)[:, None, None])
+
+    def coordinates(self, base: NDArray[Any], wrench: NDArray[Any]) -> ComplexArray:
+        """Return the coordinates under base accelerations (F, nb, q) and wrenches (F, n, q), shape (F, n, q)."""
+        return np.asarray(self.coordinate_from_base @ base + self.coordinate_from_wrench @ wrench)
+
+    def outputs(self, coordinates: NDArray[Any], base: NDArray[Any] | None = None) -> NDArray[Any]:
+        """Return the outputs of coordinates (F, n, q) and base accelerations (F, nb, q), none where None, shape (F, ny, q)."""
+        plant = self.plant
+        out = plant.out_acceleration @ (coordinates / self.twice_integrated)
+        if np.any(plant.out_displacement):
+            out += plant.out_displacement @ coordinates
+        if base is not None and np.any(plant.out_base):
+            out += plant.out_base @ (base * self.twice_integrated)
+        return np.asarray(out)
+
+    def deflections(self, coordinates: NDArray[Any], base: NDArray[Any]) -> NDArray[Any]:
+        """Return the deflections of the ports, shape (F, P, q), from what :meth:`outputs` takes."""
+        return np.asarray(self.plant.port_map @ coordinates - self.plant.port_base @ (base * self.twice_integrated))
+
+    @property
+    def output_from_coordinate(self) -> Array:
+        """Return the outputs from the coordinates, shape (F, ny, n)."""
+        return self.outputs(np.broadcast_to(np.eye(len(self.plant.coordinates)), self.coordinate_from_wrench.shape))
+
+    @functools.cached_property
+    def output_from_wrench(self) -> ComplexArray:
+        """Return the outputs from a wrench on the coordinates, shape (F, ny, n)."""
+        return self.outputs(self.coordinate_from_wrench)
 
     @property
     def base_from_input(self) -> Array:
         """Return the base accelerations from the measured inputs, shape (F, nb, nu)."""
         plant = self.plant
-        tilt = plant.gravity_tilt(plant.slope) * self._displacement_from_acceleration
+        tilt = plant.gravity_tilt(plant.slope) * self.twice_integrated
         return np.asarray(plant.base_direct + plant.lever_motion(plant.slope) + tilt)
-
-    @property
-    def output_from_base(self) -> ComplexArray:
-        """Return the outputs from base acceleration, shape (F, ny, nb)."""
-        direct = self.plant.out_base * self._displacement_from_acceleration
-        return np.asarray(self.output_from_coordinate @ self.coordinate_from_base + direct)
 
     @functools.cached_property
     def output_from_input(self) -> ComplexArray:
         """Return the outputs from the measured inputs, shape (F, ny, nu); every error of a base sensor asks for them."""
-        return np.asarray(self.output_from_base @ self.base_from_input)
+        base = self.base_from_input
+        return self.outputs(self.coordinate_from_base @ base, base)
 
     @property
     def output_from_port(self) -> ComplexArray:
@@ -75,18 +93,7 @@ class LinearResponse:
     @property
     def deflection_from_port(self) -> ComplexArray:
         """Return the deflections from a tension in a port, shape (F, P, P)."""
-        return np.asarray(-self.deflection_from_wrench @ self.plant.port_map.T)
-
-    @property
-    def deflection_from_base(self) -> ComplexArray:
-        """Return the deflections of the ports from base acceleration, shape (F, P, nb)."""
-        direct = self.plant.port_base * self._displacement_from_acceleration
-        return np.asarray(self.plant.port_map @ self.coordinate_from_base - direct)
-
-    @property
-    def deflection_from_wrench(self) -> ComplexArray:
-        """Return the deflections of the ports from a wrench on the coordinates, shape (F, P, n)."""
-        return np.asarray(self.plant.port_map @ self.coordinate_from_wrench)
+        return np.asarray(-self.plant.port_map @ self.coordinate_from_wrench @ self.plant.port_map.T)
 
 
 def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> LinearResponse:
@@ -108,12 +115,4 @@ def respond(plant: Plant, stiffness: Array, damping: Array, omega: Array) -> Lin
     loaded = plant.port_map.T[None] * modulus[:, None, :]
     dynamic = -w2 * plant.mass + plant.gravity_stiffness + loaded @ plant.port_map
     compliance: ComplexArray = np.linalg.inv(dynamic.astype(complex))
-    y_q: Array = -w2 * plant.out_acceleration + plant.out_displacement
-    return LinearResponse(
-        plant=plant,
-        omega=omega,
-        coordinate_from_wrench=compliance,
-        coordinate_from_base=compliance @ (loaded @ plant.port_base) * (-1.0 / w2),
-        output_from_coordinate=y_q,
-        output_from_wrench=y_q @ compliance,
-    )
+    return LinearResponse(plant, omega, compliance, compliance @ (loaded @ plant.port_base) * (-1.0 / w2))

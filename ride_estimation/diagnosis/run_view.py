@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column
+from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.injection import Injector
 from ride_estimation.diagnosis.model_run import ModelRun, ModelState
 from ride_estimation.diagnosis.noise import excess_inefficiency, missing_forces, smoothed_power
@@ -42,15 +43,13 @@ class RunView:
     ----------
     model, noise
         The simulated run and what its residual may be.
-    residual_spectrum, residual
-        Measured less predicted outputs, shape (F, ny), and its whitened rows, see :meth:`rows`.
+    residual_spectrum
+        Measured less predicted outputs, shape (F, ny).
     coordinate_spectrum, deflection_spectrum, deflection, deflection_rate
         Motion, corrected by the residual where that may be seen, shapes (F, n), (F, P), (N, P), (N, P). A law is evaluated where
         a mount really is: the signals hold what it deflects below the band too, the spectra do not.
     block_dof
         Degrees of freedom of every block, shape (B,).
-    inefficiency
-        Nominal degrees of freedom per independent sample of what the model misses.
     """
 
     def __init__(
@@ -66,13 +65,41 @@ class RunView:
         self.model = ModelRun(data, state)
         self.response = self.model.response
         self.noise = NoiseModel(data, self.model) if noise is None else noise
-        self._injector = Injector(self.grid, self.response, self.noise.whitener)
         self.residual_spectrum = data.output_spectrum - self.model.predicted_spectrum
-        self.residual = self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
         share = float(np.sum(self.grid.band_weight**2) / (self.grid.decimated / 2))
         self.block_dof = self.blocks.weight.sum(axis=1) * len(self.plant.outputs) * share
         self._correct_motion()
         self.scales = dict(scales) if scales is not None else self._port_scales()
+
+    @functools.cached_property
+    def _injector(self) -> Injector:
+        return Injector(self.grid, self.response, self.noise.whitener)
+
+    @functools.cached_property
+    def residual(self) -> Array:
+        """Return the whitened rows of the residual, shape (B, L * ny), see :meth:`rows`."""
+        return self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
+
+    @functools.cached_property
+    def _white_residual(self) -> ComplexArray:
+        """Return the whitened residual of the analysed stretch, shape (F, ny)."""
+        return np.asarray((self.noise.whitener @ self.data.inside(self.residual_spectrum)[:, :, None])[:, :, 0])
+
+    @functools.cached_property
+    def inefficiency(self) -> float:
+        """Return the nominal degrees of freedom per independent sample of what the model misses."""
+        return excess_inefficiency(self._white_residual, self.grid.samples)
+
+    @functools.cached_property
+    def _force_power(self) -> Array:
+        """Return the power of the known port forces per bin, shape (F, P)."""
+        stiffness, damping = self.state.linear
+        force = (stiffness + 1j * self.grid.omega[:, None] * damping) * self._filtered(self.model.deflection_spectrum)
+        return smoothed_power(force, self.grid.samples, self.data.smoothing)
+
+    def _filtered(self, deflection: ComplexArray, power: float = 1.0) -> ComplexArray:
+        """Return a deflection spectrum (F, P) without what noise of the base sensors may be, from the band on."""
+        return np.asarray(self.grid.low_flank[:, None] * self.noise.filter.apply(deflection, power))
 
     def _correct_motion(self) -> None:
         """Correct deflections and body motion by what the residual says about forces the model does not have.
@@ -80,29 +107,25 @@ class RunView:
         Unknown port forces have the spectrum of the known ones, at the level that explains the excess of the residual; laws
         are evaluated on the corrected deflection, which is the real one to first order whatever the cause is.
         """
-        grid, r, n, noise = self.grid, self.response, self.grid.samples, self.noise
-        stiffness, damping = self.state.linear
-        modulus = stiffness + 1j * grid.omega[:, None] * damping
+        r = self.response
         self.coordinate_spectrum = self.model.coordinate_spectrum
-        self.deflection_spectrum = grid.low_flank[:, None] * noise.filter.apply(self.model.deflection_spectrum)
-        self._force_power = smoothed_power(modulus * self.deflection_spectrum, n, self.data.smoothing)
-        from_port = r.output_from_port
-        signal = (from_port * self._force_power[:, None, :]) @ np.conj(np.swapaxes(from_port, 1, 2))
-        white_signal = noise.whitener @ signal @ np.conj(np.swapaxes(noise.whitener, 1, 2))
-        expected = float(np.real(np.trace(white_signal, axis1=1, axis2=2)).sum())
-        white = np.einsum("fij,fj->fi", noise.whitener, self.data.inside(self.residual_spectrum))
-        degrees = float(np.sum(grid.band_weight**2)) * len(self.plant.outputs)
-        self.inefficiency = excess_inefficiency(white, n)
-        excess = float(np.sum(np.abs(white) ** 2)) / n - degrees
-        # share of the port force power that the model does not have
-        share = float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
-        if self.sees_outputs and share > 0.0:
-            force = self.missing_forces(self.residual_spectrum, share)[:, :, None]
-            self.deflection_spectrum = self.deflection_spectrum + (r.deflection_from_port @ force)[:, :, 0]
-            wrench = -(self.plant.port_map.T @ force)
-            self.coordinate_spectrum = self.coordinate_spectrum + (r.coordinate_from_wrench @ wrench)[:, :, 0]
+        self.deflection_spectrum = self._filtered(self.model.deflection_spectrum)
+        share = self._missing_share() if self.sees_outputs else 0.0
+        if share > 0.0:
+            wrench = -self.missing_forces(self.residual_spectrum, share) @ self.plant.port_map
+            moved = (r.coordinate_from_wrench @ wrench[:, :, None])[:, :, 0]
+            self.deflection_spectrum = self.deflection_spectrum + moved @ self.plant.port_map.T
+            self.coordinate_spectrum = self.coordinate_spectrum + moved
         self._slow = self.model.slow_deflection, self.model.slow_rate
         self._set_motion()
+
+    def _missing_share(self) -> float:
+        """Return the share of the power of the port forces that the model does not have, 0 to 1."""
+        white_from_port = self._injector.transfer(Where.PORT)
+        expected = float(np.sum(np.sum(np.abs(white_from_port) ** 2, axis=1) * self._force_power))
+        degrees = float(np.sum(self.grid.band_weight**2)) * len(self.plant.outputs)
+        excess = float(np.sum(np.abs(self._white_residual) ** 2)) / self.grid.samples - degrees
+        return float(np.clip(excess / max(expected, 1e-300), 0.0, 1.0))
 
     def _set_motion(self) -> None:
         """Form the signals of deflections and their rates, with what lies below the band."""
@@ -138,12 +161,10 @@ class RunView:
         Parameters
         ----------
         single
-            Compute in single precision, for scores of many columns.
+            Transform in single precision, for rows that are kept in that.
         """
-        white: NDArray[Any] = self.noise.whitener
-        if single:
-            white, output_spectrum = white.astype(np.complex64), output_spectrum.astype(np.complex64)
-        return self._dealt(white @ output_spectrum)
+        white: NDArray[Any] = self.noise.whitener @ output_spectrum
+        return self._dealt(white.astype(np.complex64) if single else white)
 
     def _dealt(self, white: NDArray[Any]) -> Array:
         """Return whitened spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""
@@ -171,13 +192,13 @@ class RunView:
         white = rng.standard_normal((self.grid.samples, self.noise.disturbance.shape[1]))
         disturbance = self.grid.spectrum(white) * self.noise.disturbance
         error = np.einsum("fij,fj->fi", self.noise.deflection_transfer, disturbance)
-        return self._deflected(self.grid.low_flank[:, None] * self.noise.filter.apply(error, 0.5))
+        return self._deflected(self._filtered(error, 0.5))
 
     def with_port_forces(self, ports: Sequence[int], forces: Array) -> RunView:
         """Return the view with deflections moved by further port forces, shape (N, ports); full rotation left out."""
-        spectrum = np.einsum("fij,fj->fi", self.response.deflection_from_port[:, :, list(ports)], self.grid.spectrum(forces))
-        further = self.grid.low_flank[:, None] * self.noise.filter.apply(spectrum)
-        return self._deflected(further, self.model.slow_from_ports(ports, forces))
+        wrench = -self.grid.spectrum(forces) @ self.plant.port_map[list(ports)]
+        spectrum = (self.response.coordinate_from_wrench @ wrench[:, :, None])[:, :, 0] @ self.plant.port_map.T
+        return self._deflected(self._filtered(spectrum), self.model.slow_from_ports(ports, forces))
 
     def _deflected(self, further: ComplexArray, slow: Array | None = None) -> RunView:
         """Return the view with its deflections moved by a spectrum, shape (F, P), and by what lies below the band, (N, P)."""

@@ -76,6 +76,12 @@ class Pushed:
     cross: Array
     means: Array
 
+    def part(self, columns: slice) -> Pushed:
+        """Return some of the columns."""
+        return Pushed(
+            np.ascontiguousarray(self.flat[:, columns]), self.size[columns], self.cross[:, columns], self.means[:, columns]
+        )
+
 
 class Projector:
     """Removes what the baseline explains and solves small candidate systems.

@@ -21,6 +21,7 @@ from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.gain import refusal
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.measurement import Measurement
+from ride_estimation.diagnosis.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.prediction import predict
 from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
@@ -94,13 +95,13 @@ def stability(work: Work, verdict: str) -> Stability:
     verdict
         What was said of the run.
     """
-    copies = []
-    for words, plant, data in perturbed(work):
+    def judged(copy: tuple[str, Plant, Measurement]) -> PerturbedCopy:
         try:
-            copies.append(_on_copy(work, verdict, words, plant, data))
+            return _on_copy(work, verdict, *copy)
         except (InputDataError, np.linalg.LinAlgError) as error:
-            copies.append(PerturbedCopy(words, None, str(error)))
-    return Stability(tuple(copies))
+            return PerturbedCopy(copy[0], None, str(error))
+
+    return Stability(tuple(in_order(judged, [*perturbed(work)], work.settings.threads or usable_threads())))
 
 
 def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measurement) -> PerturbedCopy:

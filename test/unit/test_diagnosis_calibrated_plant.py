@@ -13,11 +13,11 @@ from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import calibration
 from ride_estimation.diagnosis.baseline import Adjustable
-from ride_estimation.diagnosis.body_trajectories import BodyMotion
+from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
 from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanced
 from ride_estimation.diagnosis.gain import noticeable
 from ride_estimation.diagnosis.in_line import loss_without
-from ride_estimation.diagnosis.kinematics import transducer_correction
+from ride_estimation.diagnosis.kinematics import Brackets, transducer_correction
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.run_data import RunData
@@ -106,7 +106,8 @@ def test_a_transducer_measures_along_an_axis_that_turns_with_its_base():
     mount = plant.mounts.index(plant.vehicle.sensors[plant.outputs[row].sensor].mount)
     deflection[0, 3 * mount : 3 * mount + 3] = 0.002, 0.003, 0.01
     bracket[0, 3 * mount] = 0.05
-    beyond = transducer_correction(plant, BodyMotion(still, still, still), deflection, bracket)
+    bodies = Trajectories(plant, BodyMotion(still, still, still)).bodies
+    beyond = transducer_correction(plant, bodies, deflection, Brackets(bracket, np.zeros_like(bracket)))
     assert beyond[0, row] == pytest.approx(0.01 * (np.cos(0.05) - 1.0) - 0.003 * np.sin(0.05), abs=1e-12)
     assert np.count_nonzero(beyond) <= 3
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from ride_estimation.api.diagnosing import diagnose
 from ride_estimation.api.runs import Run
 from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
-from ride_estimation.diagnosis.kinematics import output_correction, wrench_correction
+from ride_estimation.diagnosis.kinematics import Brackets, output_correction, wrench_correction
 from ride_estimation.diagnosis.plant import build_plant, static_forces
 from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY
 from ride_estimation.diagnosis.settings import Settings
@@ -83,8 +83,8 @@ def test_what_small_rotations_leave_out_falls_with_the_square_of_the_motion(coor
     for share in (1e-3, 1e-4):
         motion = BodyMotion(*(share * q))
         relative = travel(plant, motion.position, still), travel(plant, motion.velocity, still)
-        force = wrench_correction(plant, motion, relative, (still, still), tuple(modulus))
-        size[share] = np.linalg.norm(force), np.linalg.norm(output_correction(plant, motion))
+        force = wrench_correction(plant, motion, relative, Brackets(still, still), tuple(modulus))
+        size[share] = np.linalg.norm(force), np.linalg.norm(output_correction(plant, Trajectories(plant, motion).bodies))
     np.testing.assert_allclose(np.divide(*size.values()), 100.0, rtol=0.02)
 
 
@@ -113,7 +113,7 @@ def test_the_equations_with_what_small_rotations_leave_out_hold_along_a_simulate
     place, speed = (x[:, order].reshape(len(t), -1) for x in (base.displacement, base.velocity))
     relative = travel(plant, q, place), travel(plant, v, speed)
     motion, still = BodyMotion(q, v, a), np.zeros_like(place)
-    beyond = wrench_correction(plant, motion, relative, (still, still), tuple(modulus))
+    beyond = wrench_correction(plant, motion, relative, Brackets(still, still), tuple(modulus))
     inertial = a @ plant.mass.T
     missed = inertial + q @ plant.gravity_stiffness.T
     for port, row in zip(plant.ports, plant.port_map):

@@ -14,12 +14,13 @@ from scipy.special import ndtr
 from ride_estimation.diagnosis.candidates import shortlist
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.effect import Effect, Shape, Where
-from ride_estimation.diagnosis.fitting import searched_shape, with_effects
+from ride_estimation.diagnosis.fitting import with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.screening import Score
 from ride_estimation.diagnosis.selection import Candidate, Selector
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.shape_search import searched_shape
 from ride_estimation.diagnosis.verdict import reversal_odds
 from ride_estimation.signals.recording import UniformRun
 
@@ -149,7 +150,7 @@ def test_a_scan_finds_a_peak_too_narrow_for_steps():
     for scan in (0.0, 2.5):
         bounds = (Shape("at", 5.0, 0.0, 10.0, 0.4, scan),)
         hypothesis = Hypothesis("mass_change", "cab", "", lambda view, shape: [], ({"at": 3.0},), bounds)
-        found[scan] = searched_shape(hypothesis, {"at": 3.0}, drop)["at"]
+        found[scan] = searched_shape(hypothesis, {"at": 3.0}, lambda trials: [drop(trial) for trial in trials])["at"]
     assert abs(found[0.0] - 3.0) < 0.2
     assert abs(found[2.5] - 5.0) < 0.05
     assert min(bounds[0].scanned(9.0)) == 6.5
