@@ -90,13 +90,6 @@ class RunData:
         level = np.sqrt(self.grid.samples / max(float(np.sum(self._inside**2)), 1.0))
         return self.grid.spectrum(self.grid.signal(spectrum) * (level * self._inside)[:, None])
 
-    @property
-    def block_peaks(self) -> Array:
-        """Return the largest reading of every block less its mean, in standard deviations of its channel, shape (B,)."""
-        spread = np.maximum(self.measured.outputs[self.measured.valid].std(axis=0), 1e-300)
-        apart = np.max(np.abs(self.measured.outputs - self.output_mean) / spread, axis=1) * self.measured.valid
-        return np.array([float(np.max(apart * self.block_window(np.array([b])), initial=0.0)) for b in range(self.blocks.count)])
-
     def block_window(self, blocks: NDArray[np.int64]) -> Array:
         """Return one within some blocks and zero elsewhere and inside gaps, shape (N,)."""
         ratio = self.grid.rate_hz / self.grid.decimated_rate_hz

@@ -109,7 +109,7 @@ def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measureme
     view = RunView(RunData(plant, data, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
-    splits = make_splits(view.data.block_peaks)
+    splits = make_splits(view.blocks.count)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
     copy = _Copy(work, calibrated, splits, selector)

@@ -161,18 +161,9 @@ def stopped_in(blocks: tuple[int, ...], gap: float):
     return diagnose(quarter_car(), ridden("patches", base, np.random.default_rng(5), law=law), settings=settings)
 
 
-@pytest.mark.parametrize("blocks", [(1, 5, 9), (3, 7, 11)])
-def test_a_stop_that_is_hit_in_a_few_blocks_is_named_wherever_they_lie(blocks):
-    """Dealt by their place in the run, all of them selected or all judged: nothing was named beside an error of 24 %."""
-    answer = stopped_in(blocks, 0.006)
-    assert [c.id for c in answer.causes] == ["bump_stop"]
-    gap = next(p for p in answer.causes[0].parameters if p.name == "gap")
-    assert abs(gap.value - 0.006) < 3.0 * gap.std
-
-
 def test_what_a_model_misses_on_blocks_that_were_not_fitted_is_no_agreement():
-    """A stop that is hit in one block alone cannot be confirmed, and is no reason to call the model right."""
-    answer = stopped_in((1, 5, 9), 0.007)
+    """A stop that only blocks hit which judge cannot be fitted, and is no reason to call the model right."""
+    answer = stopped_in((3, 7, 11), 0.007)
     judged = answer.gain.validation[0]
     assert not answer.causes
     assert judged.baseline > 2.5 * judged.noise_floor

@@ -36,7 +36,7 @@ def misread(sensor: str, factor: float):
 def selected(run, sensor: str):
     """Return calibrated model and selection where only the gain of one sensor may be named."""
     data = RunData(build_plant(quarter_car(), {"body": 3, "base": 3}), measurement_of(run), Settings())
-    splits = make_splits(data.block_peaks)
+    splits = make_splits(data.blocks.count)
     calibrated = with_held_faults(calibrate(data, splits.train))
 
     def build(view: RunView) -> list[Hypothesis]:
@@ -99,7 +99,7 @@ def test_small_errors_of_a_faulty_sensor_show_through_its_fault():
 def test_a_magnitude_is_as_open_as_the_shape_beside_it():
     run = quarter_car_run(3, law=hiding_law("bouc_wen", 1.5))
     data = RunData(build_plant(quarter_car(), {"body": 3, "base": 3}), measurement_of(run), Settings())
-    splits = make_splits(data.block_peaks)
+    splits = make_splits(data.blocks.count)
     fitter = FullFitter(calibrate(data, splits.train), splits)
     (h,) = [h for h in library()["missing_degree_of_freedom"].hypotheses(calibrate(data).view) if h.axis == "z"]
     fit = fitter.fit([Score(h, dict(h.grid[0]), np.zeros(6), 0.0, 0.0)], 3)

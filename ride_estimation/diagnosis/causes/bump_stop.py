@@ -120,7 +120,7 @@ class BumpStop(Cause):
             force = np.zeros_like(grid)
             for side in _sides(fitted):
                 depth = _depth(grid, side, gap)
-                force += side * _elastic(fitted, i, depth, x_rms, _BEYOND * float(np.max(np.abs(x))) - gap)
+                force += side * _elastic(fitted, i, depth, x_rms, _BEYOND * float(np.max(side * x)) - gap)
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ("the loss of the stop is not in the extended vehicle file",)
 
