@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--validate", nargs="+", action="extend", default=[], metavar="RUN2",
-        help="independent validation runs: they judge, and weigh causes that RUN cannot tell apart (nothing is fitted there)",
+        help="independent validation runs: they judge, and weigh causes that RUN cannot distinguish (nothing is fitted there)",
     )
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="folder for diagnosis.json, vehicle_extended.yaml, report.html"
