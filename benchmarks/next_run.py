@@ -13,7 +13,6 @@ Run: ``python benchmarks/next_run.py [--seeds N] [--first SEED]``
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import pathlib
 import sys
 import time
@@ -47,12 +46,6 @@ WORLDS = [
 ]
 
 
-def noisy_car() -> Vehicle:
-    """Return the vehicle file with the noise of these runs."""
-    car = quarter_car()
-    return dataclasses.replace(car, sensors={k: dataclasses.replace(s, noise_std=NOISE) for k, s in car.sensors.items()})
-
-
 def driven(car: Vehicle, run: UniformRun, words: str, form: str, size: float, seed: int) -> UniformRun:
     """Drive a candidate run, named in words, in the world of a run."""
     plant = build_plant(car, {"body": 3, "base": 3}, 0.5, 0.7)
@@ -83,7 +76,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=5000)
     parser.add_argument("--most-s", type=float, default=float("inf"), help="begin no world after these seconds")
     options = parser.parse_args()
-    settings, car, begin = Settings(plan_next=True), noisy_car(), time.monotonic()
+    settings, car, begin = Settings(plan_next=True), quarter_car(NOISE), time.monotonic()
     alive = right = again = offered = neither = runs = before = 0
     cases = [(f, c, s, options.first + k) for k in range(options.seeds) for f, c, sizes in WORLDS for s in sizes]
     for form, cause, size, seed in cases:

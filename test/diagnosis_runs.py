@@ -22,14 +22,14 @@ RATE_HZ, FINE = 100.0, 16
 SITE = Site(STIFFNESS, DAMPING, MASS, 0.0043, 0.06, STIFFNESS * 0.0043)
 
 
-def quarter_car() -> Vehicle:
-    """Return what the engineer believes: stiffness 9 % low, damping 25 % high."""
+def quarter_car(noise: float = 0.005) -> Vehicle:
+    """Return what the engineer believes: stiffness 9 % low, damping 25 % high, and the noise of the sensors [m/s^2]."""
     body = Body("body_mass", Prior(MASS), np.zeros(3), np.eye(3), coordinates=("z",))
     element = KelvinVoigt(stiffness=40e3, damping=2.5e3)
     mount = Mount("strut", np.zeros(3), "body_mass", "axle", {"z": element})
     sensors = {
-        "body": Sensor("body", "accelerometer", "/body", "body_mass", noise_std=0.005),
-        "base": Sensor("base", "accelerometer", "/base", "axle", mount="strut", noise_std=0.005),
+        "body": Sensor("body", "accelerometer", "/body", "body_mass", noise_std=noise),
+        "base": Sensor("base", "accelerometer", "/base", "axle", mount="strut", noise_std=noise),
     }
     return Vehicle("quarter_car", {"body_mass": body}, {"strut": mount}, sensors)
 
@@ -129,12 +129,8 @@ def quarter_car_run(
     ``roughness`` multiplies the base motion. With ``sag`` [m] a transducer ``travel`` reads the deflection plus that.
     """
     rng = np.random.default_rng(seed)
-    fine = FINE
-    count = int(seconds * rate_hz)
-    n = count * fine
-    f = np.fft.rfftfreq(n, 1.0 / (rate_hz * fine))
-    shape = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0)
-    spectrum = shape * np.exp(2j * np.pi * rng.random(len(f)))
+    n = int(seconds * rate_hz) * FINE
+    f, spectrum = _rough(rng, n, 1.0 / (rate_hz * FINE))
     base = np.fft.irfft(spectrum, n)
     scale = 0.006 * roughness / np.std(base)
     w = 2j * np.pi * f
@@ -143,15 +139,20 @@ def quarter_car_run(
     return ridden(f"quarter_car_{seed}", (u, du, ddu), rng, rate_hz, law, noise, sag)
 
 
+def _rough(rng: np.random.Generator, n: int, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and spectrum of a random base motion of n samples, any size."""
+    f = np.fft.rfftfreq(n, step)
+    shape = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0)
+    return f, shape * np.exp(2j * np.pi * rng.random(len(f)))
+
+
 def rough_patches(
     seed: int, middles_s: Sequence[float], width_s: float, seconds: float = 60.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a smooth base motion, 2.5 times as large at some places of a width, with its two derivatives, for :func:`ridden`."""
     rng = np.random.default_rng(seed)
     n, step = int(seconds * RATE_HZ) * FINE, 1.0 / (RATE_HZ * FINE)
-    f = np.fft.rfftfreq(n, step)
-    shape = np.where((f > 0.5) & (f < 20.0), 1.0 / np.maximum(f, 0.5) ** 1.5, 0.0)
-    base = np.fft.irfft(shape * np.exp(2j * np.pi * rng.random(len(f))), n)
+    base = np.fft.irfft(_rough(rng, n, step)[1], n)
     time, envelope = np.arange(n) * step, np.ones(n)
     for middle in middles_s:
         phase = np.clip(2.0 * np.pi * (time - middle) / width_s, -np.pi, np.pi)

@@ -229,7 +229,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
     warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
     of_the_gain = [*unused, *judged.warnings]
-    del base, extended, judged  # views of a minute take a hundred megabytes each, which the copies of the run need
+    del base, extended, judged, others  # views of a minute take a hundred megabytes each, which the copies of the run need
     stable = stability(work, verdict) if settings.stability else None
     sure = known if stable is None else known * stable.factor
     causes = tuple(dataclasses.replace(c, confidence=c.confidence * sure) for c in named)

@@ -20,7 +20,7 @@ from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.prediction import Model, Prediction, predict
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.selection import Candidate, Elsewhere, Round, Selection
+from ride_estimation.diagnosis.selection import Candidate, Elsewhere, Selection
 from ride_estimation.diagnosis.verdict import ALIVE, STRONG, rivals_of
 from ride_estimation.diagnosis.work import Work, model_of
 
@@ -42,58 +42,49 @@ def weighed(work: Work, runs: Sequence[RunData]) -> Work:
     runs
         Validation runs of the same plant.
     """
-    selection = work.selection
-    if not runs or selection.accepted is None:
+    accepted = work.selection.accepted
+    # what belongs to one run only has no numbers on another
+    if not runs or accepted is None or any(f.hypothesis.run_bound for f in accepted.fitted):
         return work
-    for place in range(len(selection.contests)):
-        selection = _contested(dataclasses.replace(work, selection=selection), place, runs)
-    return dataclasses.replace(work, selection=selection)
+    for place in range(len(accepted.fitted)):
+        work = dataclasses.replace(work, selection=_contested(work, accepted, place, runs))
+        accepted = work.selection.accepted or accepted
+    return work
 
 
-def _contested(work: Work, place: int, runs: Sequence[RunData]) -> Selection:
+def _contested(work: Work, accepted: FullFit, place: int, runs: Sequence[RunData]) -> Selection:
     """Return the selection with one contest weighed by validation runs, led by whichever is ahead on all of them."""
-    selection, accepted = work.selection, work.selection.accepted
-    contest = selection.contests[place]
-    if accepted is None or accepted.fitted[place].hypothesis.run_bound:
+    selection, contest = work.selection, work.selection.contests[place]
+    leader = contest.candidates[0]
+    near = [c for c, odds in rivals_of(contest, work.splits.train) if odds >= ALIVE or c.behind(leader) < STRONG]
+    near = [c for c in near if not c.hypothesis.run_bound][:_RIVALS]
+    if not near:
         return selection
-    first, rivals = contest.candidates[0], rivals_of(contest, work.splits.train)
-    near = [c for c, odds in rivals if odds >= ALIVE or c.behind(first) < STRONG]
-    alive = [c for c in near if not any(f.hypothesis.run_bound for f in c.fit.fitted)][:_RIVALS]
-    if not alive:
-        return selection
-    fits = [work.selector.fitter.fit(c.fit.fitted, _PASSES) for c in alive]
+    before, after = accepted.fitted[:place], accepted.fitted[place + 1 :]
+    fits = [work.selector.fitter.fit([*before, c.fit.fitted[c.contested], *after], _PASSES) for c in near]
     said = [_compared(data, work.baseline, [accepted, *fits]) for data in runs]
-    total = [_sum([one[i] for one in said if one]) for i in range(len(alive))]
-    known = {id(c): e for c, e in zip(alive, total)}
-    candidates = [dataclasses.replace(c, elsewhere=known.get(id(c), c.elsewhere)) for c in contest.candidates]
-    leader = candidates[0]
-    ahead = min((c for c in candidates if c.elsewhere.spread > 0.0), key=lambda c: c.behind(leader), default=leader)
-    if ahead.behind(leader) >= 0.0:
-        return _with_contest(selection, place, dataclasses.replace(contest, candidates=tuple(candidates)))
-    better = fits[next(i for i, c in enumerate(alive) if c.fit is ahead.fit)]
-    return _with_leader(selection, place, contest, candidates, ahead, better)
+    asked = [dataclasses.replace(c, elsewhere=_sum([one[i] for one in said if one])) for i, c in enumerate(near)]
+    candidates = [next((a for a, n in zip(asked, near) if n is c), c) for c in contest.candidates]
+    ahead, fit = min(zip(asked, fits), key=lambda pair: pair[0].behind(leader))
+    if ahead.behind(leader) < 0.0:
+        accepted, others = fit, [c for c in candidates if c is not ahead]
+        candidates = _seen_from(dataclasses.replace(ahead, fit=fit, contested=place), others)
+    contests = list(selection.contests)
+    contests[place] = dataclasses.replace(contest, candidates=tuple(candidates))
+    return dataclasses.replace(selection, accepted=accepted, contests=tuple(contests))
 
 
-def _with_contest(selection: Selection, place: int, contest: Round) -> Selection:
-    contests = tuple(contest if i == place else c for i, c in enumerate(selection.contests))
-    return dataclasses.replace(selection, contests=contests)
+def _seen_from(ahead: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
+    """Return a candidate that leads from now on, and the others as validation runs have them against it."""
+    own = ahead.elsewhere
 
+    def moved(e: Elsewhere) -> Elsewhere:
+        return Elsewhere(e.gap - own.gap, max(e.spread, own.spread), own.effect - own.gap)
 
-def _with_leader(
-    selection: Selection, place: int, contest: Round, candidates: Sequence[Candidate], ahead: Candidate, fit: FullFit
-) -> Selection:
-    """Return the selection with another candidate in the place of one cause; a fit holds it behind the others."""
-    def seen(c: Candidate) -> Candidate:
-        if c is ahead:
-            return dataclasses.replace(c, fit=fit, elsewhere=Elsewhere())
-        own = ahead.elsewhere
-        moved = Elsewhere(c.elsewhere.gap - own.gap, max(c.elsewhere.spread, own.spread), own.effect - own.gap)
-        return dataclasses.replace(c, elsewhere=moved)
-
-    order = [ahead, *(c for c in candidates if c is not ahead)]
-    others = [c for i, c in enumerate(selection.contests) if i != place]
-    led = dataclasses.replace(contest, candidates=tuple(seen(c) for c in order))
-    return dataclasses.replace(selection, accepted=fit, contests=(*others, led))
+    return [
+        dataclasses.replace(ahead, elsewhere=Elsewhere()),
+        *(dataclasses.replace(c, elsewhere=moved(c.elsewhere)) for c in others),
+    ]
 
 
 def _compared(data: RunData, baseline: Model, fits: Sequence[FullFit]) -> list[Elsewhere]:

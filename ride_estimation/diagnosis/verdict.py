@@ -156,17 +156,15 @@ def rivals_of(contest: Round, blocks: IntArray) -> list[tuple[Candidate, float]]
     """Return the best candidate of every other cause with its odds over the one that leads, likeliest first."""
     leader = contest.candidates[0]
     effect = leader.log_likelihood - contest.reference
-    best: dict[str, Candidate] = {}
-    for c in contest.candidates[1:]:
-        known = best.setdefault(c.hypothesis.cause, c)
-        best[c.hypothesis.cause] = min(known, c, key=lambda one: one.behind(leader))
-    best.pop(leader.hypothesis.cause, None)
+    best = {leader.hypothesis.cause: leader}
+    for c in sorted(contest.candidates[1:], key=lambda c: c.behind(leader)):
+        best.setdefault(c.hypothesis.cause, c)
 
     def odds(other: Candidate) -> float:
         alike = float(np.exp(-max(other.behind(leader), 0.0)))
         return max(alike, reversal_odds(leader, other, contest.temper, blocks, effect))
 
-    return sorted(((c, odds(c)) for c in best.values()), key=lambda pair: -pair[1])
+    return sorted(((c, odds(c)) for c in best.values() if c is not leader), key=lambda pair: -pair[1])
 
 
 def _weigh(contest: Round, blocks: IntArray) -> tuple[float, tuple[Rival, ...]]:

@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, MASS, quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.causes.bump_stop import _hardening
+from ride_estimation.diagnosis.causes.bump_stop import BumpStop, _hardening
 from ride_estimation.diagnosis.characteristic import Family, characteristic_forms
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.hypothesis import Hypothesis
+from ride_estimation.diagnosis.extension import parts_of
+from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.measurement import measurement
+from ride_estimation.diagnosis.model_run import ModelState
+from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import EXPLAINED, Gain, NamedCause, ValidationGain
+from ride_estimation.diagnosis.run_data import RunData
+from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import edge_taper, make_grid
 from ride_estimation.diagnosis.verdict import describe
@@ -128,3 +134,23 @@ def test_forces_of_a_stop_that_no_plain_iteration_reaches_are_the_closed_form():
     got = _solved(along, np.zeros_like(free))
     # the forces may miss their laws by a hundredth, so they miss the forces of equilibrium by less
     assert np.linalg.norm(got - expected) < 0.01 * np.linalg.norm(expected)
+
+
+def test_a_steep_stop_is_written_with_what_the_run_showed_on_its_side():
+    """The other side moves five times as far: there the exponential would be 1e16 N, which no element may have."""
+    run = quarter_car_run(11)
+    plant = build_plant(quarter_car(), {"body": 3, "base": 3}, 0.5, 0.7)
+    view = RunView(RunData(plant, measurement(plant, run), Settings()), ModelState(np.array([44e3]), np.array([2e3])))
+    x = view.deflection[:, 0]
+    view.deflection = np.where(x > 0.0, 5.0 * x, x)[:, None]
+    stop = next(h for h in BumpStop().hypotheses(view) if h.variant == "compression")
+    written = Fitted(stop, np.array([0.0, 1e3, 0.0]), np.eye(3), {"gap": 1.5, "hardening": 0.5})
+    vehicle, _ = BumpStop().extend(quarter_car(), view, written)
+    curve = parts_of(vehicle.mounts["strut"].elements["z"])[-1]
+    rms = view.scales[0][0]
+    depth = 1.1 * float(np.max(-x)) - 1.5 * rms
+    inside = [(d, f) for d, f in zip(curve.deflections, curve.forces) if 0.0 < -d - 1.5 * rms < depth]
+    assert len(inside) >= 2
+    for d, force in inside:
+        u = (-d / rms - 1.5) / 0.5
+        assert force == pytest.approx(-1e3 * rms * 0.5 * (np.expm1(u) - u), rel=1e-6)

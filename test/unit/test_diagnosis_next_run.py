@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import numpy as np
@@ -21,15 +20,10 @@ from ride_estimation.diagnosis.settings import Settings
 PLANNED = Settings(plan_next=True)
 
 
-def noisy(noise):
-    car = quarter_car()
-    return dataclasses.replace(car, sensors={k: dataclasses.replace(s, noise_std=noise) for k, s in car.sensors.items()})
-
-
 def test_a_small_law_of_a_damper_leaves_friction_alive_and_names_the_run_that_decides():
     """On one road a degressive damper and friction look alike; on one twice as rough they do not."""
     run = quarter_car_run(11, 30.0, law=hiding_law("relief_valve", 0.08), noise=0.02)
-    answer = diagnose(noisy(0.02), run, settings=PLANNED)
+    answer = diagnose(quarter_car(0.02), run, settings=PLANNED)
     assert answer.next_run is not None
     assert {answer.next_run.first, answer.next_run.second} == {"damping nonlinearity at strut z", "coulomb friction at strut z"}
     assert answer.next_run.tried[0].words == "this run once more"

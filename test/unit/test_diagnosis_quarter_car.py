@@ -152,18 +152,14 @@ def test_a_load_is_taken_on_over_a_while():
     assert abs(told.value - 60.0) < 2.0 * told.std
 
 
-def stopped_in(blocks: tuple[int, ...], gap: float):
-    """Return the diagnosis of a run that hits a stop in some of its blocks only."""
-    settings = Settings(stability=False)
-    middles = [settings.trim_s + settings.block_s * (b + 0.5) for b in blocks]
-    base = rough_patches(5, middles, settings.block_s)
-    law = lambda x, v: -2e6 * max(-x - gap, 0.0) ** 1.4  # noqa: E731
-    return diagnose(quarter_car(), ridden("patches", base, np.random.default_rng(5), law=law), settings=settings)
-
-
 def test_what_a_model_misses_on_blocks_that_were_not_fitted_is_no_agreement():
     """A stop that only blocks hit which judge cannot be fitted, and is no reason to call the model right."""
-    answer = stopped_in((3, 7, 11), 0.007)
+    def stop(x: float, v: float) -> float:
+        return -2e6 * max(-x - 0.007, 0.0) ** 1.4
+
+    settings = Settings(stability=False)
+    base = rough_patches(5, [settings.trim_s + settings.block_s * (b + 0.5) for b in (3, 7, 11)], settings.block_s)
+    answer = diagnose(quarter_car(), ridden("patches", base, np.random.default_rng(5), law=stop), settings=settings)
     judged = answer.gain.validation[0]
     assert not answer.causes
     assert judged.baseline > 2.5 * judged.noise_floor

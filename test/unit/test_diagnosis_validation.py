@@ -3,31 +3,32 @@
 
 from __future__ import annotations
 
-import dataclasses
+import types
 
 import numpy as np
 import pytest
 from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
 from scipy.stats import norm
 
+from ride_estimation.diagnosis import validation_evidence
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypothesis import FORM
-from ride_estimation.diagnosis.selection import Candidate, Elsewhere
+from ride_estimation.diagnosis.selection import Candidate, Elsewhere, Round, Selection
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.splits import make_splits
 from ride_estimation.diagnosis.verdict import reversal_odds
+from ride_estimation.diagnosis.work import Work
 
 NOISE = 0.02
 
 
-def driven(form, size, seed, **options):
-    return quarter_car_run(seed, 30.0, law=hiding_law(form, size), noise=NOISE, **options)
+def driven(form, size, seed):
+    return quarter_car_run(seed, 30.0, law=hiding_law(form, size), noise=NOISE)
 
 
 def answers(form, size, seed):
     """Return the diagnosis of a run alone and with a second run of the same vehicle on another road."""
-    car = quarter_car()
-    car = dataclasses.replace(car, sensors={k: dataclasses.replace(s, noise_std=NOISE) for k, s in car.sensors.items()})
-    run, settings = driven(form, size, seed), Settings(stability=False)
+    car, run, settings = quarter_car(NOISE), driven(form, size, seed), Settings(stability=False)
     return diagnose(car, run, settings=settings), diagnose(car, run, [driven(form, size, seed + 100)], settings=settings)
 
 
@@ -72,3 +73,37 @@ def test_odds_hold_the_scatter_of_both_runs_and_the_form_of_the_law():
     spread = np.sqrt(4.0 * np.var(per_block, ddof=1) + 4.0**2 + (FORM * (100.0 + 300.0)) ** 2)
     below = norm.cdf(-13.0 / spread)
     assert reversal_odds(leader, other, 1.0, blocks, 100.0) == pytest.approx(below / (1.0 - below))
+
+
+def test_every_cause_is_weighed_once_at_its_place_also_after_another_gave_way(monkeypatch):
+    """A rival that takes over stands where the cause stood: contests and hypotheses of the model stay in one order."""
+
+    def fitted(cause):
+        return types.SimpleNamespace(hypothesis=types.SimpleNamespace(cause=cause, run_bound=False))
+
+    def fit(*causes):
+        return types.SimpleNamespace(fitted=tuple(causes), block_misfit=np.zeros(4))
+
+    names = "bump_stop", "sensor_delay", "stiffness_nonlinearity", "sensor_gain"
+    first, second, rival, other = map(fitted, names)
+    accepted = fit(first, second)
+    # the contest of the first cause was made before the second one was known
+    contests = (
+        Round((Candidate(fit(first), 100.0), Candidate(fit(rival), 98.0)), 0.0, 1.0),
+        Round((Candidate(accepted, 100.0, 1), Candidate(fit(first, other), 97.0, 1)), 0.0, 1.0),
+    )
+    tried = []
+
+    def compared(data, baseline, fits):
+        tried.append([f.fitted for f in fits])
+        return [Elsewhere(-5.0 if rival in f.fitted and first in fits[0].fitted else 5.0, 1.0, 10.0) for f in fits[1:]]
+
+    monkeypatch.setattr(validation_evidence, "_compared", compared)
+    monkeypatch.setattr(Work, "baseline", None)
+    selector = types.SimpleNamespace(fitter=types.SimpleNamespace(fit=lambda start, passes: fit(*start)))
+    work = Work(None, None, make_splits(4), selector, Selection(accepted, (), contests), None)
+    found = validation_evidence.weighed(work, ["run"]).selection
+    assert tried == [[(first, second), (rival, second)], [(rival, second), (rival, other)]]
+    assert found.accepted.fitted == (rival, second)
+    assert [c.candidates[0].hypothesis.cause for c in found.contests] == ["stiffness_nonlinearity", "sensor_delay"]
+    assert [c.candidates[1].behind(c.candidates[0]) for c in found.contests] == pytest.approx([3.0, 8.0])
