@@ -104,12 +104,13 @@ def _without_tilt(original: Callable[..., None]) -> Callable[..., None]:
 def _mechanisms() -> dict[str, Mechanism]:
     from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
     from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+    from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT
 
     zero6 = np.zeros((6, 6))
     no_frame_turn = lambda self, base, told, dt: (np.zeros((len(base), 3)), np.zeros((len(base), 3)))  # noqa: E731
     no_std = lambda self, stiffness, damping, prior: np.zeros_like(prior)  # noqa: E731
     return {
-        "nothing": Mechanism("pipeline", "_LOOK", importlib.import_module("ride_estimation.estimation.pipeline")._LOOK, ""),
+        "nothing": Mechanism("numerical_guard", "NUMERICAL_FAULT", NUMERICAL_FAULT, ""),
         # motion of the body
         "residual covariance": Mechanism(
             "motion.cg_motion", "residual_covariance", returns((1.0, zero6)),
@@ -229,7 +230,7 @@ def _mechanisms() -> dict[str, Mechanism]:
             "parameters.parameter_estimator", "FOLLOW_STD", 1e-6, "share of the brackets' rotation that the mounts follow"
         ),
         "unknown loads": Mechanism(
-            "pipeline", "Pipeline._look_for_load", returns(None), "a load there from the start, by static travel and the CG"
+            "pipeline", "Pipeline._find_load", returns(None), "a load there from the start, by static travel and the CG"
         ),
         # checks of the input
         "check of bases against each other": Mechanism(

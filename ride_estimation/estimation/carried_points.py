@@ -20,7 +20,7 @@ from ride_estimation.signals.ticks import channel_at
 
 Array = NDArray[np.float64]
 
-#: a measurement that moves less than this many times its noise tells nothing of the motion along that axis
+#: a measurement that moves less than this many times its noise determines nothing of the motion along that axis
 _LEAST_SIGNAL = 3.0
 
 

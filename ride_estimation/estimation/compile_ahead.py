@@ -21,8 +21,10 @@ from typing import Any
 from ride_estimation.estimation.kernel_list import KERNELS
 from ride_estimation.jit import COMPILED, cache_folder, compile_for, in_shares, machine_key
 
-#: most processes, and the longest wait for them [s]
-_MOST, _LONGEST = 8, 180.0
+#: most processes
+_MOST = 8
+#: the longest wait for them [s]
+_LONGEST = 180.0
 #: what it takes all processes together, for the person who waits [s]
 _SECONDS = 20
 _DONE = "all_compiled_{}"

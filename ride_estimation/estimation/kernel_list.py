@@ -32,7 +32,7 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.kinematics.frame_kernel:frame_block", "f3C f3C f3C f2C f2C f2C f2C f2C f2C f f f f3C f2C f2C f2C f2C f2C f2C"),
     ("estimation.motion.centripetal:_add_covariance", "f2C f2C f2C f1C f2C"),
     ("estimation.motion.loads:_load", "f2C f2C f f2C f2C"),
-    ("estimation.motion.loads:_load_covariance", "f2C f1C f1C f f2C f1C f2C"),
+    ("estimation.motion.loads:_load_covariance", "f2C f1C f f2C f1C f2C"),
     ("estimation.motion.motion_kernel:add_residuals", "f2C f2C f2C f f2C f1C f1C f1C f1C"),
     ("estimation.motion.motion_kernel:cg_block", "f2C f2C f2C f2C f2C b f f f2C f2C f2C f2C f1C f1C f f1C f2C f2C f2C"),
     ("estimation.motion.motion_kernel:follow_slow", "f2C f2C f1C f f f f f1C f"),

@@ -55,7 +55,7 @@ class NumericalGuard:
     Parameters
     ----------
     geometry
-        Body and mounts; its masses and the full scale of its sensors tell the largest load, the laws of its mounts (springs, gaps
+        Body and mounts; its masses and the full scale of its sensors limit the load, the laws of its mounts (springs, gaps
         and stiffness of stops) how far that load deflects them.
     """
 

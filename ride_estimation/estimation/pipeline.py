@@ -23,10 +23,10 @@ from ride_estimation.estimation.common.saved_state import STATE_SCHEMA, all_fini
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.faults.checkpoints import Checkpoints
 from ride_estimation.estimation.faults.health import Health, base_messages, rate_message, residual_message, sensor_messages
-from ride_estimation.estimation.faults.hints import Hint, HintBlock, Hints, sensor_hint
+from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
+from ride_estimation.estimation.faults.hints import Hint, sensor_hint
 from ride_estimation.estimation.faults.input_checks import InputChecks
 from ride_estimation.estimation.faults.late_sensors import LateSensors
-from ride_estimation.estimation.faults.restoring import restarted
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.estimation.forces.base_fill import BaseFill
 from ride_estimation.estimation.forces.carried_bodies import CarriedBodies
@@ -62,8 +62,8 @@ Array = NDArray[np.float64]
 _EXCESS_FADES = 1.0
 #: disagreement of the body sensors, in units of their tolerance, from which on nothing learned is called valid
 _CONTRADICTION = 4.0
-#: time between two looks at how much they disagree [s]
-_LOOK = 0.5
+#: time between two evaluations of how much they disagree [s]
+_DISAGREEMENT_PERIOD = 0.5
 
 
 class Pipeline:
@@ -128,7 +128,7 @@ class Pipeline:
         self._due: Callable[[], bool] | None = None
         self._guard = NumericalGuard(a)
         self._apply()
-        self._hints = Hints.of(a)
+        self._hints = SpectrumHints(a)
         self._begin = self._learned()
 
     def _new_motion(self) -> CgMotionEstimator:
@@ -254,12 +254,12 @@ class Pipeline:
 
     def _agree(self) -> None:
         """Begin with sensors of the body that agree; from what a bias adds to the covariance of the motion nothing is learned."""
-        self._disagreement, self._next_look = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
+        self._disagreement, self._next_disagreement = (1.0, np.zeros((6, 6)), np.zeros((6, 6))), 0.0
         self._constant = np.zeros((6, 6))
 
     def _new_body(self) -> None:
         """Begin the motion of the body without anything learned of its sensors; gyros that were left out stay so."""
-        self._motion, self._next_look = self._new_motion(), 0.0
+        self._motion, self._next_disagreement = self._new_motion(), 0.0
         self._motion.leave_out_gyros(self._checks.gyros.found)
 
     # -- one block --------------------------------------------------------------------------------------------------------
@@ -294,11 +294,14 @@ class Pipeline:
                 self._mass_reference.observe_cell(name, cell, forces.force[:, i] / self._factor, ticks * dt)
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
-        seen = HintBlock(support, self._forces.missing, usable)
+        missing = self._forces.missing
 
         def learn() -> bool:
             self._learn(motion, deflection, turn_rate, support, complete, before, dt)
-            self._hints.observe(seen, dt)
+            if usable:
+                self._hints.observe(support, missing, dt)
+            else:
+                self._hints.interrupt()
             if self._checks.weighs:
                 shared = self._forces.shared(support)[:, :, :2] / self._factor
                 body = force_at(motion.motion, motion.rate, self.geometry.arms)[:, :, 2]
@@ -338,7 +341,7 @@ class Pipeline:
         self._motion.leave_out_gyros(gyros)
         self._agree()
 
-    def _look_for_delay(self) -> None:
+    def _find_delay(self) -> None:
         """Have the aligner put back the readings of a sensor that is found to be late."""
         if self._delayed:
             return
@@ -355,19 +358,19 @@ class Pipeline:
     def _load_covariance(self, motion: MotionBlock) -> Array:
         """Return the covariance (6, 6) of the wrench that equilibrium is judged by; what is constant of it goes to the forces."""
         # an error of the mass scales all forces alike and is no evidence against equilibrium
-        whole = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1], motion.rate[-1])
+        whole = self._loads_for_mass.covariance(motion.covariance, motion.motion[-1])
         own = whole
         if self._constant.any():
             moving = motion.covariance - self._constant
-            own = self._loads_for_mass.covariance(moving, motion.motion[-1], motion.rate[-1])
+            own = self._loads_for_mass.covariance(moving, motion.motion[-1])
         still, moving = self._loads.covariance_of_cg(motion.motion[-1], self.vehicle.gravity)
         self._forces.constant_load, self._forces.turning = whole - own + still, (motion.rate[-1], motion.rate_variance)
         return np.asarray(own + moving + self._factor**2 * self._carried.covariance)
 
     def _widened(self, motion: MotionBlock, verdict: GateVerdict, duration: float) -> MotionBlock:
         """Widen the covariance of the motion while the sensors of the body contradict each other."""
-        if self._run_time >= self._next_look:
-            self._next_look = self._run_time + _LOOK
+        if self._run_time >= self._next_disagreement:
+            self._next_disagreement = self._run_time + _DISAGREEMENT_PERIOD
             self._disagreement = self._motion.disagreement(self._dt)
         lasting, added, self._constant = self._disagreement
         excess = max(verdict.excess, lasting, 1.0 + (self._excess - 1.0) * math.exp(-duration / _EXCESS_FADES))
@@ -409,7 +412,7 @@ class Pipeline:
             spoiled = list(range(len(self.geometry.mounts)))
         copies = self._checkpoints.take(self._run_time, verdict.spoiled)
         if copies is not None and spoiled:
-            self._deflection.load(restarted(self._deflection.save(), copies[1]["deflection"], spoiled))
+            self._deflection.restart_mounts(spoiled, copies[1]["deflection"])
         if bases:
             self._forces.undeform([] if copies is None else copies[1]["frame"])
             self._fill.spoil()
@@ -470,33 +473,33 @@ class Pipeline:
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_reference:
             self._next_reference = self._run_time + 1.0
-            self._look_for_delay()
-            self._look_for_load()
+            self._find_delay()
+            self._find_load()
             self._mass_reference.update(
                 p.theta[: p.count], p.std[: p.count], self._forces.static_force / self._factor, self._run_time, p.excited_time
             )
             self._apply()
         self._checkpoints.keep(self._run_time, self._learned, self._integrated)
 
-    def _look_for_load(self) -> None:
+    def _find_load(self) -> None:
         """Ask static travel and the place of the CG whether the body carries something that its file does not know."""
-        p, anchor = self._parameters, self._mass_reference
-        if self._travel.tells:
+        p, reference = self._parameters, self._mass_reference
+        if self._travel.decided:
             self._load = self._travel.found()
-            anchor.take_static_travel(self._load)
+            reference.take_static_travel(self._load)
         off = p.offset_of_cg()
-        there = off is not None and not self._travel.excludes(anchor.least_share(off))
+        there = off is not None and not self._travel.excludes(reference.least_share(off))
         if self._load is not None:
             p.take_load(True)
         elif there is not p.loaded:
             # a sensor that contradicts the others moves the CG too
             p.take_load(there and self._motion.residual_test().passed)
-        anchor.moved_cg = self._cg_offset() if p.loaded or self._load is not None else None
+        reference.moved_cg = self._cg_offset() if p.loaded or self._load is not None else None
 
     def _cg_offset(self) -> tuple[Array, Array]:
         """Return the offset of the CG from its place in the file and its standard deviation, shape (3,) each [m].
 
-        Static travel tells it along x and y without the model of anything that moves.
+        Static travel determines it along x and y without the model of anything that moves.
         """
         offset, std = self._parameters.cg_offset()
         if self._load is not None:
@@ -554,10 +557,10 @@ class Pipeline:
         return dict(zip(self._ports, self._shown.ranges(), strict=True))
 
     def identifiability(self) -> dict[str, Any]:
-        """Return what the data can and cannot tell, in words."""
+        """Return what the data make identifiable and what not, in words."""
         self._settle()
         p = self._parameters
-        return describe(self.geometry, self.parameters(), self._mass_reference.anchored, p.null_directions(), p.notes())
+        return describe(self.geometry, self.parameters(), self._mass_reference.has_reference, p.null_directions(), p.notes())
 
     def health(self) -> Health:
         """Return counts, statistics and sentences about the input and the estimates."""

@@ -9,10 +9,18 @@ from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.vehicles.vehicle import Vehicle
 
-#: length and rate of the drive: long enough for the first estimate of the parameters
-_LENGTH_S, _RATE_HZ, _START_NS = 10.0, 50.0, 1_000_000_000_000
-#: vertical acceleration of the body and of the bases in it [m/s^2] and its frequencies [Hz]
-_ACCEL, _BASE_ACCEL, _HZ = 1.0, 0.6, (1.3, 3.1)
+#: length of the drive: long enough for the first estimate of the parameters [s]
+_LENGTH_S = 10.0
+#: its rate [Hz]
+_RATE_HZ = 50.0
+#: its first stamp [ns]
+_START_NS = 1_000_000_000_000
+#: vertical acceleration of the body in it [m/s^2]
+_ACCEL = 1.0
+#: the same of the bases [m/s^2]
+_BASE_ACCEL = 0.6
+#: its frequencies [Hz]
+_HZ = (1.3, 3.1)
 
 
 def warm_up(vehicle: Vehicle, settings: PipelineSettings) -> None:

@@ -104,7 +104,7 @@ def test_calibrated_twice_there_is_nothing_left() -> None:
     assert isinstance(once.sensors["a1"].correction, Correction)
 
 
-def test_an_engine_is_no_noise_and_is_told() -> None:
+def test_an_engine_is_no_noise_and_is_reported() -> None:
     recording = standing(noise=0.02)
     channel = recording.channels["a0"]
     channel.values[:] += 0.3 * np.sin(2 * np.pi * 30.0 * np.arange(len(channel.values)) / RATE)[:, None]

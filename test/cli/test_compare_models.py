@@ -72,7 +72,7 @@ def test_models_are_fitted_to_a_part_of_a_logger_file(bags, tmp_path, capsys):
     assert main(["compare-models", first, "--vehicle", vehicle, "--from", "900"]) == 2
 
 
-def test_the_longest_stretch_without_gaps_is_used(bags):
+def test_the_longest_segment_without_gaps_is_used(bags):
     vehicle = load_vehicle(bags[0])
     run = align(read_recording(bags[1][0], vehicle))
     whole = MeasuredRun(vehicle, run)

@@ -41,7 +41,7 @@ def written(tmp_path, text):
     return path
 
 
-def test_plan_prints_bounds_no_better_than_the_scale_they_lean_on(capsys):
+def test_plan_prints_bounds_no_better_than_their_scale_reference(capsys):
     """The cab was weighed to 1 %, its inertia is known to 3 %: no stiffness is told to 0.01 %."""
     text = planned(VEHICLE, capsys)
     assert "rank 24 of 24" in text
@@ -52,11 +52,11 @@ def test_plan_prints_bounds_no_better_than_the_scale_they_lean_on(capsys):
     assert "load cell at front_left: median bound 0.69 % instead of 0.95 %" in text
 
 
-def test_plan_without_an_anchor_says_what_scales_together(capsys):
+def test_plan_without_a_scale_reference_says_what_scales_together(capsys):
     assert "scale together" in planned(VEHICLE, capsys, "--unknown-mass", "--rigid-frame")
 
 
-def test_accelerometers_only_tell_ratios_and_a_weight_or_scale_would_tell_the_rest(tmp_path, capsys):
+def test_accelerometers_identify_only_ratios_and_a_weight_or_scale_would_identify_the_rest(tmp_path, capsys):
     text = planned(written(tmp_path, TEXT[: TEXT.index("force_references:")]), capsys)
     assert "ratios to cab.mass have the standard deviation" in text
     assert re.search(r"front_left\.z\.stiffness +not identifiable +0\.0\d+ %", text)
@@ -88,12 +88,12 @@ def test_degenerate_layouts_are_named(tmp_path, capsys):
     assert "rank 6 of 24" in text
 
 
-def test_stiffness_in_a_unit_nobody_means_is_doubted(tmp_path, capsys):
+def test_stiffness_in_an_implausible_unit_is_questioned(tmp_path, capsys):
     text = planned(written(tmp_path, TEXT.replace("stiffness_n_per_m", "stiffness_kgf_per_mm")), capsys)
     assert "the lowest is at 114 Hz: nothing is suspended like this; check the units" in text
 
 
-def test_a_declared_added_mass_and_a_load_cell_anchor_the_plan(tmp_path, capsys):
+def test_a_declared_added_mass_and_a_load_cell_are_scale_references_of_the_plan(tmp_path, capsys):
     start = TEXT[: TEXT.index("force_references:")]
     added = "force_references:\n  - {kind: known_added_mass, body: cab, mass_kg: 100.0, from_s: 30.0}\n"
     assert "rank 26 of 26" in planned(written(tmp_path, start + added), capsys)

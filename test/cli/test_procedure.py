@@ -102,7 +102,7 @@ def test_seat_pad_separation_and_signal_to_noise(tmp_path, capsys):
     assert "signal to noise 52." in text
 
 
-def test_peaks_of_the_input_are_told_from_modes(tmp_path, capsys):
+def test_peaks_of_the_input_are_distinguished_from_modes(tmp_path, capsys):
     rng = np.random.default_rng(4)
     t = np.arange(30_000) / 100.0
     ground = rng.standard_normal(t.size) + 2.0 * np.sin(2 * np.pi * 1.6 * t)

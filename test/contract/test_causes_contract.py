@@ -119,7 +119,7 @@ def test_what_a_linear_cause_does_on_a_road_twice_as_rough_is_twice_as_large(nam
             np.testing.assert_allclose(after.signal, 2.0 * before.signal, rtol=1e-9, atol=1e-12 * np.max(np.abs(after.signal)))
 
 
-def test_a_mass_changes_within_the_stretch_that_is_analysed():
+def test_a_mass_changes_within_the_segment_that_is_analysed():
     """What happened before its first block is a wrong mass and no change."""
     view = cab_view()
     (h,) = (h for h in library()["mass_change"].hypotheses(view) if h.shapes)

@@ -32,7 +32,7 @@ def unchanged(cause: str, seed: int) -> Answer:
 @pytest.mark.slow
 @pytest.mark.parametrize(("cause", "seed"), CASES)
 @pytest.mark.parametrize("name", [r.name for r in relations()])
-def test_verdict_and_causes_stay_where_the_same_run_is_told_in_another_way(name, cause, seed):
+def test_verdict_and_causes_stay_where_the_same_run_is_described_in_another_way(name, cause, seed):
     vehicle, runs = case(cause, seed)
     relation = next(r for r in relations() if r.name == name)
     assert diagnosed(vehicle, runs, relation) == unchanged(cause, seed)

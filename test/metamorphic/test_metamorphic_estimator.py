@@ -50,7 +50,7 @@ NOISY = [r.name for r in relations() if not r.exact]
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_nothing_moves_where_the_same_run_is_told_in_another_way(name):
+def test_nothing_moves_where_the_same_run_is_described_in_another_way(name):
     moved = movement(unchanged(), changed_run(*run(), relation(name)))
     assert moved.largest < UNMOVED
     assert moved.parameters < UNMOVED

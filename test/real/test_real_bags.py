@@ -64,7 +64,7 @@ def test_jackal_is_fine_on_z_and_its_motion_comes_out(tmp_path: Path) -> None:
 
 
 @needs_robots
-def test_what_one_sensor_cannot_tell_is_said(tmp_path: Path) -> None:
+def test_what_one_sensor_leaves_unobservable_is_reported(tmp_path: Path) -> None:
     result, _ = replay(ROBOTS / "test2.bag", SINGLE, tmp_path)
     mounts = [p for p in result["parameters"] if p["name"].startswith(("front_", "rear_"))]
     assert len(mounts) == 24

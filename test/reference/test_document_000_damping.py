@@ -52,7 +52,7 @@ def test_joint_fit_recovers_all_five_parameters():
         assert 0.6 < fit.chi_square < 1.5 and fit.filter_identifiable
 
 
-def test_a_run_without_the_filter_does_not_tell_its_numbers():
+def test_a_run_without_the_filter_leaves_its_parameters_unidentified():
     """A plain Voigt mount: centre and quality of a filter that is not there have no value."""
     plain = npd.BandDamping(K, 900.0, 1e-9, 12.6, 0.5)
     rng = np.random.default_rng(3)

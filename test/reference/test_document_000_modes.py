@@ -62,7 +62,7 @@ def test_closed_form_equals_the_eigenvalue_problem_for_level_symmetric_mounts():
     assert printed_11 == pytest.approx(2.37, abs=0.01)  # (11) as printed repeats the pitch formula
 
 
-def test_mounts_below_the_cg_are_doubted_and_the_eigenvalue_problem_differs():
+def test_mounts_below_the_cg_are_questioned_and_the_eigenvalue_problem_differs():
     closed = ms.uncoupled_modes(MASS, INERTIA, arms(-0.7), TABLE_4)
     assert any("off the CG plane" in limitation for limitation in closed.limitations)
     assert closed.frequency_hz["roll"] == pytest.approx(17.7, abs=0.1)
@@ -110,7 +110,7 @@ def test_bad_input_is_refused():
         ms.equivalent_stiffness(0.0, 1.0, 4)
 
 
-def test_an_axis_that_runs_off_is_not_told():
+def test_an_axis_that_drifts_is_not_reported():
     """Roll asks for more than any lateral stiffness gives: the fit would send it to infinity and no mode would notice."""
     vehicle = cab(-0.45, np.array([[4e5, 3e5, 5e4]] * 4))
     own = ms.labelled_frequencies(vehicle)

@@ -176,7 +176,7 @@ def test_a_missing_rear_axle_is_offered_as_half_car_and_a_clean_residual_is_not(
 RANGE = (0.2, 40.0)
 
 
-def test_a_sinusoid_is_told_from_what_one_sinusoid_happens_to_fit():
+def test_a_sinusoid_is_distinguished_from_what_one_sinusoid_happens_to_fit():
     t = np.arange(0, 30, 1 / 100)
     rng = np.random.default_rng(1)
     noise = rng.standard_normal(t.size)

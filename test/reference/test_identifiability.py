@@ -46,7 +46,7 @@ def test_a_rigid_frame_leaves_horizontal_stiffness_as_sums_only(truck):
         assert math.isinf(bound[f"{mount}.x.stiffness"])
 
 
-def test_without_an_anchor_exactly_one_direction_is_lost_and_it_is_the_common_scale(truck):
+def test_without_a_scale_reference_only_the_common_scale_is_unobservable(truck):
     result = identifiability(truck, accelerometers(truck, "cab", "chassis"), Excitation())
     assert result.rank == len(result.names) - 1
     assert len(result.null_directions) == 1
@@ -55,12 +55,12 @@ def test_without_an_anchor_exactly_one_direction_is_lost_and_it_is_the_common_sc
         assert word in result.null_directions[0]
 
 
-def test_cab_accelerometers_alone_tell_nothing_without_the_base_motion(truck):
+def test_cab_accelerometers_alone_identify_nothing_without_the_base_motion(truck):
     result = identifiability(truck, accelerometers(truck, "cab"), Excitation(), KNOWN)
     assert result.rank == 0
 
 
-def test_the_plan_names_what_would_cure_the_missing_anchor(truck):
+def test_the_plan_names_what_would_be_a_scale_reference(truck):
     chosen = plan(truck, Excitation(), known=())
     gaining = [o.name for o in chosen.options if o.gained]
     assert any("load cell" in name for name in gaining)
@@ -167,7 +167,7 @@ ROAD = Excitation(speed=10.0)
     ],
     ids=["accelerations", "deflection", "force", "force with 1 % of gain error", "k known", "k known to 5 %"],
 )
-def test_what_tells_the_mass_and_how_well(more, known, rank, mass):
+def test_what_identifies_the_mass_and_how_well(more, known, rank, mass):
     """Table 4.5: 60 s of class C, 0.02 m/s^2. Its bounds (0.025 %, 0.03 %) are of a noisier axle signal: reached or better."""
     vehicle = one_mass()
     result = identifiability(vehicle, [*vehicle.sensors.values(), *more], ROAD, known)

@@ -172,7 +172,7 @@ def test_frequency_domain_reaches_the_cramer_rao_bound(noise, seeds):
     assert np.all(np.median(std, axis=0)[~told] > 0.05)
 
 
-def test_second_cell_of_the_dma_plan_cannot_be_told_to_two_per_cent():
+def test_second_cell_of_the_dma_plan_is_not_identifiable_to_two_per_cent():
     # the 2.3 % of the document notes (one seed) is below the bound for the second spring: 6.4 % for 1200 samples per test, and
     # more for six cycles at 1 kHz, where the fast tests have the fewest samples; the other parameters can keep it
     even = 100 * cramer_rao(measured_points(1.0)) / np.abs(TRUTH)

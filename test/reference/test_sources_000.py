@@ -101,7 +101,7 @@ def test_twelve_channels_beat_six_and_their_noise_becomes_the_stated_loads():
     gain = np.sqrt(np.diag(six @ six.T)) * NOISE / np.sqrt(np.diag(weights.covariance))
     assert (gain.min(), gain.max()) == pytest.approx((1.41, 1.89), abs=0.01)  # sqrt 2: twice the channels
     loads = InertialLoads(MASS, 0.0, INERTIA)
-    std = np.sqrt(np.diag(loads.covariance(weights.covariance, np.zeros(6), np.zeros(3))))
+    std = np.sqrt(np.diag(loads.covariance(weights.covariance, np.zeros(6))))
     np.testing.assert_allclose(std, [15.9, 20.6, 12.0, 14.6, 6.8, 8.6], rtol=0.01)  # N, N m
 
 

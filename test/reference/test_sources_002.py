@@ -145,7 +145,7 @@ def test_filters_must_be_the_same_for_all_channels():
     assert errors[1].max() > 3 * errors[0].max()
 
 
-def test_a_sinusoid_on_the_road_is_told_from_one_on_the_vehicle():
+def test_a_sinusoid_on_the_road_is_distinguished_from_one_on_the_vehicle():
     """Row 2-5: 2 mm at 8 Hz on the road; the ratio of axle to body decides: a force on the body leaves ten times more."""
     hub = wheel_envelope(TRUCK.speed * np.arange(600) / 200.0, start=0.8)
     values = {**LITERATURE, "sine_in_phase": 0.002, "sine_quadrature": 0.0, "sine_frequency": 8.0}

@@ -40,7 +40,7 @@ def test_class_of_24_roads_and_their_mean_roughness(roughness, waviness, letter)
     assert np.all(np.abs(found[:, 1] - waviness) < 0.05)
 
 
-def test_one_gaussian_road_of_two_kilometres_cannot_tell_its_roughness_to_three_per_cent():
+def test_one_gaussian_road_of_two_kilometres_does_not_determine_its_roughness_to_three_per_cent():
     """J1: Cramer-Rao bound of ln Gd(n0) and w by Whittle's likelihood (one exponential variate a line), and what the fit reaches.
 
     ``ln G_i = ln Gd - w ln(n_i / n0) + e_i``, information 1 a line: 3.6 % and 0.014 from one track; 24 seeds scatter by 15 %.

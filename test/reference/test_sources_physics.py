@@ -384,7 +384,7 @@ class Lines:
         return np.sqrt(np.diag(np.linalg.inv(self.information())))
 
 
-def test_one_sinusoid_tells_two_of_four_parameters_of_a_maxwell_mount_two_tell_all():
+def test_one_sinusoid_identifies_two_of_four_parameters_of_a_maxwell_mount_two_identify_all():
     """4.10: rank 2 of 4 at 1.5 Hz, 4 of 4 with 6 Hz more; bounds of 0.06 to 0.24 % with a branch as stiff as the spring."""
     one, two = Lines(1.0, {1.5: 1.0}).information(), Lines(1.0, {1.5: 1.0, 6.0: 2.4})
     assert np.linalg.matrix_rank(one, tol=1e-8 * np.abs(one).max()) == 2

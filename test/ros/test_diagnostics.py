@@ -59,7 +59,7 @@ class ReadLog:
 # ---- names and stamps ----
 
 
-def test_two_nodes_are_told_apart_by_name_and_hardware_id(ros_single: Ros) -> None:
+def test_two_nodes_are_distinguished_by_name_and_hardware_id(ros_single: Ros) -> None:
     listener = Listener(ros_single)
     nodes = [estimator(ros_single, "-r", f"__ns:=/truck{n}/ride") for n in (1, 2)]
     ros_single.until(lambda: all(node.count_subscribers("/diagnostics") for node in nodes))

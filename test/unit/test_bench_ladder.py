@@ -134,7 +134,7 @@ def test_effective_samples_of_white_and_correlated_noise():
     assert effective_samples(red) == pytest.approx(20000 * (1 - a**2) / (1 + a**2), rel=0.25)
 
 
-def test_a_single_slow_frequency_names_what_it_cannot_tell():
+def test_a_single_slow_frequency_names_what_is_not_identifiable():
     t = np.arange(10000) * H
     x = 2e-3 * np.sin(2 * np.pi * 1.0 * t)
     item = prepare(

@@ -197,7 +197,7 @@ def test_npz_and_named_columns(tmp_path):
         ("stamp,displacement_mm,force_n", {}, "state --rate HZ"),
     ],
 )
-def test_columns_that_cannot_be_told_are_refused(tmp_path, header, options, says):
+def test_ambiguous_columns_are_refused(tmp_path, header, options, says):
     path = write_csv(tmp_path / "a.csv", header, T, 1e3 * X, F)
     with pytest.raises(InputDataError, match=says):
         read_bench_record(path, ReadOptions(**options))

@@ -84,7 +84,7 @@ def test_a_short_run_is_insufficient_and_changes_nothing():
     agree(answer, vehicle)
 
 
-def test_a_load_that_the_file_does_not_know_is_told_by_how_far_it_makes_the_mount_sink():
+def test_an_unknown_load_is_found_by_how_far_it_makes_the_mount_sink():
     vehicle = quarter_car()
     travel = Sensor("travel", "displacement", "/travel", "body_mass", mount="strut", axis="z", noise_std=1e-4)
     body = vehicle.bodies["body_mass"]
@@ -131,7 +131,7 @@ def test_a_law_that_gains_within_the_strokes_it_was_fitted_on_gained_something()
     assert "gained nothing" in gained_nothing(Gain("", 0.2, 0.1, 0.04, (outside,)), Settings())
 
 
-def test_only_a_gain_beyond_doubt_on_every_run_is_proven():
+def test_only_a_significant_gain_on_every_run_is_proven():
     settings = Settings()
     assert proven(gain_of((0.82, 0.55, 0.01, (0.22, 0.32))), settings)
     assert not proven(gain_of((0.82, 0.55, 0.01, (0.22, 0.32)), (0.8, 0.7, 0.01, (-0.01, 0.2))), settings)

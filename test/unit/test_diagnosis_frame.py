@@ -206,7 +206,7 @@ def test_characteristic_forms_are_odd_and_start_with_unit_slope(family):
     assert small[0] == pytest.approx(1e-5, rel=1e-8)
 
 
-def test_a_bent_spring_is_not_called_a_soft_mount_for_its_rate_at_rest():
+def test_a_nonlinear_spring_is_not_called_a_soft_mount_for_its_rate_at_rest():
     plant = cab_plant()
     prior = file_parameters(plant)[0]
     ports = [(p.mount, p.axis) for p in plant.ports]

@@ -60,7 +60,7 @@ def runs_of(seed: int, share: float, place: np.ndarray, transducers: bool, fault
     return vehicle, file, [uniform_run(run, f"run_{i}", from_s=SETTLED) for i, run in enumerate(runs)]
 
 
-def test_a_run_without_travel_does_not_tell_a_mass():
+def test_a_run_without_travel_leaves_the_mass_unobservable():
     _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
     plant_ = build_plant(file, dict.fromkeys(file.sensors, 3), 0.3, 0.5)
     view = calibrate(RunData(plant_, measurement(plant_, run), Settings())).view
@@ -96,7 +96,7 @@ def test_mounts_with_rotational_stiffness_can_carry_a_load():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [9211, 9212, 9213])
-def test_static_travel_tells_a_load_with_its_place(seed):
+def test_static_travel_determines_a_load_and_its_position(seed):
     vehicle, file, (run, other) = runs_of(seed, 0.1, SITTING, transducers=True)
     answer = diagnose(file, run, [other])
     assert answer.verdict == "explained"

@@ -78,7 +78,7 @@ def test_a_planted_law_is_named_and_pays_on_the_other_run(cause, form, size):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clearance", [0.3, 0.6])
-def test_friction_in_series_with_play_is_told_with_its_level_and_clearance(clearance):
+def test_friction_in_series_with_play_is_named_with_its_level_and_clearance(clearance):
     level = 0.12 * SITE.force
     run, other = (quarter_car_run(s, law=bolt_in_a_hole(clearance * SITE.deflection, level)) for s in (31, 32))
     answer = diagnose(quarter_car(), run, [other])

@@ -59,7 +59,7 @@ def test_copies_of_a_run_give_its_answer(form, size, cause):
         pytest.param("jenkins_chain", "foam_both_sides", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
-def test_a_copy_that_shows_something_else_is_told_and_costs_confidence(monkeypatch, named, copied):
+def test_a_copy_that_shows_something_else_is_reported_and_costs_confidence(monkeypatch, named, copied):
     """Copies of another run: without the effect, with one where there is none, with another one."""
     run, other = (quarter_car_run(11, law=hiding_law(form, 0.3)) if form else quarter_car_run(11) for form in (named, copied))
     plain = diagnose(quarter_car(), run)
@@ -110,7 +110,7 @@ def test_a_copy_refuses_what_predicts_nothing_that_matters_as_the_run_does(monke
     assert diagnose(quarter_car(), run, settings=ASKED).stability.counts == (same, 1)
 
 
-def test_a_copy_too_short_to_tell_says_so(monkeypatch):
+def test_a_copy_that_is_too_short_says_so(monkeypatch):
     run = quarter_car_run(11)
 
     def copies(work):
@@ -126,7 +126,7 @@ def test_a_copy_too_short_to_tell_says_so(monkeypatch):
     assert found.sentence.startswith("No perturbed copy")
 
 
-def test_a_sensor_to_spare_is_one_whose_readings_the_others_tell():
+def test_a_redundant_sensor_is_one_whose_readings_the_others_determine():
     car = quarter_car()
     twin = Sensor("twin", "accelerometer", "/twin", "body_mass", noise_std=0.005)
     both = dataclasses.replace(car, sensors={**car.sensors, "twin": twin})

@@ -15,10 +15,10 @@ from ride_estimation.io.vehicle_file import load_vehicle
 
 DT = 0.01
 SECONDS = 25.0
-ARRANGEMENT = geometry_of(load_vehicle("truck_cab"))
+GEOMETRY = geometry_of(load_vehicle("truck_cab"))
 TRAVEL = geometry_of(load_vehicle("truck_cab_transducers"))
-LAW = MountLaw(ARRANGEMENT)
-COUNT = len(ARRANGEMENT.mounts)
+LAW = MountLaw(GEOMETRY)
+COUNT = len(GEOMETRY.mounts)
 
 
 def ride(seed: int, stiffness: np.ndarray, damping: np.ndarray, creep: float = 0.0) -> tuple[np.ndarray, ...]:
@@ -28,7 +28,7 @@ def ride(seed: int, stiffness: np.ndarray, damping: np.ndarray, creep: float = 0
     its own linear equation. ``creep``: stiffness of a Maxwell element of 40 ms at the first mount over its own.
     """
     rng = np.random.default_rng(seed)
-    a, time = ARRANGEMENT, np.arange(0.0, SECONDS, DT)
+    a, time = GEOMETRY, np.arange(0.0, SECONDS, DT)
     arms = np.stack([np.ones(COUNT), a.arms[:, 1], -a.arms[:, 0]])
     inertia = np.zeros((3, 3))
     inertia[0, 0], inertia[1:, 1:] = a.body.mass.value, np.asarray(a.body.inertia)[:2, :2]
@@ -53,7 +53,7 @@ def balance_of(
     given: BaseBalance | None = None,
 ) -> BaseBalance:  # fmt: skip
     """Return a balance that has seen a ride, block by block."""
-    geometry = ARRANGEMENT if displaced is None else TRAVEL
+    geometry = GEOMETRY if displaced is None else TRAVEL
     found = given or BaseBalance(geometry)
     horizontal, travel = np.zeros((10, COUNT, 2)), np.zeros((len(load), 0)) if displaced is None else displaced
     columns = np.zeros((len(load), COUNT, 3))
@@ -81,12 +81,12 @@ def test_a_mount_that_is_not_as_in_the_file_is_no_error_of_a_sensor(seed: int) -
 def test_friction_in_one_mount_is_no_error_of_a_sensor() -> None:
     load, body, base, deflection, rate = ride(3, LAW.stiffness[:, 2], LAW.damping[:, 2])
     friction = -0.5 * np.std(LAW.stiffness[2, 2] * deflection[:, 2]) * np.tanh(rate[:, 2] / 0.01)
-    load[:, 2:5] += friction[:, None] * np.array([1.0, ARRANGEMENT.arms[2, 1], -ARRANGEMENT.arms[2, 0]])
+    load[:, 2:5] += friction[:, None] * np.array([1.0, GEOMETRY.arms[2, 1], -GEOMETRY.arms[2, 0]])
     found = balance_of(noisy(base, 3), load, body)
     assert not found.refused and found.exchanged is None
 
 
-def test_rubber_looks_a_little_like_a_delay_and_is_no_error_of_a_sensor() -> None:
+def test_rubber_resembles_a_delay_and_is_no_error_of_a_sensor() -> None:
     load, body, base, _, _ = ride(8, LAW.stiffness[:, 2], LAW.damping[:, 2], creep=1.0)
     found = balance_of(noisy(base, 8), load, body)
     assert not found.refused and found.exchanged is None
@@ -129,14 +129,14 @@ def test_where_a_transducer_contradicts_a_base_sensor_the_transducer_decides() -
     """The loads are that of a mount in which something else is, too: only relative motion measured directly tells."""
     load, body, base, deflection, rate = ride(6, LAW.stiffness[:, 2], LAW.damping[:, 2])
     friction = -0.5 * np.std(LAW.stiffness[1, 2] * deflection[:, 1]) * np.tanh(rate[:, 1] / 0.01)
-    load[:, 2:5] += friction[:, None] * np.array([1.0, ARRANGEMENT.arms[1, 1], -ARRANGEMENT.arms[1, 0]])
+    load[:, 2:5] += friction[:, None] * np.array([1.0, GEOMETRY.arms[1, 1], -GEOMETRY.arms[1, 0]])
     base = noisy(base, 6)
     assert not balance_of(base, load, body, deflection).refused
     base[:, 2] *= 1.3
     assert list(balance_of(base, load, body, deflection).refused) == [2]
 
 
-def test_a_transducer_that_is_wrong_accuses_no_base_sensor() -> None:
+def test_a_wrong_transducer_is_no_fault_of_a_base_sensor() -> None:
     load, body, base, deflection, _ = ride(9, LAW.stiffness[:, 2], LAW.damping[:, 2])
     deflection[:, 3] *= 1.5
     assert not balance_of(noisy(base, 9), load, body, deflection).refused
@@ -147,7 +147,7 @@ def test_a_sensor_is_used_again_when_it_is_well_and_a_state_keeps_it_out() -> No
     wrong = noisy(base, 7)
     wrong[:, 0] *= 1.7
     found = balance_of(wrong, load, body)
-    again = BaseBalance(ARRANGEMENT)
+    again = BaseBalance(GEOMETRY)
     again.load(json.loads(json.dumps(found.save())))
     assert found.refused and again.refused == found.refused
     assert not balance_of(noisy(base, 8), load, body, given=again).refused

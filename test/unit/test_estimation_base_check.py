@@ -13,7 +13,8 @@ from worlds.cab import CabRun, CabSensor, drive, measure, random_sensors, random
 from worlds.roads import Road
 
 from ride_estimation.estimation.common.geometry import geometry_of
-from ride_estimation.estimation.faults.base_check import DISAGREES, BaseCheck
+from ride_estimation.estimation.faults.base_check import BaseCheck
+from ride_estimation.estimation.faults.left_out import DISAGREES
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.signals.alignment import Block
 

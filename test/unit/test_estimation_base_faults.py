@@ -77,7 +77,7 @@ def test_gross_fault_from_the_start_is_left_out(mix: list[int] | None, changes: 
     assert not watch.suspicion
 
 
-def test_gain_and_tilt_need_both_witnesses() -> None:
+def test_gain_and_tilt_must_show_in_mean_and_motion() -> None:
     turned = np.eye(3) @ Rotation.from_euler("x", 3.0, degrees=True).as_matrix()
     assert (
         f"{VICTIM}: its mean and its motion both look misaligned by 3.0 deg"
@@ -86,7 +86,7 @@ def test_gain_and_tilt_need_both_witnesses() -> None:
     assert f"{VICTIM}: its mean and its motion are both +10 % too large" in watched("any", 611, gain=1.1).suspicion
 
 
-def test_a_mean_alone_is_said_and_doubts_nothing() -> None:
+def test_a_mean_alone_is_reported_and_makes_nothing_suspect() -> None:
     # a bias as large as that of the tilt shows in the mean alone
     watch = watched("any", 611, bias=np.array([0.0, GRAVITY * np.sin(np.radians(3.0)), 0.0]))
     (message,) = watch.messages()
@@ -95,7 +95,7 @@ def test_a_mean_alone_is_said_and_doubts_nothing() -> None:
     assert not watch.refused
 
 
-def test_a_body_that_leans_is_no_error_of_its_bases() -> None:
+def test_a_tilted_body_is_no_error_of_its_base_sensors() -> None:
     assert not watched("any", 611, leaning_deg=3.0).messages()
 
 

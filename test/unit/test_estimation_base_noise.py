@@ -29,7 +29,7 @@ def judged(values: np.ndarray, given: BaseNoise | None = None) -> BaseNoise:
     return found
 
 
-def test_a_rough_road_and_an_engine_accuse_no_sensor() -> None:
+def test_a_rough_road_and_an_engine_are_no_fault_of_a_sensor() -> None:
     for seed in range(4):
         assert judged(rough(30.0, seed)).messages() == []
 

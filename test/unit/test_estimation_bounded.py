@@ -206,7 +206,7 @@ def test_a_rotation_that_feeds_itself_begins_anew_where_equilibrium_contradicts_
 
 
 @pytest.mark.parametrize("missing", ["body", "base"])
-def test_a_mount_that_nothing_tells_comes_to_rest_and_says_how_little_it_knows(missing: str):
+def test_an_unobservable_mount_comes_to_rest_with_a_wide_standard_deviation(missing: str):
     a = geometry_of(load_vehicle("truck_cab"))
     count, ticks, dt = len(a.mounts), 10, 0.002
     estimator = DeflectionEstimator(a, BracketTilt(a))

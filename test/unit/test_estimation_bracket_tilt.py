@@ -123,7 +123,7 @@ def test_after_a_restart_the_rotation_of_a_translating_rig_starts_from_what_its_
     assert angle[half:].max() < 0.06
 
 
-def test_swing_is_the_rotation_the_brackets_of_a_translating_rig_do_not_make():
+def test_brackets_of_a_translating_rig_do_not_follow_the_rotation_of_the_frame():
     level, body = readings((0.0, 0.0, 0.0, 0.0, 1.0, 1.0), 6)
     tilting, _ = readings((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 6)
     tilt = learned(level, body)

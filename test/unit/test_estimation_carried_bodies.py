@@ -61,7 +61,7 @@ def reaction(bodies, motion, rate, block=10):
     return np.concatenate(parts)
 
 
-def test_the_seat_itself_moves_like_one_degree_of_freedom_and_its_doubt_is_that_of_the_file():
+def test_the_seat_moves_like_one_degree_of_freedom_as_uncertain_as_the_file():
     """Acceleration of the seat by ``scipy.signal.lsim``; a spring twice as uncertain doubles the standard deviation."""
     motion, rate = random_motion()
     arm = PLACE - TRUCK.bodies["cab"].cg

@@ -64,7 +64,7 @@ def test_good_gyro_and_faulty_accelerometer() -> None:
     assert found((1.0, 1.0, 1.0), readings_off=-1.0)[1] == []
 
 
-def test_too_few_accelerometers_tell_nothing() -> None:
+def test_too_few_accelerometers_leave_gyros_untested() -> None:
     assert not GyroCheck(SENSORS[:2], (0,), ROWS[:6], np.ones(6, dtype=bool)).possible
 
 

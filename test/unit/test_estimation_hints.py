@@ -3,16 +3,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
 import pytest
 
+from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.faults import hint_spectra
-from ride_estimation.estimation.faults.hint_spectra import SpectrumHints
-from ride_estimation.estimation.faults.hints import FALSE_ALARMS_PER_HOUR, HintBlock, Hints, sensor_hint
+from ride_estimation.estimation.faults.hint_spectra import FALSE_ALARMS_PER_HOUR, SpectrumHints
+from ride_estimation.estimation.faults.hints import sensor_hint
 from ride_estimation.estimation.sensor_errors import sensor_faults
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.sensors.installation import USUAL
 from ride_estimation.sensors.sensor import Sensor
 
@@ -21,6 +24,7 @@ PLACES = {"fl": (0.8, 0.7, -0.3), "fr": (0.8, -0.7, -0.3), "rl": (-0.9, 0.6, 0.6
 SENSORS = [Sensor(n, "accelerometer", f"/{n}", "cab", position=np.array(p), noise_std=NOISE) for n, p in PLACES.items()]
 ROWS = np.vstack([np.hstack([np.eye(3), -np.cross(np.eye(3), p)]) for p in PLACES.values()])
 WEIGHTS = np.linalg.pinv(ROWS)
+CAB = geometry_of(load_vehicle("truck_cab"))
 
 
 def coloured(rng, count, channels, low=1.0, high=20.0):
@@ -110,14 +114,14 @@ def test_false_alarms_of_the_sensor_tests_keep_to_their_level(monkeypatch):
 
 def run_spectra(missing, mounts):
     """Return the hints of force signals (N, 6)."""
-    detector = SpectrumHints("cab", np.ones(6, dtype=bool))
+    detector = SpectrumHints(CAB)
     for start in range(0, len(missing), 400):
         part = slice(start, start + 400)
         detector.observe(missing[part] + mounts[part], missing[part], 1.0 / RATE)
     return detector.hints()
 
 
-def test_a_line_is_told_from_broad_noise_and_from_a_line_of_the_road():
+def test_a_line_is_distinguished_from_broad_noise_and_from_a_line_of_the_road():
     rng = np.random.default_rng(1341)
     count = round(60.0 * RATE)
     mounts = 1000.0 * coloured(rng, count, 6)
@@ -158,7 +162,7 @@ def test_a_model_that_misses_a_third_is_said():
 
 @pytest.mark.slow
 def test_false_alarms_of_lines_keep_to_their_level(monkeypatch):
-    monkeypatch.setattr(hint_spectra, "level", lambda tests: 0.2 / tests)
+    monkeypatch.setattr(hint_spectra, "_level", lambda tests: 0.2 / tests)
     monkeypatch.setattr(hint_spectra, "_LEAST_LINE", 0.0)
     count = round(60.0 * RATE)
     alarms = 0
@@ -176,17 +180,20 @@ def fed(hints, share, usable=lambda k: True):
     missing, begin = share * mounts, time.process_time()
     for k, start in enumerate(range(0, len(missing), 10)):
         part = slice(start, start + 10)
-        hints.observe(HintBlock(mounts[part], missing[part], usable(k)), 1.0 / RATE)
+        if usable(k):
+            hints.observe(mounts[part], missing[part], 1.0 / RATE)
+        else:
+            hints.interrupt()
     return hints.hints(), time.process_time() - begin
 
 
-def test_a_gap_begins_anew_and_looks_cost_little():
-    hints = Hints(np.ones(6, dtype=bool), "cab", True)
-    assert fed(hints, 0.35, lambda k: k % 20 != 0)[0] == ()  # never two seconds without a gap
+def test_a_gap_begins_anew_and_tests_cost_little():
+    hints = SpectrumHints(CAB)
+    assert fed(hints, 0.35, lambda k: k % 20 != 0)[0] == ()  # never four seconds without a gap
     found, cost = fed(hints, 0.35)
     assert [h.location for h in found] == ["cab"]
     assert cost / 60.0 < 1e-3  # s of processor time per s of data
     assert 0.0 < FALSE_ALARMS_PER_HOUR < 0.1
     hints.reset()
     assert hints.hints() == ()
-    assert fed(Hints(np.ones(6, dtype=bool), "cab", False), 0.35)[0] == ()
+    assert fed(SpectrumHints(dataclasses.replace(CAB, base_sensors=(None,) * len(CAB.mounts))), 0.35)[0] == ()

@@ -13,7 +13,7 @@ from ride_estimation.estimation.parameters.balance_kernel import high_pass_block
 from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
 from ride_estimation.io.vehicle_file import load_vehicle
 
-ARRANGEMENT = geometry_of(load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"))
+GEOMETRY = geometry_of(load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml"))
 CORNER, DT = 2.0 * np.pi * 0.4, 0.005
 K, C = np.full((4, 3), 3e5), np.full((4, 3), 1e4)
 PRIOR = np.full((2, 4, 3), 0.3)
@@ -21,7 +21,7 @@ PRIOR = np.full((2, 4, 3), 0.3)
 
 def stated(x: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Standard deviations for deflections and rates (K, 4, 3)."""
-    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
     uncertainty.observe(x.reshape(len(x), 12), rate.reshape(len(x), 12), DT)
     return uncertainty.std(K, C, PRIOR)
 
@@ -45,7 +45,7 @@ def test_std_covers_the_split_that_turned_sensors_make_wrong():
     for _ in range(200):
         turned = x.copy()
         turned[:, :, 1] += np.radians(0.1) * rng.standard_normal(4) * x[:, :, 2]
-        arm = ARRANGEMENT.arms[:, 0]
+        arm = GEOMETRY.arms[:, 0]
         force = np.concatenate([x[:, :, 1] @ k, (x[:, :, 1] * arm) @ k])
         found = np.linalg.lstsq(np.concatenate([turned[:, :, 1], turned[:, :, 1] * arm]), force, rcond=None)[0]
         errors.append(found / k - 1.0)
@@ -54,7 +54,7 @@ def test_std_covers_the_split_that_turned_sensors_make_wrong():
     assert np.all(rms < 2.0 * expected) and np.all(expected < 3.0 * rms)
 
 
-def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
+def test_a_constant_reading_permits_a_larger_misalignment():
     x = motion(np.random.default_rng(7), 2e-4)
     usual = stated(x, 30.0 * x)
     ticks = np.zeros((1000, 4, 3))
@@ -64,11 +64,11 @@ def test_a_constant_reading_makes_possible_that_a_sensor_leans_by_more():
     body[:, :, 1] = np.radians(0.5) * 9.80665
     found = []
     for relative in (ticks, one, body):
-        uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+        uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
         uncertainty.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
         uncertainty.weigh(relative, np.zeros(len(relative)), DT)
         found.append(uncertainty.std(K, C, PRIOR))
-        again = InstallationUncertainty(ARRANGEMENT, CORNER)
+        again = InstallationUncertainty(GEOMETRY, CORNER)
         again.load(uncertainty.save())
         assert np.array_equal(again.std(K, C, PRIOR), found[-1])
     assert np.array_equal(found[0], usual)
@@ -90,7 +90,7 @@ def test_the_angle_between_body_and_bases_is_what_the_sensors_of_both_leave():
     vertical, rigid, _ = (np.sqrt(np.mean(p**2)) for p in _parts(x))
     angle = np.radians(0.1041)
     leans = angle * (rng.standard_normal((4000, 4)).mean(axis=1) - rng.standard_normal((4000, 4)).mean(axis=1))
-    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
     uncertainty.observe(x.reshape(len(x), 12), 30.0 * x.reshape(len(x), 12), DT)
     own, together = uncertainty._angles()
     assert np.allclose(own, angle, rtol=1e-3) and np.allclose(together, leans.std(), rtol=0.05)
@@ -99,13 +99,13 @@ def test_the_angle_between_body_and_bases_is_what_the_sensors_of_both_leave():
 
 def _parts(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertical deflections, and what a rigid motion explains of the lateral ones and what not."""
-    flat, wrench = x.reshape(len(x), 12), ARRANGEMENT.wrench
+    flat, wrench = x.reshape(len(x), 12), GEOMETRY.wrench
     rigid = flat @ np.linalg.lstsq(wrench.T, np.eye(12), rcond=None)[0].T @ wrench
     return flat[:, 2::3], rigid[:, 1::3], (flat - rigid)[:, 1::3]
 
 
 def test_before_any_motion_the_split_is_as_uncertain_as_in_the_file():
-    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER).std(K, C, PRIOR)
+    uncertainty = InstallationUncertainty(GEOMETRY, CORNER).std(K, C, PRIOR)
     assert np.all(uncertainty[:, :, :2] == PRIOR[:, :, :2]) and np.all(uncertainty[:, :, 2] == 0.0)
 
 
@@ -122,7 +122,7 @@ def test_gains_matter_more_where_body_and_base_move_far_more_than_the_mount_give
     relative[:, :, 2] = 0.02 * rng.standard_normal((len(x), 4))
     stds = []
     for lifted in (0.01 * common, common):
-        uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+        uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
         uncertainty.observe(x, 30.0 * x, DT)
         uncertainty.weigh(relative, lifted, DT)
         stds.append(uncertainty.std(K, C, PRIOR)[0, :, 2])
@@ -130,33 +130,33 @@ def test_gains_matter_more_where_body_and_base_move_far_more_than_the_mount_give
     np.testing.assert_allclose(stds[1] / stds[0], 50.0, rtol=0.05)
 
 
-def test_a_split_that_only_noise_tells_is_as_uncertain_as_the_vehicle_file():
+def test_a_split_that_only_noise_shows_is_as_uncertain_as_the_vehicle_file():
     # relative acceleration that is nothing but noise of the base sensors, through the filters of the force balance
     rng = np.random.default_rng(4)
-    noise = np.array([s.noise_std for s in ARRANGEMENT.base_sensors])
+    noise = np.array([s.noise_std for s in GEOMETRY.base_sensors])
     relative = np.repeat(noise, 3) * rng.standard_normal((40000, 12))
     passed, x, v = (np.empty_like(relative) for _ in range(3))
     high_pass_block(relative, CORNER, DT, np.zeros((3, 12)), passed)
     integrate_block(passed, CORNER, DT, np.zeros((9, 12)), x, v)
-    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
     uncertainty.observe(x, v, DT)
     # 200 s at 0.4 Hz and above hold about a hundred independent values of every mount
     assert np.all(uncertainty.std(K, C, PRIOR)[:, :, :2] > 0.8 * 0.3)
 
 
-def test_a_chance_course_of_vertical_motion_is_worse_for_the_damping_of_stiff_mounts():
+def test_chance_correlation_of_vertical_motion_is_worse_for_the_damping_of_stiff_mounts():
     x = motion(np.random.default_rng(5), 1e-4)
-    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
     uncertainty.observe(x.reshape(len(x), 12), 10.0 * x.reshape(len(x), 12), 30.0 / len(x))
     soft, stiff = uncertainty.std(0.0 * K, C, PRIOR), uncertainty.std(100.0 * K, C, PRIOR)
     assert np.all(stiff[1, :, 1] > 3.0 * soft[1, :, 1]) and np.array_equal(stiff[0], soft[0])
 
 
 def test_a_saved_state_continues_alike():
-    uncertainty = InstallationUncertainty(ARRANGEMENT, CORNER)
+    uncertainty = InstallationUncertainty(GEOMETRY, CORNER)
     x = motion(np.random.default_rng(3), 1e-4).reshape(-1, 12)
     uncertainty.observe(x, x, DT)
-    other = InstallationUncertainty(ARRANGEMENT, CORNER)
+    other = InstallationUncertainty(GEOMETRY, CORNER)
     other.load(uncertainty.save())
     assert np.array_equal(other.std(K, C, PRIOR), uncertainty.std(K, C, PRIOR))
 

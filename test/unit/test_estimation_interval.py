@@ -100,7 +100,7 @@ def test_a_filter_is_as_sure_as_its_intervals_agree_and_no_surer_than_the_model_
     assert np.all(wrong > 4.0)
 
 
-def test_one_of_what_is_considered_is_told_from_the_others_with_its_standard_deviation():
+def test_one_considered_quantity_is_estimated_beside_the_others_with_its_standard_deviation():
     alone, scores = np.array([0.0, 0.3]), []
     for seed in range(40):
         found, std, explained = memory(0.5, alone, seed=seed).judge_considered(np.zeros(3), PRIOR, 0, 10)

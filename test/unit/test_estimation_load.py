@@ -189,4 +189,4 @@ def test_what_zeros_of_transducers_may_hide_is_no_load_and_a_load_does_not_flick
     less.load({**less.save(), "loaded": travel.save()["loaded"]})
     assert less.found() is not None
     travel.reset()
-    assert not travel.tells
+    assert not travel.decided

@@ -130,7 +130,7 @@ def test_known_mass_added_while_driving():
     near(listened(believed_vehicle(data, belief, seed=65), arrivals(data)).parameters()[0], cab.mass + 150.0)
 
 
-def test_without_anchor_the_mass_is_not_identifiable():
+def test_without_a_scale_reference_the_mass_is_not_identifiable():
     _, data = world(63)
     vehicle = believed_vehicle(data, Belief(mass_off=OFF, mass_std=0.2, force_references=()), seed=63)
     mass = listened(vehicle, arrivals(data)).parameters()[0]

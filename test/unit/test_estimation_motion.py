@@ -235,7 +235,7 @@ def test_load_covariance_agrees_with_sampling():
     j = np.diag([700.0, 500.0, 800.0])
     motion = np.array([1.0, -2.0, 9.0, 2.0, 1.0, -1.5])
     spread = np.diag([0.01, 0.02, 0.01, 0.03, 0.03, 0.02]) ** 2
-    stated = InertialLoads(1000.0, 20.0, j, 0.03).covariance(spread, motion, np.zeros(3))
+    stated = InertialLoads(1000.0, 20.0, j, 0.03).covariance(spread, motion)
     n = 40000
     m = 1000.0 + 20.0 * rng.normal(size=n)
     scale = 1.0 + 0.03 * rng.normal(size=n)

@@ -141,7 +141,7 @@ def test_cab_accelerometers_alone_keep_the_priors_and_name_the_cure():
     assert 0.4 < np.mean(std[late, :, 2]) / error < 3.0
 
 
-def test_displacement_transducers_alone_tell_the_vertical_axes():
+def test_the_vertical_axes_are_identifiable_from_displacement_transducers_alone():
     """Vertical stiffness within 2 %, damping within 5 %, forces within 6 % NRMSE; the other axes say what they lack."""
     rng = np.random.default_rng(4)
     cab = random_vehicle(rng, "rubber")
@@ -160,7 +160,7 @@ def test_displacement_transducers_alone_tell_the_vertical_axes():
     assert np.all(np.sqrt(np.mean((force - true) ** 2, axis=0)) / true.std(axis=0) < 0.06)
 
 
-def test_without_anchor_mass_is_not_identifiable_in_words():
+def test_without_a_scale_reference_mass_is_not_identifiable_in_words():
     _, data, vehicle = world(0, 14.0)
     pipeline = Pipeline(dataclasses.replace(vehicle, force_references=()))
     run(pipeline, data, lambda stamp, name: stamp < 9e9)
@@ -172,7 +172,7 @@ def test_without_anchor_mass_is_not_identifiable_in_words():
     assert any("weigh the body" in s for s in pipeline.identifiability()["advice"])
 
 
-def test_known_stiffness_anchors_the_mass():
+def test_a_known_stiffness_is_a_scale_reference_of_the_mass():
     """File mass and inertia 15 % too high: mass within 3 %, stiffness in absolute terms within 4 %."""
     cab, data, _ = world(0, 14.0)
     vehicle = believed_vehicle(data, Belief(mass_off=0.15, mass_std=0.2, stiffness_std=0.4), seed=0)
@@ -191,7 +191,7 @@ def test_known_stiffness_anchors_the_mass():
     assert abs(rear.value / cab.stiffness[3, 2] - 1.0) < 0.04
 
 
-def test_load_cell_anchors_the_mass():
+def test_a_load_cell_is_a_scale_reference_of_the_mass():
     """Forces for a file mass 10 % too high against a cell: factor 1/1.1 within its stated standard deviation times three."""
     _, _, vehicle = world(0, 14.0)
     pipeline = Pipeline(vehicle)

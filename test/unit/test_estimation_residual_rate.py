@@ -34,7 +34,7 @@ def windows(true, guess, error=0.0):
 
 
 @pytest.mark.parametrize("true", [(0.02, 0.0, 0.35), (0.25, -0.1, 0.2)])
-def test_a_body_that_turns_tells_its_rate(true):
+def test_the_rate_of_a_rotating_body_is_observable(true):
     state, tilt, yaw = windows(np.array(true), np.array(true) + np.array([0.04, -0.04, -0.06]))
     std = np.sqrt([tilt[1, 1], tilt[1, 1], yaw[1, 1]])
     assert np.all(np.abs(state[1] - true) < 3.0 * std)
@@ -42,7 +42,7 @@ def test_a_body_that_turns_tells_its_rate(true):
     assert yaw[1, 1] < 0.05**2
 
 
-def test_a_body_that_does_not_turn_tells_nothing():
+def test_without_rotation_no_rate_is_taken():
     state, tilt, yaw = windows(np.zeros(3), np.zeros(3))
     np.testing.assert_allclose(state[1], 0.0, atol=0.01)
     # what is left to know is as wide as before: a hundredth for the noise that looks like turning

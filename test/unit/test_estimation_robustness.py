@@ -217,7 +217,7 @@ def test_a_refused_sensor_is_still_refused_after_a_restart():
 
 
 @pytest.mark.parametrize(("leaning", "refused"), [("all", ()), ("one", ("chassis_front_left",))])
-def test_a_body_that_leans_in_a_bend_accuses_no_base_sensor(leaning, refused):
+def test_a_body_that_rolls_in_a_bend_is_no_fault_of_a_base_sensor(leaning, refused):
     """Two m/s^2 sideways, twelve degrees, between the body and all its bases is a lean; of one base alone it is its fault."""
     vehicle = load_vehicle("truck_cab")
     pipeline = Pipeline(vehicle)
@@ -230,7 +230,7 @@ def test_a_body_that_leans_in_a_bend_accuses_no_base_sensor(leaning, refused):
     assert tuple(n for n, s in pipeline.health().sensors.items() if s.refused) == refused
 
 
-def test_a_body_that_pitches_hard_on_soft_mounts_accuses_no_sensor():
+def test_a_body_that_pitches_hard_on_soft_mounts_is_no_fault_of_a_sensor():
     """Nine rad/s^2 at 1.2 Hz: the slow mean at a bracket 1.1 m away still swings by 1.6 m/s^2 about that of the body."""
     vehicle = load_vehicle("truck_cab")
     centre = np.asarray(vehicle.bodies["cab"].cg)

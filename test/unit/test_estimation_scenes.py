@@ -33,7 +33,7 @@ def scenes():
 
 
 @pytest.mark.slow
-def test_a_load_without_an_anchor_is_followed_named_and_doubted(scenes):
+def test_a_load_without_a_scale_reference_is_followed_named_and_suspect(scenes):
     """A fifth of the mass comes on: k/m within 3 % after 15 s, a sentence, forces within the widened intervals."""
     figures = {}
     said = scenes.payload(3531, None, 0.0, False, figures)

@@ -19,7 +19,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 
 VEHICLE = load_vehicle(pathlib.Path(__file__).parents[2] / "config/vehicles/truck_cab.yaml")
 #: sensors with a noise of 0.0002 m/s^2
-ARRANGEMENT = geometry_of(VEHICLE.with_noise_scaled(0.01))
+GEOMETRY = geometry_of(VEHICLE.with_noise_scaled(0.01))
 G, DT, BLOCK = 9.80665, 0.01, 10
 ANGLE = np.radians(0.3)
 #: what sensors in good order read wrongly of an acceleration: 0.3 % of gain and 0.004 rad
@@ -35,7 +35,7 @@ def pulling_away(seconds: float) -> np.ndarray:
 
 def test_attitude_returns_after_pulling_away_with_quiet_sensors_at_a_slight_angle():
     rng = np.random.default_rng(3)
-    a = ARRANGEMENT
+    a = GEOMETRY
     estimator = CgMotionEstimator(a.body_sensors, a.body.cg, a.free, G)
     for s in range(len(a.body_sensors)):
         estimator.set_variance(s, np.full(3, 0.002**2))
@@ -59,7 +59,7 @@ def test_attitude_returns_after_pulling_away_with_quiet_sensors_at_a_slight_angl
 
 
 def test_deflections_stay_near_while_bracket_sensors_at_an_angle_pull_away():
-    a = ARRANGEMENT
+    a = GEOMETRY
     count = len(a.mounts)
     estimator = DeflectionEstimator(a, BracketTilt(a))
     force = pulling_away(20.0)

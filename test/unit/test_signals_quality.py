@@ -197,7 +197,7 @@ def test_hardly_any_samples_are_no_crash(count: int) -> None:
         ([3.0, 0.0, 9.3], "off the z axis"),
     ],
 )
-def test_gravity_tells_axes_and_units(mean: list[float], words: str) -> None:
+def test_gravity_shows_axes_and_units(mean: list[float], words: str) -> None:
     found = gravity_findings(np.array(mean), G)
     assert any(words in f for f in found), found
 

@@ -64,7 +64,7 @@ def test_transfer_function_of_a_gain_with_delay_has_its_phase_and_full_coherence
     assert h.coherence[k] > 0.99
 
 
-def test_spectrum_correlation_cannot_tell_two_unrelated_roads():
+def test_spectrum_correlation_does_not_distinguish_two_unrelated_roads():
     """Document 000 validates with this score: it says 0.9 where the signals share nothing."""
     colour = np.exp(-np.arange(200) / 20.0)
     a, b = (np.convolve(noise(s, 20_000), colour)[:20_000] for s in (6, 7))

@@ -130,7 +130,7 @@ def test_transducers_speed_gyro_and_load_cell_are_recorded():
     np.testing.assert_allclose(channels["vehicle_speed"].values, 14.0, atol=1e-9)
 
 
-def test_a_payload_of_twenty_percent_comes_aboard_and_stays():
+def test_a_payload_of_twenty_percent_is_added_and_stays():
     load = Payload("cab", 240.0, np.array([-0.2, 0.1, 0.0]), 2.0, 0.5)
     run = run_scenario(scenario(road=RoadSpec(CLASS_ROUGHNESS["B"]), payloads=(load,), duration=12.0), CAB)
     signals = run.truth.signals

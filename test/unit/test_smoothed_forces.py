@@ -98,7 +98,7 @@ def drawn(seed: int = 41, duration: float = 10.0, kind: str = "air"):
 
 
 @functools.cache
-def looked_at() -> OfflineRun:
+def shared_run() -> OfflineRun:
     _, vehicle, record = drawn()
     return run_offline(record, Pipeline(vehicle))
 
@@ -113,7 +113,7 @@ def error(run: OfflineRun, data, force: np.ndarray, since: float = 2.0) -> np.nd
 
 def test_smoothed_forces_are_nearer_to_the_truth_and_no_surer_than_they_are() -> None:
     data, _, _ = drawn()
-    run = looked_at()
+    run = shared_run()
     assert isinstance(run.smoothed, SmoothedForces)
     live, later = (error(run, data, force) for force in (run.signals["mount_force"], run.force))
     # a run of ten seconds: most of it is before the online estimator knows the mounts
@@ -129,9 +129,9 @@ def test_smoothed_forces_are_nearer_to_the_truth_and_no_surer_than_they_are() ->
 def test_the_online_estimate_and_its_digest_stay_what_they_are() -> None:
     _, vehicle, record = drawn()
     bare = run_offline(record, Pipeline(vehicle), smoothing=False)
-    assert bare.digest == looked_at().digest
+    assert bare.digest == shared_run().digest
     for name, values in bare.signals.items():
-        assert np.array_equal(values, looked_at().signals[name]), name
+        assert np.array_equal(values, shared_run().signals[name]), name
     assert isinstance(bare.smoothed, str)
     assert bare.force is bare.signals["mount_force"]
     assert "not smoothed" in bare.forces_in_words()
@@ -147,7 +147,7 @@ def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:
     assert isinstance(run.smoothed, SmoothedForces)
     assert np.isfinite(run.force).all() and np.isfinite(run.force_std).all() and (run.force_std > 0.0).all()
     time = (run.stamp_ns - START_NS) * 1e-9
-    whole = looked_at()
+    whole = shared_run()
     beside = (time > 4.9) & (time < 5.3)
     # what is stated there is as wide as the online estimate says, wider than without the gap and no narrower than the error
     assert np.mean(run.force_std[beside]) > 1.5 * np.mean(whole.force_std[beside[: len(whole.stamp_ns)]])
@@ -156,7 +156,7 @@ def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:
     assert run.smoothed.share < whole.smoothed.share  # type: ignore[union-attr]
 
 
-def test_a_break_in_time_makes_two_stretches() -> None:
+def test_a_break_in_time_makes_two_segments() -> None:
     _, vehicle, record = drawn()
     late = {}
     for name, c in record.channels.items():
@@ -166,7 +166,7 @@ def test_a_break_in_time_makes_two_stretches() -> None:
     assert isinstance(run.smoothed, SmoothedForces)
     assert run.smoothed.share > 0.5
     assert np.isfinite(run.force).all() and np.isfinite(run.force_std).all()
-    whole = looked_at()
+    whole = shared_run()
     first = (run.stamp_ns - START_NS) * 1e-9 < 3.0
     count = int(first.sum())
     scale = whole.force[:count].std(axis=0)

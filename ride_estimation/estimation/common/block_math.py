@@ -41,7 +41,7 @@ def _cross(a: Array, b: Array, out: Array) -> None:
 
 @compile_kernel
 def follow_squares(signals: Array, gain: Array, square: Array) -> None:
-    """Let ``square`` (M, 3) follow the mean square of ``signals`` (K, M, 3) with a gain per row (M,), in place."""
+    """Let ``square`` (M, 3) follow the mean square of ``signals`` (K, M, 3): ``s + g (<x^2> - s)``, g per row (M,), in place."""
     ticks = signals.shape[0]
     for m in range(square.shape[0]):
         for a in range(3):
@@ -176,8 +176,8 @@ def follow_moments(values: Array, columns: IntArray, keep: float, total: Array, 
                 square[n, m] += row[n] * row[m]
 
 
-def stretches(valid: NDArray[np.bool_], longest: int) -> list[int]:
-    """Return where stretches with the same sensors end, at most ``longest`` ticks each; shape of ``valid`` (K, S)."""
+def segment_ends(valid: NDArray[np.bool_], longest: int) -> list[int]:
+    """Return where segments with the same sensors end, at most ``longest`` ticks each; shape of ``valid`` (K, S)."""
     ticks = len(valid)
     ends = set(range(longest, ticks, longest)) | {ticks}
     if not valid.all():

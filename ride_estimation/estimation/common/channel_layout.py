@@ -67,7 +67,7 @@ class ChannelLayout:
         Parameters
         ----------
         geometry
-            Which sensor tells what.
+            Which sensor measures what.
         sensors
             One per stream.
         columns

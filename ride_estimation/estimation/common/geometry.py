@@ -22,9 +22,10 @@ from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
 Array = NDArray[np.float64]
 
 ACCELEROMETERS = ("accelerometer", "imu")
-#: distance of a base sensor from its mount that matters [m], extent across their longest line that base sensors need to tell the
-#: rotation of the frame [m]
-AWAY, LEAST_SPREAD = 0.02, 0.2
+#: distance of a base sensor from its mount that matters [m]
+AWAY = 0.02
+#: extent across their longest line that base sensors need to determine the rotation of the frame [m]
+LEAST_SPREAD = 0.2
 #: largest cosine of a body axis and a sensor axis that is not measured
 _ASKEW = 0.1
 #: how brackets follow the twist of their frame until it is known, alike in roll and pitch, see :func:`relative_tilt_maps`
@@ -115,7 +116,7 @@ class Geometry:
 
     @property
     def base_observable(self) -> NDArray[np.bool_]:
-        """Return along which axes base sensors tell the deflection of a mount well enough for its law, shape (M, 3).
+        """Return along which axes base sensors determine the deflection of a mount well enough for its law, shape (M, 3).
 
         Sideways only where every base is measured in all axes: mounts are stiff there, hundredths of a millimetre are forces, and
         gravity comes in with every error of the tilt.
@@ -280,7 +281,7 @@ def base_transport(mounts: Sequence[Mount], sensors: Sequence[Sensor | None]) ->
 
     ``a_mount = a_sensor + alpha x (r_mount - r_sensor)`` with the angular acceleration of the frame at that mount from the base
     sensors themselves (rigid frame, with four or more also its twist). Centripetal terms, ``|omega|^2`` times the distance, are
-    left out. None where no sensor is away from its mount, or where the sensors do not tell the rotation of the frame: fewer
+    left out. None where no sensor is away from its mount, or where the sensors do not determine the rotation of the frame: fewer
     than three, or nearly on one line.
 
     Parameters

@@ -22,6 +22,37 @@ def plain(state: Any) -> Any:
     return [plain(value) for value in state] if isinstance(state, (list, tuple)) else state
 
 
+def fields_of(owner: object, names: Sequence[str]) -> dict[str, Any]:
+    """Return attributes as JSON can hold them, by their names without a leading underscore."""
+    return {name.removeprefix("_"): plain(getattr(owner, name)) for name in names}
+
+
+def take_fields(owner: object, names: Sequence[str], saved: Mapping[str, Any]) -> None:
+    """Set attributes from :func:`fields_of`; types, and shapes of arrays, are those of the present ones.
+
+    Parameters
+    ----------
+    owner
+        Whose attributes.
+    names
+        Of the attributes.
+    saved
+        Values by name without a leading underscore.
+
+    Raises
+    ------
+    ValueError
+        An array of another size.
+    """
+    for name in names:
+        own, value = getattr(owner, name), saved[name.removeprefix("_")]
+        if isinstance(own, np.ndarray):
+            setattr(owner, name, np.array(value, dtype=own.dtype).reshape(own.shape))
+        else:
+            kind = bool if isinstance(own, (bool, np.bool_)) else int if isinstance(own, (int, np.integer)) else float
+            setattr(owner, name, kind(value))
+
+
 def all_finite(state: Any) -> bool:
     """Return whether every number in a state is finite."""
     if isinstance(state, np.ndarray):

@@ -7,11 +7,12 @@ from the body's motion minus that of the base sensors. All signals pass one high
 relative acceleration passes it divided by s^2 and s. Where a displacement transducer measures x itself, its difference from that
 x, as a force, is a further equation.
 
-Every hypothesis is a linear map of the base readings: one sensor too strong or too weak, inverted, late, of no use at all (the
-plane through the other bases is then the best guess of its motion), or two of them exchanged. The residual sum of squares under
-each, with k and c fitted anew about the vehicle file, follows from one matrix of fading second moments of all signals. A stiffer
-mount, a softer one or other damping is thus no error of a sensor, and a law that is not linear is explained by none of them. What
-lessens the residual several times, and clearly more than any error of another sensor does, is the error.
+Every hypothesis is a linear map of the base readings: one sensor too strong or too weak, inverted, late, without any relation
+to the motion (the plane through the other bases is then the best guess of its motion), or two of them exchanged. The residual
+sum of squares under each, with k and c fitted anew about the vehicle file, follows from one matrix of fading second moments of
+all signals. A stiffer mount, a softer one or other damping is thus no error of a sensor, and a law that is not linear is
+explained by none of them. What lessens the residual several times, and clearly more than any error of another sensor does, is
+the error.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from ride_estimation.estimation.common.geometry import Geometry, base_transport
+from ride_estimation.estimation.faults.left_out import BaseSensorTest
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.tangent import tangent
@@ -34,37 +36,54 @@ Array = NDArray[np.float64]
 
 #: corner of the high-pass [Hz]: at half a hertz a base moves many times farther than its mount deflects
 _CORNER_HZ = 0.5
-#: data taken at once, memory of the moments, least data before anything is judged [s]
-_CHUNK, _MEMORY, _LEAST = 0.5, 2.0, 4.0
+#: data taken at once [s]
+_CHUNK = 0.5
+#: memory of the moments [s]
+_MEMORY = 2.0
+#: least data before anything is judged [s]
+_LEAST = 4.0
 #: time in which the filters forget how they began [s]
 _SETTLE = 2.0
-#: errors that are looked for: reading over true motion, and delay [s]; smaller ones are within tolerance or a matter for the test
+#: errors that are tested: reading over true motion, and delay [s]; smaller ones are within tolerance or a matter for the test
 #: over the whole run
 _GAINS = (-1.0, 0.4, 0.6, 0.77, 1.3, 1.7, 2.5)
 _DELAYS = (-0.03, -0.02, -0.01, 0.01, 0.02, 0.03)
-#: factor by which an error must lessen the squared residual, and do so better than any error of other sensors
-_BETTER, _RIVAL = 2.0, 1.5
-#: factor from which on nothing is learned until the next looks tell more; smaller ones where the run showed less: laws that no
-#: stiffness and damping describe, as of rubber, look a little like a delay all the time, an error that comes while driving not
-_HINT, _NEW, _NEW_HINT = 1.4, 1.5, 1.25
+#: factor by which an error must lessen the squared residual
+_BETTER = 2.0
+#: factor by which it must do so better than any error of other sensors
+_RIVAL = 1.5
+#: factor from which on no parameters are updated until the next tests decide
+_HINT = 1.4
+#: the two factors over that which the run usually shows: laws that no stiffness and damping describe, as of rubber, resemble a
+#: delay a little all the time, an error that comes while driving does not
+_NEW = 1.5
+_NEW_HINT = 1.25
 #: factor by which an error would raise the residual where there is none: only then its absence is seen
 _SHOWS = 1.3
 #: time without a sign of an error before one that comes is known to have come while driving [s]
 _PROVEN = 10.0
-#: rise of the residual above that of the run that is suspicious, and time over which the run's may change [s]
-_RISE, _RUN = 4.0, 30.0
-#: looks in a row that must agree, and looks in a row after which a sensor is used again
-_AGREE, _RECOVER = 2, 4
+#: rise of the residual above that of the run that is suspicious
+_RISE = 4.0
+#: time over which the residual of the run may change [s]
+_RUN = 30.0
+#: tests in a row that must agree
+_AGREE = 2
+#: tests in a row without the error after which a sensor is used again
+_RECOVER = 4
 #: least singular value of the places of bases, in units of their spread, that make a plane
 _PLANE = 0.1
-#: least squared residual, as a share of the squared load, that is suspicious, and in which an error is sought: a gain of 1.2 of
-#: one base, fitted by softer mounts, leaves no more than that
-_MATTERS, _TELLS = 0.002, 0.0005
+#: least squared residual that is suspicious, share of the squared load
+_MATTERS = 0.002
+#: least squared residual in which an error is sought: a gain of 1.2 of one base, fitted by softer mounts, leaves no more
+_DECIDES = 0.0005
 #: least motion of the body, root mean square of the filtered vertical load over the weight
 _MOVING = 0.005
-#: relative standard deviation of stiffness and damping about the file, share of the load that no linear law explains, and
+#: relative standard deviation of stiffness and damping about the file
+_PRIOR = 0.5
+#: share of the load that no linear law explains
+_UNEXPLAINED = 0.001
 #: independent averages per second
-_PRIOR, _UNEXPLAINED, _RATE = 0.5, 0.001, 8.0
+_RATE = 8.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +99,7 @@ class BaseError:
     rate: Array
 
 
-class BaseBalance:
+class BaseBalance(BaseSensorTest):
     """Judge the base sensors of a body by its vertical balance.
 
     Parameters
@@ -93,18 +112,15 @@ class BaseBalance:
         a = geometry
         self._count = count = len(a.mounts)
         sensors = [s for s in a.base_sensors if s is not None]
+        super().__init__(sensors, "wiring, gain, delay and fixing", "and with the motion of the body: ")
         vertical = [m.elements.get(AXES[2]) for m in a.mounts]
         prior = np.array([tangent(e) if e is not None else (0.0, 0.0) for e in vertical]).reshape(count, 2).T.ravel()
         triaxial = all(s.triaxial for s in sensors)
         self.possible = triaxial and 3 <= count == len(sensors) and bool(np.all(prior > 0.0) and np.all(a.free[[2, 3, 4]]))
-        #: mounts whose sensors are left out, with what is said of each
-        self.refused: dict[int, str] = {}
         #: two mounts whose sensors are exchanged, found just now
         self.exchanged: tuple[int, int] | None = None
-        self._said: frozenset[int] = frozenset()
         if not self.possible:
             return
-        self._names = tuple(s.name for s in sensors)
         arms = np.stack([np.ones(count), a.arms[:, 1], -a.arms[:, 0]])
         self._scale = np.sqrt(np.mean(arms**2, axis=1))
         self._arms = arms / self._scale[:, None]
@@ -185,15 +201,13 @@ class BaseBalance:
         streams
             Of the base sensors.
         """
-        new = [int(streams[m]) for m in self.refused if m not in self._said]
-        self._said = frozenset(self.refused)
         if self.unusual:
             verdict = dataclasses.replace(verdict, unusual=True)
-        return verdict.with_refused([int(streams[m]) for m in self.refused], new, self.suspicious + 2.0 * _MEMORY)
+        return self.without_refused(verdict, streams, self.suspicious + 2.0 * _MEMORY)
 
     @property
     def inconsistent(self) -> bool:
-        """Return whether one of the sensors may be wrong though nothing tells which: forces are less certain."""
+        """Return whether one of the sensors may be wrong though none can be isolated: forces are less certain."""
         return self.unusual or self.rises or self.undecided
 
     @property
@@ -237,7 +251,7 @@ class BaseBalance:
         self._ticks += len(load)
 
     def learn(self, dt: float) -> None:
-        """Look at what was gathered once it is a chunk."""
+        """Test what was gathered once it is a chunk."""
         if self._ticks * dt < _CHUNK:
             return
         forces, displaced, body, readings = (np.concatenate(parts) for parts in zip(*self._waiting))
@@ -292,10 +306,10 @@ class BaseBalance:
         others = [x for x, h in zip(left, self._hypotheses) if not set(h.sensors) & set(chosen.sensors)]
         if len(chosen.sensors) == 2:  # an error of one of them is no exchange
             others = [x for n, x in enumerate(left) if n != best]
-        better = left[0] / max(left[best], 1e-30) if left[0] > _TELLS * total else 1.0
+        better = left[0] / max(left[best], 1e-30) if left[0] > _DECIDES * total else 1.0
         usually = self._usually if self._followed > _PROVEN else math.inf
-        tells = better > min(_BETTER, _NEW * usually) and min(others) > _RIVAL * left[best]
-        self._agreed = self._agreed + 1 if tells and best == self._found else int(tells)
+        isolates = better > min(_BETTER, _NEW * usually) and min(others) > _RIVAL * left[best]
+        self._agreed = self._agreed + 1 if isolates and best == self._found else int(isolates)
         self._found = best
         share = float(left[0]) / total
         rises = self._followed > _LEAST and share > max(_RISE * self._usual, _MATTERS)
@@ -356,11 +370,7 @@ class BaseBalance:
             "the sensors at the mount bases contradict the motion of the body and no single error of one explains it: parameters "
             "are not updated meanwhile, forces are less certain: check wiring, gain and fixing of base sensors, and the mounts"
         ]
-        return (found if self.possible and self.unusual else []) + [
-            f"{self._names[m]} is not used: it disagrees with the other sensors at the mount bases and with the motion of the "
-            f"body: {words}: check its wiring, gain, delay and fixing"
-            for m, words in self.refused.items()
-        ]
+        return (found if self.possible and self.unusual else []) + super().messages()
 
     def save(self) -> dict[str, Any]:
         """Return the verdicts as a mapping that JSON can hold."""
@@ -370,4 +380,4 @@ class BaseBalance:
         """Continue from :meth:`save`."""
         if self.possible:
             self.refused = {int(m): str(words) for m, words in saved.items()}
-            self._said = frozenset(self.refused)
+            self._reported = frozenset(self.refused)

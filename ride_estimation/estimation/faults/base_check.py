@@ -1,12 +1,12 @@
 # Copyright 2026 ride_estimation contributors
 """Faults of base sensors that come while driving: horizontal motion of the bases against the usual one of a nearly rigid frame.
 
-In the plane a rigid frame has three accelerations, so N bases leave 2 N - 3 spare equations: longitudinal motion is linear in
-y, lateral in x. How far a frame bends and its brackets tilt is its own affair; what counts is the residual, relative to the
-motion, now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have nothing to
-spare. A faulty sensor still answers to the motion, late, turned or too strongly, so its residual follows from the motion of the
-others now and a little earlier; a bump that bends the frame at one mount does not. A sensor whose error explains the rise is
-treated as missing; where none does, parameters are not updated meanwhile.
+In the plane a rigid frame has three accelerations, so N bases leave 2 N - 3 redundant equations: longitudinal motion is linear
+in y, lateral in x. How far a frame bends and its brackets tilt is its own affair; what counts is the residual, relative to the
+motion, now over that of the run so far. The vertical readings are left out: a frame twists, and four bases then have no
+redundancy. A faulty sensor still answers to the motion, late, turned or too strongly, so its residual follows from the motion
+of the others now and a little earlier; a bump that bends the frame at one mount does not. A sensor whose error explains the
+rise is treated as missing; where none does, parameters are not updated meanwhile.
 """
 
 from __future__ import annotations
@@ -20,31 +20,43 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from ride_estimation.estimation.faults.base_kernel import follow_bases
+from ride_estimation.estimation.faults.left_out import DISAGREES
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
+from ride_estimation.estimation.sensor_errors.isolation import Redundancy, isolated
 from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.alignment import Block
 
 Array = NDArray[np.float64]
-
-DISAGREES = "disagrees with the other sensors at the mount bases"
 #: corner of the high-pass [Hz]: below, tilting brackets turn gravity into horizontal readings
 _CORNER_HZ = 2.0
-#: memory of the residual now and over the run [s], time before anything is judged [s]
-_NOW, _RUN, _LEAST = 0.5, 30.0, 5.0
-#: root mean square relative residual now over that of the run: inconsistency begins and ends
-_BEGINS, _ENDS = 2.2, 1.5
-#: share of the motion that frames bend anyway, least relative residual that matters, motion it needs [m/s^2]
-_SHARE, _MATTERS, _MOVING = 0.05, 2.0, 0.1
+#: memory of the residual now [s]
+_NOW = 0.5
+#: memory of the residual of the run [s]
+_RUN = 30.0
+#: time before anything is judged [s]
+_LEAST = 5.0
+#: root mean square relative residual now over that of the run at which inconsistency begins
+_BEGINS = 2.2
+#: the same at which it ends
+_ENDS = 1.5
+#: share of the motion that frames bend anyway
+_SHARE = 0.05
+#: least relative residual that matters
+_MATTERS = 2.0
+#: motion that the test needs [m/s^2]
+_MOVING = 0.1
 #: largest residual of one block that the run takes in, as a multiple of its own
 _OUTLIER = 4.0
-#: share of the residual one sensor must explain, and how much less every other must
-_EXPLAINED, _RIVAL = 0.7, 0.9
-#: share of the rise of the residual that must follow from the motion, of the sensor that is blamed or else of all together
+#: share of the residual one sensor must explain
+_EXPLAINED = 0.7
+#: singular values of what the other sensors leave to one of them that count as zero, as a share of the largest
+_RANK = 1e-3
+#: share of the rise of the residual that must follow from the motion, of the sensor that is suspected or else of all together
 _FOLLOWS = 0.7
-#: how much earlier that may be [s]: between and a little beyond, two samples of a motion of a few hertz tell the others
+#: how much earlier that may be [s]: between and a little beyond, two samples of a motion of a few hertz determine the others
 _EARLIER = 0.02
-#: longest inconsistency without a culprit: what stays as it is belongs to this vehicle and its road [s]
+#: longest inconsistency without an isolated sensor: what stays as it is belongs to this vehicle and its road [s]
 _LONGEST = 60.0
 
 
@@ -70,9 +82,7 @@ class BaseCheck:
         rigid[0::2, 0], rigid[1::2, 1] = 1.0, 1.0
         rigid[0::2, 2], rigid[1::2, 2] = -place[:, 1], place[:, 0]
         self._project = np.eye(2 * count) - rigid @ np.linalg.pinv(rigid, rcond=1e-6)
-        self._spare = float(np.trace(self._project)) if count else 0.0
-        blocks = [self._project[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(count)]
-        self._inverse = [np.linalg.pinv(b, rcond=1e-3, hermitian=True) for b in blocks]
+        self._redundancy = Redundancy.of(self._project, 2, _RANK)
         # slopes of the vertical readings along x and y, and what such a rotation does at other heights
         plane = np.linalg.pinv(np.column_stack([np.ones(count), place[:, :2]]), rcond=1e-3) if count else np.zeros((3, 0))
         lift = np.zeros((count, 2 * count))
@@ -84,8 +94,8 @@ class BaseCheck:
             self._to_plane[3 * i : 3 * i + 3] -= np.outer(s.rotation[2], lift[i])
         noise = float(np.mean([s.noise_std**2 for s in sensors])) if count else 0.0
         misread = pooled([s.tolerated_installation for s in sensors]).cross_sensitivity
-        #: noise variance, square of the share by which readings of frames and of good sensors differ anyway, spare equations
-        self._numbers = np.array([noise, _SHARE**2 + misread**2, self._spare])
+        #: noise variance, square of the share by which readings of frames and of good sensors differ anyway, redundant equations
+        self._numbers = np.array([noise, _SHARE**2 + misread**2, np.trace(self._project)])
         self.possible = count >= 3 and all(s.triaxial and s.coupling == sensors[0].coupling for s in sensors)
         self.ticks: dict[int, int] = {}
         self.reset()
@@ -103,7 +113,7 @@ class BaseCheck:
 
     @property
     def inconsistent(self) -> bool:
-        """Return whether the sensors disagree and nothing tells which is wrong."""
+        """Return whether the sensors disagree and none can be isolated."""
         return self.unusual and self.refused is None
 
     def judged(self, block: Block, verdict: GateVerdict, dt: float) -> GateVerdict:
@@ -164,7 +174,7 @@ class BaseCheck:
         if not self.unusual:
             self.refused = None
         elif not was or self.refused is None:
-            self.refused = self._blamed(needed)
+            self.refused = self._isolated(needed)
 
     def _ready(self, block: Block, dt: float) -> tuple[Array, Array]:
         """Return the filter, at rest before the first block."""
@@ -178,15 +188,10 @@ class BaseCheck:
             self._before = np.zeros((max(1, round(_EARLIER / dt)), len(self._project)))
         return b, a
 
-    def _blamed(self, follows: float) -> int | None:
+    def _isolated(self, follows: float) -> int | None:
         """Return the sensor whose error explains the residual and follows so much from the motion, None where several could."""
-        total = float(np.trace(self._moments))
-        part = [self._moments[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(len(self._sensors))]
-        explained = np.array([float(np.sum(inverse * p)) for inverse, p in zip(self._inverse, part)]) / max(total, 1e-30)
-        best = int(np.argmax(explained))
-        rival = float(np.delete(explained, best).max())
-        tells = explained[best] > _EXPLAINED and rival < _RIVAL * explained[best]
-        return best if tells and self._following()[0][best] > follows else None
+        sensor = isolated(self._redundancy.explained(self._moments), _EXPLAINED)
+        return sensor if sensor is not None and self._following()[0][sensor] > follows else None
 
     def _following(self) -> tuple[Array, float]:
         """Return which share of the residual follows from the rigid motion, of every sensor (N,) and of all together."""

@@ -7,11 +7,11 @@ horizontal readings, and 10 Hz, below which a frame is hardly anything but rigid
 only what is far beyond that counts as an error of a sensor (:data:`_FRAME`); such a sensor is treated as missing. A place that
 is off is not determined at all: brackets of a frame that twists and bends move sideways as if they stood a metre away.
 
-Axes that are exchanged or inverted are looked for directly. With ``P = I - H H^+`` the spare equations of such a frame and C
+Axes that are exchanged or inverted are tested directly. With ``P = I - H H^+`` the redundant equations of such a frame and C
 the moments of the readings the squared misfit is ``tr(P C)``; with other axes of one sensor, a signed permutation S that fits
 gravity, it is ``tr(P S C S^T)``. Where that is several times smaller, and no axes of another sensor do it, S is found.
 
-A smaller gain or tilt has two witnesses. A reading that is (I + E) times the true one shows ``E g`` at rest and E in motion; a
+A smaller gain or tilt shows twice. A reading that is (I + E) times the true one shows ``E g`` at rest and E in motion; a
 bias shows the first only, a bending frame the second only. Where both are there and agree, nothing learned is called valid;
 where the mean alone differs from those of the other bases that is said.
 """
@@ -29,7 +29,9 @@ from scipy import signal
 
 from ride_estimation.estimation.common.block_math import biquad_block
 from ride_estimation.estimation.common.geometry import LEAST_SPREAD, channel_geometry
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.faults.base_kernel import follow_means
+from ride_estimation.estimation.faults.left_out import BaseSensorTest
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.estimation.sensor_errors.sensor_faults import Fault, FaultTest
 from ride_estimation.sensors.layout import motion_rows
@@ -45,18 +47,26 @@ _BAND = (2.0, 10.0)
 #: as a bias [m/s^2], gain, angle [rad], place [m] and delay [s]: a bending of a tenth of the motion, with a loss factor
 #: of a tenth a quarter of a millisecond at 6 Hz
 _FRAME = (0.3, 0.1, 0.1, 0.1, 0.001)
-#: data taken at once [s], least motion [m/s^2], and share of the deviations that an error of one sensor must explain
-_CHUNK, _MOVING, _EXPLAINED = 1.0, 0.1, 0.4
+#: data taken at once [s]
+_CHUNK = 1.0
+#: least motion [m/s^2]
+_MOVING = 0.1
+#: share of the deviations that an error of one sensor must explain
+_EXPLAINED = 0.4
 #: the share that it must explain where another sensor could be meant: what is left then is as small as a bending frame leaves it
 _ONE_OF_FEW = 0.85
 #: logarithm of the probability within tolerance below which an error is as large as the motion: a quarter of a turn
 _GROSS = -300.0
-#: fewer bases do not tell a frame that twists, and moves its brackets sideways by that, from an error that is not gross
+#: fewer bases do not distinguish a frame that twists, and so moves its brackets horizontally, from an error that is not gross
 _TWISTING = 4
-#: averages before anything is judged, chunks before errors that are not gross are: their scatter has to be known
-_LEAST, _SETTLED = 90, 5
-#: chunks that are judged one by one, and time between two judgements later, as a share of all
-_FIRST, _LATER = 20, 0.1
+#: averages before anything is judged
+_LEAST = 90
+#: chunks before errors that are not gross are judged: their scatter has to be known
+_SETTLED = 5
+#: chunks that are judged one by one
+_FIRST = 20
+#: time between two judgements later, as a share of all
+_LATER = 0.1
 #: axes other than those of the vehicle file: signed permutations, shape (47, 3, 3)
 _AXES = np.array(
     [
@@ -64,19 +74,29 @@ _AXES = np.array(
         for order, signs in itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3))
     ]
 )[1:]
-#: factor by which other axes must lessen the squared misfit and be better than those of every other sensor (half of the amplitude
-#: at least), memory of the moments [s], chunks they need, and mean that may stay, as the gate lets it pass [m/s^2]
-_BETTER, _MEMORY, _LEAST_CHUNKS, _UPRIGHT = 4.0, 10.0, 2, 1.5
+#: factor by which other axes must lessen the squared misfit and be better than those of every other sensor: half of the amplitude
+_BETTER = 4.0
+#: memory of the moments [s]
+_MEMORY = 10.0
+#: chunks that the moments need
+_LEAST_CHUNKS = 2
+#: mean that may stay with other axes, as the gate lets it pass [m/s^2]
+_UPRIGHT = 1.5
 #: share of what a verdict needed that keeps it
 _KEEPS = 0.5
-#: least mean off gravity that is said, as a share of it, and in standard deviations of the installation; agreement of the two
-#: witnesses, as a share of them
-_MEAN_OFF, _STDS, _AGREE = 0.03, 3.0, 0.35
-#: least time of means [s], their memory [s]
-_MEAN_LEAST, _MEAN_MEMORY = 5.0, 60.0
+#: least mean off gravity that is reported, as a share of it
+_MEAN_OFF = 0.03
+#: the same in standard deviations of the installation
+_STDS = 3.0
+#: agreement of mean and motion, as a share of them
+_AGREE = 0.35
+#: least time of means [s]
+_MEAN_LEAST = 5.0
+#: memory of means [s]
+_MEAN_MEMORY = 60.0
 
 
-class BaseFaults:
+class BaseFaults(BaseSensorTest):
     """Judge the accelerometers at the mount bases over the whole run.
 
     Parameters
@@ -90,6 +110,7 @@ class BaseFaults:
     """
 
     def __init__(self, sensors: Sequence[Sensor], streams: Sequence[int], columns: Sequence[int], gravity: float) -> None:
+        super().__init__(sensors, "rotation, gain, delay and fixing")
         self._sensors = tuple(sensors)
         self._streams = np.array(streams, dtype=np.int64)
         self._columns = np.array([[c, c + 1, c + 2] for c in columns], dtype=np.int64).ravel()
@@ -101,8 +122,7 @@ class BaseFaults:
         self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
         self._dc = np.array([s.coupling == "dc" for s in sensors], dtype=bool)
         self._least_mean = [max(_MEAN_OFF, _STDS * s.tolerated_installation.offset(gravity) / gravity) for s in sensors]
-        #: sensors that are left out, and what is said about them; what is said about sensors that are used
-        self.refused: dict[int, str] = {}
+        #: what is said about sensors that are used
         self.suspects: dict[str, str] = {}
         if not self.possible:
             return
@@ -154,12 +174,10 @@ class BaseFaults:
             self._ticks += len(values)
         elif self._step:
             self.reset()
-        if not self.refused:
-            return verdict
-        return verdict.without(self._streams[list(self.refused)])
+        return self.without_refused(verdict, self._streams, math.inf)
 
     def learn(self, dt: float) -> None:
-        """Look at what :meth:`judged` gathered once it is a chunk; takes milliseconds, so after the forces of a block are out."""
+        """Test what :meth:`judged` gathered once it is a chunk; takes milliseconds, so after the forces of a block are out."""
         if self.possible and self._ticks * dt >= _CHUNK:
             self._take(np.concatenate(self._waiting), dt)
             self._waiting, self._ticks = [], 0
@@ -309,11 +327,7 @@ class BaseFaults:
 
     def messages(self) -> list[str]:
         """Return one sentence per sensor that is left out or suspect."""
-        found = [
-            f"{self._sensors[i].name} is not used: it disagrees with the other sensors at the mount bases {words}: check its "
-            "rotation, gain, delay and fixing"
-            for i, words in sorted(self.refused.items())
-        ]
+        found = super().messages()
         found += [f"{name} at the mount base may be wrong: {words}" for name, words in self.suspects.items()]
         if self.possible:
             unsaid = [i for i, s in enumerate(self._sensors) if i not in self.refused and s.name not in self.suspects]
@@ -326,7 +340,7 @@ class BaseFaults:
         if not self.possible:
             return {}
         return {
-            "test": self.test.save(), "mean": self._mean.tolist(), "mean_time": self._mean_time, "chunks": self._chunks,
+            "test": self.test.save(), **fields_of(self, ("_mean", "_mean_time", "_chunks")),
             "refused": {str(i): words for i, words in self.refused.items()}, "suspects": dict(self.suspects),
         }  # fmt: skip
 
@@ -336,10 +350,10 @@ class BaseFaults:
             return
         self.reset()
         self.test.load(saved["test"])
-        self._mean = np.array(saved["mean"], dtype=float).reshape(self._mean.shape)
-        self._mean_time, self._chunks = float(saved["mean_time"]), int(saved["chunks"])
+        take_fields(self, ("_mean", "_mean_time", "_chunks"), saved)
         self.refused = {int(i): str(words) for i, words in saved["refused"].items()}
         self.suspects = {str(name): str(words) for name, words in saved["suspects"].items()}
+        self._reported = frozenset(self.refused)
 
 
 def _ambiguous(fault: Fault) -> str:

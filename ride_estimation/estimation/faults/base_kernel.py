@@ -59,7 +59,7 @@ def follow_bases(
     before
         Last rigid motions, shape (L, 2 N), in place.
     numbers
-        Noise variance, square of the share that frames bend anyway, spare equations; shape (3,).
+        Noise variance, square of the share that frames bend anyway, redundant equations; shape (3,).
     gain
         Share of the block in the fading sums.
     size

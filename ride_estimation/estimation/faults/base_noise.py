@@ -15,26 +15,43 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.faults.left_out import BaseSensorTest
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-#: frequencies compared, lowest [Hz] and highest as a share of the tick rate, and how many there must be
-_LOWEST_HZ, _HIGHEST, _LEAST_LINES = 15.0, 0.495, 6
-#: data taken at once, memory of the spectra, least data before anything is judged [s]
-_CHUNK, _MEMORY, _LEAST = 1.0, 4.0, 2.0
-#: ratio of the power to that of the others: factor beyond the usual one that is noise, and below which it is none
-_NOISY, _QUIET = 3.0, 1.5
-#: usual ratio before the run tells it, time in which it does and time over which it may change [s]
-_USUAL, _FIRST, _RUN = 2.0, 5.0, 30.0
-#: power of a line over that of the others at its frequency, and over that of the sensor at the other frequencies
-_LINE, _STANDS_OUT = 20.0, 10.0
+#: lowest frequency compared [Hz]
+_LOWEST_HZ = 15.0
+#: highest frequency compared, share of the tick rate
+_HIGHEST = 0.495
+#: least number of frequencies
+_LEAST_LINES = 6
+#: data taken at once [s]
+_CHUNK = 1.0
+#: memory of the spectra [s]
+_MEMORY = 4.0
+#: least data before anything is judged [s]
+_LEAST = 2.0
+#: ratio of the power to that of the others over the usual one that is noise
+_NOISY = 3.0
+#: the same below which it is none
+_QUIET = 1.5
+#: usual ratio before the run determines it
+_USUAL = 2.0
+#: time in which the run determines it [s]
+_FIRST = 5.0
+#: time over which it may change [s]
+_RUN = 30.0
+#: power of a line over that of the others at its frequency
+_LINE = 20.0
+#: power of a line over that of the sensor at the other frequencies
+_PEAK = 10.0
 #: chunks in a row that must agree, also for the end
 _AGREE = 2
 
 
-class BaseNoise:
+class BaseNoise(BaseSensorTest):
     """Judge quick signals of the accelerometers at the mount bases.
 
     Parameters
@@ -44,14 +61,12 @@ class BaseNoise:
     """
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
-        self._names = tuple(s.name for s in sensors)
+        super().__init__(sensors, "wiring and fixing", "by ")
         self._rotation = np.array([s.rotation for s in sensors]).reshape(-1, 3, 3)
         self._variance = np.array([s.noise_std**2 for s in sensors])[:, None]
         self.possible = len(sensors) >= 3 and all(s.triaxial for s in sensors)
-        #: sensors that are left out, with what is said of each; lines of the others
-        self.refused: dict[int, str] = {}
+        #: lines of one frequency of sensors that are used
         self.lines: dict[int, str] = {}
-        self._said: frozenset[int] = frozenset()
         self.reset()
 
     def reset(self) -> None:
@@ -77,9 +92,7 @@ class BaseNoise:
         streams
             Of the base sensors.
         """
-        new = [int(streams[n]) for n in self.refused if n not in self._said]
-        self._said = frozenset(self.refused)
-        return verdict.with_refused([int(streams[n]) for n in self.refused], new, _MEMORY)
+        return self.without_refused(verdict, streams, _MEMORY)
 
     def interrupt(self) -> None:
         """Say that a block is missing."""
@@ -92,7 +105,7 @@ class BaseNoise:
         self._ticks += len(readings)
 
     def learn(self, dt: float) -> None:
-        """Look at what was gathered once it is a chunk."""
+        """Test what was gathered once it is a chunk."""
         if self._ticks * dt < _CHUNK:
             return
         readings = np.concatenate(self._waiting)
@@ -126,16 +139,16 @@ class BaseNoise:
                 self.refused.pop(n, None)
             if self._noisy[n] == 0 and n not in self.refused:
                 self._usual[n] += duration / min(_FIRST + self._age, _RUN) * (broad - self._usual[n])
-            self._look_for_lines(n, own, ratio, frequency)
+            self._find_lines(n, own, ratio, frequency)
 
     def _level(self, own: Array, unit: float) -> float:
         """Return the standard deviation of the white noise of the noisiest axis [m/s^2]."""
         # the median of a periodogram of white noise is log(2) times its mean
         return math.sqrt(float(np.median(own, axis=0).max()) / (unit * math.log(2.0)))
 
-    def _look_for_lines(self, n: int, own: Array, ratio: Array, frequency: Array) -> None:
+    def _find_lines(self, n: int, own: Array, ratio: Array, frequency: Array) -> None:
         peak, axis = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-        line = n not in self.refused and ratio[peak, axis] > _LINE and own[peak, axis] > _STANDS_OUT * np.median(own[:, axis])
+        line = n not in self.refused and ratio[peak, axis] > _LINE and own[peak, axis] > _PEAK * np.median(own[:, axis])
         self._lined[n] = self._lined[n] + 1 if line else 0
         if self._lined[n] >= _AGREE:
             self.lines[n] = f"a line of {frequency[peak]:.0f} Hz"
@@ -144,12 +157,7 @@ class BaseNoise:
 
     def messages(self) -> list[str]:
         """Return one sentence per sensor with noise or a line."""
-        found = [
-            f"{self._names[n]} is not used: it disagrees with the other sensors at the mount bases by {words}: check its wiring "
-            "and fixing"
-            for n, words in sorted(self.refused.items())
-        ]
-        return found + [
+        return super().messages() + [
             f"{self._names[n]} at the mount base shows {words} that none of the others does: electrical hum or a loose bracket"
             for n, words in sorted(self.lines.items())
         ]

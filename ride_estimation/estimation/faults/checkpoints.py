@@ -8,8 +8,10 @@ from typing import Any
 
 from ride_estimation.estimation.common.saved_state import all_finite
 
-#: distance of two copies, and how far they go back [s]; the newest that is older than the fault is taken
-_DISTANCE, _DEPTH = 1.0, 30.0
+#: distance of two copies [s]
+_DISTANCE = 1.0
+#: how far they go back [s]; the newest that is older than the fault is taken
+_DEPTH = 30.0
 
 
 class Checkpoints:

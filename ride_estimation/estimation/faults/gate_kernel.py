@@ -157,7 +157,7 @@ def find_jumps(
 
 @compile_kernel
 def median(values: Array, count: int) -> float:
-    """Return the median of the first ``count`` values, at least one; sorts them in place by insertion, for a few values."""
+    """Return the median of the first ``count`` values, shape (N,), at least one; sorts them in place by insertion: for a few."""
     for n in range(1, count):
         value, place = values[n], n
         while place > 0 and values[place - 1] > value:
@@ -170,7 +170,7 @@ def median(values: Array, count: int) -> float:
 
 @compile_kernel
 def median_root(square: Array, count: int) -> float:
-    """Return the median of the square roots of the first ``count`` values, 0 without any."""
+    """Return the median of the square roots of the first ``count`` values, shape (N,), 0 without any."""
     if count == 0:
         return 0.0
     chosen = np.empty(count)

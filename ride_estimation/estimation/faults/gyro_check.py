@@ -5,7 +5,7 @@ The accelerometers alone give the angular acceleration ``alpha = (H^+ y)_alpha``
 and alpha agree after ``alpha -> s / (s + c)^2 alpha`` and ``w -> s^2 / (s + c)^2 w``: integration and differentiation cancel, and
 biases of both are gone. The matrix that takes one to the other, ``M = <w a^T> <a a^T>^-1`` over the axes that turn, is the unit
 matrix; degrees per second make it 57.3 times that, an inverted axis a minus one on the diagonal. A gyro whose matrix is far from
-it is left out, the accelerometers then tell the rates; what was learned with it is forgotten.
+it is left out and rates follow from the accelerometers; estimates made with it are discarded.
 """
 
 from __future__ import annotations
@@ -24,14 +24,22 @@ from ride_estimation.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: corner of the sections [Hz], their settling time [s]; memory, least time of turning [s]
-_CORNER_HZ, _SETTLED, _MEMORY, _LEAST = 1.0, 1.0, 10.0, 0.8
+#: corner of the sections [Hz]
+_CORNER_HZ = 1.0
+#: time in which the sections forget their beginning [s]
+_SETTLED = 1.0
+#: memory of the moments [s]
+_MEMORY = 10.0
+#: least time of rotation [s]
+_LEAST = 0.8
 #: size of the turning that says something: multiple of what noise makes of it
 _TURNING = 6.0
 #: independent values of a turning of a few hertz per second
 _PER_SECOND = 4.0
-#: error of an element of the matrix that no gyro in good order has, and the significance it needs
-_WRONG, _SIGMAS = 0.3, 5.0
+#: error of an element of the matrix that no gyro in good order has
+_WRONG = 0.3
+#: standard deviations that such an error must be
+_SIGMAS = 5.0
 #: share of the readings that may contradict one rigid body for alpha to be believed
 _CONTRADICTION = 0.3
 #: units that are mistaken for rad/s: factor, words
@@ -64,7 +72,7 @@ class GyroCheck:
         whole[free] = inverse
         self._turn = whole[3:]
         self._project = np.diag(measured.astype(float)) - rows @ whole
-        self._spare = max(float(np.trace(self._project)), 1.0)
+        self._redundant = max(float(np.trace(self._project)), 1.0)
         self._noise = np.sqrt(np.square(self._turn) @ np.repeat([s.noise_std**2 for s in sensors], 3))
         #: words on the gyros that are left out
         self.found: dict[int, str] = {}
@@ -134,7 +142,7 @@ class GyroCheck:
         floor = _TURNING * self._noise / (2.0 * math.pi * _CORNER_HZ)
         turns = np.flatnonzero(np.diag(self._alpha) > self._time * floor**2)
         channels = len(self._project)
-        contradiction = (self._residual / self._spare) / max(self._size / channels, 1e-300)
+        contradiction = (self._residual / self._redundant) / max(self._size / channels, 1e-300)
         if self._time < _LEAST or not turns.size or contradiction > _CONTRADICTION**2:
             return []
         new = []

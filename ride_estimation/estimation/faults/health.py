@@ -68,7 +68,7 @@ class Health:
     ticks, invalid_ticks
         Ticks handed out, and those without complete motion.
     residual
-        Test of the spare CG equations.
+        Test of the redundant equations of the CG motion.
     equilibrium_ratio
         Mean squared residual of equilibrium per component over its stated variance.
     innovation_ratio
@@ -211,7 +211,7 @@ def sensor_health(
     clipped, invalid
         Ticks at full scale and without a sample, per stream.
     ratio
-        Residual over what its noise lets expect, where the sensor has spare equations.
+        Residual over what its noise lets expect, where the sensor has redundant equations.
     refused
         Per stream the ticks it was refused by reason.
     """

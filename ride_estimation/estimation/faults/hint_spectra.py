@@ -5,6 +5,8 @@ Spectra of four seconds (Hann, half overlapped) are averaged over a minute. A li
 scatter of an averaged periodogram lets expect (F distribution), both in the missing force and in its ratio to the force of the
 mounts: a line of the road or of the engine that the bases bring along shows in both alike and is no line of the ratio. It stands
 out of its nearest neighbours too: a resonance, as of wheels on their tyres, is wider than a line.
+
+The level of the tests gives :data:`FALSE_ALARMS_PER_HOUR` in all, counted over the independent tests of an hour.
 """
 
 from __future__ import annotations
@@ -13,24 +15,33 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ride_estimation.estimation.faults.hint_types import MEMORY, Hint, level
+from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.faults.hints import Hint
 from ride_estimation.frames import COORDINATES
 
 Array = NDArray[np.float64]
 
+#: false hints an hour of all tests together, by theory
+FALSE_ALARMS_PER_HOUR = 0.01
+#: memory of the spectra [s]; tests that far apart are independent
+_MEMORY = 60.0
 #: length of a spectrum [s], analysed band [Hz]
 _SEGMENT = 4.0
 _BAND = (0.5, 40.0)
-#: lines are looked for above [Hz]: below, slow errors of integrated deflections have edges of their own
+#: lines are sought above [Hz]: below, slow errors of integrated deflections have edges of their own
 _LOWEST_LINE = 3.0
-#: bins of a line beside its peak; bins beside the line that it is compared with, many for a sure level and few for a near one
-_LINE, _BESIDE = 2, (12, 2)
-#: spectra before the first look
+#: bins of a line beside its peak
+_LINE = 2
+#: bins beside the line that it is compared with: many for a sure level, few for a near one
+_BESIDE = (12, 2)
+#: spectra before the first test
 _LEAST_SEGMENTS = 12
-#: share of the force on the body, in amplitude, below which a line or a misfit is not worth a word
-_LEAST_LINE, _LEAST_MISFIT = 0.01, 0.25
+#: share of the force on the body, in amplitude, below which a line is not reported
+_LEAST_LINE = 0.01
+#: the same of a misfit
+_LEAST_MISFIT = 0.25
 #: forgetting per spectrum, two of them a segment
-_KEEP = 1.0 - 2.0 * _SEGMENT / MEMORY / 2.0
+_KEEP = 1.0 - 2.0 * _SEGMENT / _MEMORY / 2.0
 
 
 class SpectrumHints:
@@ -38,30 +49,29 @@ class SpectrumHints:
 
     Parameters
     ----------
-    body
-        Its name, for hints.
-    free
-        Which of the six coordinates it has, shape (6,).
+    geometry
+        Body and mounts; without the motion of their bases the forces are not tested.
     """
 
-    def __init__(self, body: str, free: NDArray[np.bool_]) -> None:
-        self._body = body
-        self._axes = np.flatnonzero(free)
+    def __init__(self, geometry: Geometry) -> None:
+        self._body, self._possible = geometry.body.name, geometry.has_base_motion
+        self._axes = np.flatnonzero(geometry.free)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
-        self._pending: Array = np.zeros((0, 12))
+        self._waiting: list[Array] = []
+        self._ticks, self._step = 0, 0.0
         self._power: Array = np.zeros((12, 0))
         self._weight, self._squares, self._segments = 0.0, 0.0, 0
-        self._step = 0.0
 
     def interrupt(self) -> None:
         """Begin a new segment after a gap."""
-        self._pending = np.zeros((0, 12))
+        self._transform()
+        self._waiting, self._ticks = [], 0
 
     def observe(self, support: Array, missing: Array, dt: float) -> None:
-        """Take some ticks without a gap.
+        """Take a block without a gap; a segment that it completes is transformed with the next one.
 
         Parameters
         ----------
@@ -70,14 +80,25 @@ class SpectrumHints:
         dt
             Tick [s].
         """
+        if not self._possible:
+            return
+        self._transform()
         if dt != self._step:
             self.reset()
             self._step = dt
-        self._pending = np.concatenate([self._pending, np.hstack([missing, support - missing])])
-        length = round(_SEGMENT / dt)
-        while len(self._pending) >= length:
-            self._add(self._pending[:length])
-            self._pending = self._pending[length // 2 :]
+        self._waiting.append(np.hstack([missing, support - missing]))
+        self._ticks += len(support)
+
+    def _transform(self) -> None:
+        """Add the segments that are complete; the second half of each is the first of the next."""
+        length = round(_SEGMENT / self._step) if self._step else 0
+        if not length or self._ticks < length:
+            return
+        waiting = np.concatenate(self._waiting)
+        while len(waiting) >= length:
+            self._add(waiting[:length])
+            waiting = waiting[length // 2 :]
+        self._waiting, self._ticks = [waiting], len(waiting)
 
     def _add(self, segment: Array) -> None:
         length = len(segment)
@@ -93,6 +114,7 @@ class SpectrumHints:
 
     def hints(self) -> tuple[Hint, ...]:
         """Return the strongest line and, where there is none, a misfit that is large."""
+        self._transform()
         if self._segments < _LEAST_SEGMENTS or not len(self._axes):
             return ()
         missing, mounts = self._power[self._axes], self._power[6 + self._axes]
@@ -125,7 +147,7 @@ class SpectrumHints:
         own = 2.0 * self._weight**2 / self._squares
         ratio = missing / np.maximum(mounts, 1e-12 * total[:, None])
         # over what chance allows, against the nearest and the wider neighbours
-        allowed = {n: float(stats.f.isf(level(missing.size), own, own * n)) for n in _BESIDE}
+        allowed = {n: float(stats.f.isf(_level(missing.size), own, own * n)) for n in _BESIDE}
         over = np.min([p / (_beside(p, n) * allowed[n]) for p in (missing, ratio) for n in _BESIDE], axis=0)
         power = np.stack([missing[:, max(i - 1, 0) : i + 2].sum(axis=1) for i in range(bins)], axis=1)
         share = np.sqrt(power / total[:, None])
@@ -151,3 +173,14 @@ def _beside(power: Array, count: int) -> Array:
         mean = (padded[:, b] - padded[:, a]) / np.maximum(there, 1)
         out = np.where(there >= count // 2, np.maximum(out, mean), out)
     return out
+
+
+def _level(tests: int) -> float:
+    """Return the probability of a false alarm that one test may have.
+
+    Parameters
+    ----------
+    tests
+        Made at a time; an hour has ``3600 / _MEMORY`` independent times.
+    """
+    return FALSE_ALARMS_PER_HOUR / (3600.0 / _MEMORY * max(tests, 1))

@@ -1,10 +1,9 @@
 # Copyright 2026 ride_estimation contributors
-"""Everything that looks at the samples of a block before they are used: which sensor is which, and which is fit to be used."""
+"""Everything that tests the samples of a block before they are used: which sensor is which, and which is fit to be used."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,12 +14,13 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.common.channel_layout import ChannelLayout
 from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.faults.base_balance import BaseBalance
-from ride_estimation.estimation.faults.base_check import DISAGREES, BaseCheck
+from ride_estimation.estimation.faults.base_check import BaseCheck
 from ride_estimation.estimation.faults.base_faults import BaseFaults
 from ride_estimation.estimation.faults.base_noise import BaseNoise
 from ride_estimation.estimation.faults.gyro_check import GyroCheck
 from ride_estimation.estimation.faults.health import SensorHealth, sensor_health
 from ride_estimation.estimation.faults.input_watch import InputWatch
+from ride_estimation.estimation.faults.left_out import DISAGREES
 from ride_estimation.estimation.faults.rigid_check import RigidCheck
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict, SensorGate
 from ride_estimation.estimation.faults.swapped_topics import SwappedTopics
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 class InputChecks:
-    """The checks of one geometry, in the order in which they look at a block.
+    """The checks of one geometry, in the order in which they test a block.
 
     Parameters
     ----------
@@ -70,7 +70,6 @@ class InputChecks:
         base_streams, base_starts = layout.base_arrays[0].tolist(), layout.base_arrays[1].tolist()
         self._bases = BaseCheck(base, base_streams, base_starts)
         self._new_base_faults(a)
-        self._left_out: frozenset[int] = frozenset()
         self._balance = BaseBalance(a)
         self._noise = BaseNoise(base)
         #: readings of base sensors and transducers of the last block, None where one of them is not fit
@@ -126,11 +125,21 @@ class InputChecks:
             self._new_base_faults(self._geometry)
         if found:
             values, valid = self._swaps.exchange(block.values, block.valid)
-            self.watch.look_again()
+            self.watch.renew()
         return block if values is block.values else dataclasses.replace(block, values=values, valid=valid), found
 
     def contradicted_gyros(self, block: Block, motion: CgMotionEstimator, dt: float) -> Sequence[int]:
-        """Return gyros whose rates the accelerometers contradict, found with this block."""
+        """Return gyros whose rates the accelerometers contradict, found with this block.
+
+        Parameters
+        ----------
+        block
+            Samples in their places.
+        motion
+            Of the body, for the axes of the gyros.
+        dt
+            Tick [s].
+        """
         if not self.gyros.possible:
             return ()
         layout = self._layout
@@ -152,10 +161,7 @@ class InputChecks:
         """
         gate = self._gate.judge(block, rate, dt)
         verdict = self._bases.judged(block, gate, dt)
-        before, self._left_out = self._left_out, frozenset(self._base_faults.refused)
         verdict = self._base_faults.judged(block, verdict, force, dt)
-        if self._left_out - before:
-            verdict = dataclasses.replace(verdict, began=True, spoiled=math.inf)
         if self._noise.possible:
             streams = self._layout.base_arrays[0]
             self._keep_readings(block, gate)
@@ -203,14 +209,14 @@ class InputChecks:
 
     @property
     def bases_inconsistent(self) -> bool:
-        """Return whether one of the base sensors is wrong though nothing tells which."""
+        """Return whether one of the base sensors is wrong and none can be isolated."""
         # of readings that are no longer used a contradiction is none
         weighed = self._balance.possible and self._balance.inconsistent and self._readings is not None
         return self._bases.inconsistent or self._noise.inconsistent or weighed
 
     @property
     def fault_tests(self) -> Sequence[FaultTest]:
-        """Return the test of the base sensors, none where a frame that twists looks like a late one."""
+        """Return the test of the base sensors, none where a frame that twists resembles a late one."""
         return (self._base_faults.test,) if self._base_faults.finds_delays else ()
 
     @property
@@ -269,7 +275,6 @@ class InputChecks:
         """Continue from :meth:`save`."""
         self.gyros.load(state["gyros"])
         self._base_faults.load(state["base_faults"])
-        self._left_out = frozenset(self._base_faults.refused)
         self._balance.load(state["base_balance"])
         self._lost = {int(stream): Counter(counts) for stream, counts in state["lost"].items()}
         self._gate.load(state["gate"])

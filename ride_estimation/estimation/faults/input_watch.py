@@ -14,7 +14,7 @@ from ride_estimation.signals.alignment import Block
 
 Array = NDArray[np.float64]
 
-#: time between two looks at the variances that messages state [s]
+#: time between two readings of the variances that messages state [s]
 _EVERY = 1.0
 
 
@@ -32,10 +32,10 @@ class InputWatch:
         streams = len(layout.full_scale[0])
         #: ticks at full scale and ticks without a sample per stream
         self.clipped, self.invalid = np.zeros(streams, dtype=np.int64), np.zeros(streams, dtype=np.int64)
-        self.look_again()
+        self.renew()
 
-    def look_again(self) -> None:
-        """Look at the stated variances with the next block."""
+    def renew(self) -> None:
+        """Read the stated variances with the next block."""
         self._age = _EVERY
 
     def observe(

@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ride_estimation.estimation.faults.hint_types import Hint
+from ride_estimation.estimation.faults.hints import Hint
 from ride_estimation.estimation.sensor_errors.sensor_faults import FaultTest
 from ride_estimation.signals.correction import LONGEST_DELAY
 from ride_estimation.vehicles.vehicle import Vehicle

@@ -1,8 +1,8 @@
 # Copyright 2026 ride_estimation contributors
-"""Gross faults of body sensors from the spare equations of the rigid body, block by block.
+"""Gross faults of body sensors from the redundant equations of the rigid body, block by block.
 
 With unit weights the residual is ``P y``, ``P = I - H H^+``. A fault of sensor s explains ``(P y)_s^T (P_ss)^+ (P y)_s`` of
-``|P y|^2``; it can be distinguished from other faults when spare equations are left without that sensor.
+``|P y|^2``; it can be distinguished from other faults when redundant equations are left without that sensor.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.faults.gate_kernel import residual_ratio
+from ride_estimation.estimation.sensor_errors.isolation import Redundancy, ambiguity_group, isolated
 from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.layout import residual_projection
 from ride_estimation.sensors.sensor import Sensor
@@ -21,13 +22,20 @@ from ride_estimation.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: what good sensors may differ by, in standard deviations of their installation: in their means by bias and tilt of the mounting,
-#: and in their motion, where place, filters and an elastic body add to gain and angle
-_OFFSET, _SHARE = 2.5, 10.0
-#: residual in units of that tolerance: refused as a lasting fault, as a single tick, accepted again
-_LASTING, _SINGLE, _AGAIN = 5.0, 10.0, 3.0
-#: share of the residual one sensor must explain, and how much less every other must
-_EXPLAINED, _RIVAL = 0.8, 0.9
+#: what the means of good sensors may differ by, in standard deviations of their bias and of gravity at their misalignment
+_OFFSET = 2.5
+#: what their motion may differ by, in standard deviations of gain and angle, to which position, filters and an elastic body add
+_SHARE = 10.0
+#: residual in units of that tolerance from which on a sensor is refused as a lasting fault
+_LASTING = 5.0
+#: the same at a single tick
+_SINGLE = 10.0
+#: the same below which it is accepted again
+_AGAIN = 3.0
+#: share of the residual one sensor must explain
+_EXPLAINED = 0.8
+#: singular values of what the other sensors leave to one of them that count as zero, as a share of the largest
+_RANK = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,10 +55,7 @@ class Found:
 class _Projection:
     channels: NDArray[np.int64]
     sensors: tuple[int, ...]
-    matrix: Array
-    inverse: Array
-    ranks: NDArray[np.int64]
-    spare: int
+    redundancy: Redundancy
 
 
 class RigidCheck:
@@ -89,32 +94,36 @@ class RigidCheck:
         if found is None:
             sensors = tuple(int(s) for s in np.flatnonzero(fit))
             channels = np.flatnonzero(np.repeat(fit, 3))
-            h = self._rows[channels]
-            matrix = residual_projection(h)
-            blocks = [matrix[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(len(sensors))]
-            inverse = np.array([np.linalg.pinv(b, rcond=1e-4, hermitian=True) for b in blocks]).reshape(len(blocks), 3, 3)
-            ranks = np.array([np.linalg.matrix_rank(b, tol=1e-4, hermitian=True) for b in blocks], dtype=np.int64)
-            found = _Projection(channels, sensors, matrix, inverse, ranks, round(float(np.trace(matrix))))
+            redundancy = Redundancy.of(residual_projection(self._rows[channels]), 3, _RANK)
+            found = _Projection(channels, sensors, redundancy)
             self._cache[key] = found
         return found
 
     def _residual(self, samples: Array, rate: Array, p: _Projection) -> Array:
-        return np.asarray((samples[:, p.channels] - self.centripetal(rate)[p.channels]) @ p.matrix)
+        return np.asarray((samples[:, p.channels] - self.centripetal(rate)[p.channels]) @ p.redundancy.matrix)
 
     def _tolerance(self, size: float) -> float:
         return self._still + self._moving * size**2
 
     def dispensable(self, fit: BoolArray, sensor: int) -> bool:
-        """Return whether the other sensors that take part tell the motion as completely without this one."""
+        """Return whether the other sensors determine the motion as completely without this one.
+
+        Parameters
+        ----------
+        fit
+            Sensors that take part, shape (S,).
+        sensor
+            One of them.
+        """
         rest = fit.copy()
         rest[sensor] = False
         whole = np.linalg.matrix_rank(self._rows, tol=1e-6)
         return bool(rest.any() and np.linalg.matrix_rank(self._rows[np.repeat(rest, 3)], tol=1e-6) == whole)
 
     def judge(
-        self, samples: Array, rate: Array, fit: BoolArray, size: float, blamed: Callable[[], Collection[int]] = tuple
+        self, samples: Array, rate: Array, fit: BoolArray, size: float, suspected: Callable[[], Collection[int]] = tuple
     ) -> Found:
-        """Look for gross faults.
+        """Test for gross faults.
 
         Parameters
         ----------
@@ -126,17 +135,17 @@ class RigidCheck:
             Sensors that take part, shape (S,).
         size
             Root mean square of the motion [m/s^2].
-        blamed
+        suspected
             Returns the sensors refused a moment ago: where several could be wrong, it is one of these.
         """
         p = self._projection(fit)
-        if p.spare <= 0:
+        redundant = p.redundancy.count
+        if redundant <= 0:
             return Found()
-        tolerance = self._tolerance(size)
         ratio = np.empty(len(samples))
-        scale = 1.0 / (p.spare * tolerance)
+        scale = 1.0 / (redundant * self._tolerance(size))
         mean = float(
-            residual_ratio(samples, p.channels, rate, self._directions, self._points, p.matrix, scale, ratio)
+            residual_ratio(samples, p.channels, rate, self._directions, self._points, p.redundancy.matrix, scale, ratio)
         )
         if mean <= _LASTING**2 and ratio.max() <= _SINGLE**2:
             return Found(ratio=mean)
@@ -144,19 +153,17 @@ class RigidCheck:
         residual = self._residual(samples, rate, p)
         if int(bad.sum()) > len(ratio) // 2 or (mean > _LASTING**2 and not bad.any()):
             bad = np.ones(len(ratio), dtype=bool)
-        parts = residual[bad].reshape(int(bad.sum()), len(p.sensors), 3)
-        explained = np.einsum("ksi,sij,ksj->s", parts, p.inverse, parts) / (p.spare * tolerance * ratio[bad].sum())
-        best = int(np.argmax(explained))
-        rival = np.delete(explained, best) if len(explained) > 1 else np.zeros(1)
-        tells = p.spare > p.ranks[best] and explained[best] > _EXPLAINED and rival.max() < _RIVAL * explained[best]
+        explained = p.redundancy.explained(residual[bad].T @ residual[bad])
         excess = float(np.sqrt(max(mean, 1.0)))
-        sensor = p.sensors[best]
-        if not tells:
-            recent = blamed()
+        alone = isolated(explained, _EXPLAINED)
+        if alone is None or redundant == p.redundancy.ranks[alone]:
+            recent = suspected()
             likely = [s for s, e in zip(p.sensors, explained) if s in recent and e > _EXPLAINED]
             if len(likely) != 1 or not self.dispensable(fit, likely[0]):
                 return self._several(samples, rate, fit, size, p, explained, excess)
             sensor = likely[0]
+        else:
+            sensor = p.sensors[alone]
         if not self.dispensable(fit, sensor):
             return Found(suspects=p.sensors, excess=excess)
         if bad.all():
@@ -167,25 +174,32 @@ class RigidCheck:
         self, samples: Array, rate: Array, fit: BoolArray, size: float, p: _Projection, explained: Array, excess: float
     ) -> Found:
         """Try two faults at once; else name all that could be meant."""
-        best = p.sensors[int(np.argmax(explained))]
-        rest = fit.copy()
+        place = int(np.argmax(explained))
+        best, rest = p.sensors[place], fit.copy()
         rest[best] = False
-        if explained.max() < _EXPLAINED and p.spare - int(p.ranks[int(np.argmax(explained))]) > 0:
+        if explained[place] < _EXPLAINED and p.redundancy.count > p.redundancy.ranks[place]:
             second = self.judge(samples, rate, rest, size)
             if second.lasting and self.dispensable(rest, second.lasting[0]):
                 return Found(lasting=(best, *second.lasting))
-        suspects = tuple(s for s, e in zip(p.sensors, explained) if e > _RIVAL * explained.max())
+        suspects = tuple(p.sensors[n] for n in ambiguity_group(explained))
         return Found(suspects=suspects if len(suspects) > 1 else p.sensors, excess=excess)
 
     def agrees(self, samples: Array, rate: Array, fit: BoolArray, sensor: int, size: float) -> bool:
-        """Return whether a refused sensor agrees with the others again."""
+        """Return whether a refused sensor agrees with the others again: ``r_s^T P_ss^+ r_s`` of a tick is within tolerance.
+
+        Parameters
+        ----------
+        samples, rate, fit, size
+            As of :meth:`judge`.
+        sensor
+            The refused one.
+        """
         with_it = fit.copy()
         with_it[sensor] = True
         p = self._projection(with_it)
-        place = p.sensors.index(sensor)
-        if p.spare <= 0 or p.ranks[place] == 0:
+        place, redundancy = p.sensors.index(sensor), p.redundancy
+        if redundancy.count <= 0 or redundancy.ranks[place] == 0:
             return True
-        residual = self._residual(samples, rate, p)
-        part = residual[:, 3 * place : 3 * place + 3]
-        explained = float(np.einsum("ki,ij,kj->", part, p.inverse[place], part)) / len(part)
-        return explained <= _AGAIN**2 * self._tolerance(size) * int(p.ranks[place])
+        part = self._residual(samples, rate, p)[:, 3 * place : 3 * place + 3]
+        explained = float(np.einsum("ki,ij,kj->", part, redundancy.inverse[place], part)) / len(part)
+        return explained <= _AGAIN**2 * self._tolerance(size) * int(redundancy.ranks[place])

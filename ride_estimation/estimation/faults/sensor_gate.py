@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Which sensors are fit to be used at which tick: flat line, full scale, jumps, disagreement with the body or the other sensors.
 
-Looks at aligned blocks only and keeps a short memory, so the verdict is a pure function of the samples. A sensor that is not fit
+Uses aligned blocks only and keeps a short memory, so the verdict is a pure function of the samples. A sensor that is not fit
 is treated as one that is missing: its ticks are marked not valid and the weights of the others adapt. The limits are physical
 tolerances (bias, gain, mounting), not significance: small lasting errors are a matter for the residual test.
 """
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.faults.gate_kernel import (
     LARGEST,
     Scan,
@@ -48,14 +49,20 @@ _MOVING_TRANSDUCER = 20.0
 _JUMP = np.array([8.0, 4.0, 20.0])
 #: time in which the largest step of a sensor is forgotten [s]
 _STEP_FADES = 0.05
-#: shortest and longest hold after a jump [s]
-_HOLD, _LONGEST_HOLD = 0.02, 0.5
+#: shortest hold after a jump [s]
+_HOLD = 0.02
+#: longest hold after a jump [s]
+_LONGEST_HOLD = 0.5
 #: ticks beside a bad sample that interpolation reaches
 _REACH = 2
 #: memory of mean, size and step [s]; nothing is called a jump before it is filled
 _MEMORY = 1.0
-#: slow mean of a sensor minus the body's: time constant of each of two stages [s], limit to refuse [m/s^2], share of it to accept
-_SLOW, _MEAN_LIMIT, _MEAN_RELEASE = 0.3, 1.5, 0.67
+#: time constant of each of two stages of the slow mean of a sensor minus the body's [s]
+_SLOW = 0.3
+#: limit of that mean beyond which a sensor is refused [m/s^2]
+_MEAN_LIMIT = 1.5
+#: share of the limit below which it is accepted again
+_MEAN_RELEASE = 0.67
 #: part of the motion that limit grows by: both stages pass 22 % of a body mode of 1 Hz, twice that of the difference of two ends
 #: of the body, and peaks of a random motion are two to three times its root mean square
 _MOTION_LEFT = 1.0
@@ -63,14 +70,24 @@ _MOTION_LEFT = 1.0
 _LEAN = 2.5
 #: time without objection after which a refused sensor is used again [s]
 _RECOVERY = 0.5
-#: time after which a sensor that was refused is above suspicion again [s]
-_BLAME = 3.0
-#: residual of the rigid body now over that of the run: inconsistency begins and ends; memories [s]; motion it needs [m/s^2]
-_UNUSUAL, _USUAL, _NOW, _RUN, _EXCITED = 2.2, 1.5, 0.7, 30.0, 0.3
+#: time after which a sensor that was refused is no longer the first suspect [s]
+_SUSPECT = 3.0
+#: residual of the rigid body now over that of the run at which inconsistency begins
+_UNUSUAL = 2.2
+#: the same at which it ends
+_USUAL = 1.5
+#: memory of the residual now [s]
+_NOW = 0.7
+#: memory of the residual of the run [s]
+_RUN = 30.0
+#: motion that the comparison needs [m/s^2]
+_EXCITED = 0.3
 #: smallest residual that matters, in units of the tolerance
 _MATTERS = 0.35
 #: largest share of one block in that comparison, as a multiple of the residual of the run
 _SINGLE_BLOCK = 12.0
+#: attributes that are part of a saved state
+_SAVED = ("_well", "_mean", "_square", "_step_square", "_slow", "_age", "inconsistent_ticks", "unusual")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,7 +213,7 @@ class SensorGate:
         self._held = np.zeros(count)
         self._before = np.zeros((count, 3))
         self._jump = np.zeros(count)
-        self._blame = np.full(count, np.inf)
+        self._clear = np.full(count, np.inf)
         self._slow = np.zeros((2, count, 3))
         self._latched: dict[int, str] = {}
         self._well = np.zeros(count)
@@ -252,9 +269,9 @@ class SensorGate:
         self._count(block.valid, result, reasons)
         new = tuple(int(self._accels[a]) for a in sorted(set(self._latched) - before))
         began = bool(new) or (usual and self.unusual)
-        self._blame += duration
+        self._clear += duration
         if reasons:
-            self._blame[refused.any(axis=0)] = 0.0
+            self._clear[refused.any(axis=0)] = 0.0
         if self.suspects or self.unusual:
             self.inconsistent_ticks += len(values)
         return GateVerdict(result, began, new, self.suspects, self.unusual, excess)
@@ -345,7 +362,7 @@ class SensorGate:
             well = bool(valid[:, a].all()) and self._check.agrees(samples, rate, fit, a, size)
             self._still_refused(a, duration, well, refused, reasons)
             fit[a] = False
-        found = self._check.judge(samples, rate, fit, size, lambda: np.flatnonzero(self._blame[:n] < _BLAME).tolist())
+        found = self._check.judge(samples, rate, fit, size, lambda: np.flatnonzero(self._clear[:n] < _SUSPECT).tolist())
         self.suspects = tuple(self._sensors[self._accels[a]].name for a in found.suspects)
         if found.ratio and size > _EXCITED:
             self._compare(found.ratio, duration)
@@ -386,7 +403,7 @@ class SensorGate:
             return
         away = self._slow[1].copy()
         bases = np.arange(n, len(away))[follows[n:]]
-        if len(bases) >= 3:  # of two that contradict each other neither tells how the body leans
+        if len(bases) >= 3:  # of two that contradict each other neither shows how the body leans
             away[bases, :2] -= np.clip(np.median(away[bases, :2], axis=0), -_LEAN, _LEAN)
         size = np.linalg.norm(away, axis=1)
         for a in range(0 if part.sum() >= 3 else n, len(self._accels)):
@@ -453,11 +470,9 @@ class SensorGate:
         """Return what a sensor is known for as plain lists; the last samples are not part of it."""
         return {
             "refused": {str(stream): dict(counts) for stream, counts in self.refused.items()},
-            "latched": {str(a): reason for a, reason in self._latched.items()}, "well": self._well.tolist(),
-            "blame": np.minimum(self._blame, 2.0 * _BLAME).tolist(), "varied": self._stuck.save(),
-            "mean": self._mean.tolist(), "square": self._square.tolist(), "step_square": self._step_square.tolist(),
-            "slow": self._slow.tolist(), "age": self._age, "inconsistent_ticks": self.inconsistent_ticks, "unusual": self.unusual,
-            "ratio": [self._ratio_now, self._ratio_run, self._ratio_age],
+            "latched": {str(a): reason for a, reason in self._latched.items()},
+            "blame": np.minimum(self._clear, 2.0 * _SUSPECT).tolist(), "varied": self._stuck.save(),
+            "ratio": [self._ratio_now, self._ratio_run, self._ratio_age], **fields_of(self, _SAVED),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -465,10 +480,7 @@ class SensorGate:
         self.reset()
         self.refused = {int(stream): Counter(counts) for stream, counts in saved["refused"].items()}
         self._latched = {int(a): str(reason) for a, reason in saved["latched"].items()}
-        for name in ("well", "blame", "mean", "square", "step_square", "slow"):
-            own = getattr(self, f"_{name}")
-            setattr(self, f"_{name}", np.array(saved[name], dtype=own.dtype).reshape(own.shape))
+        take_fields(self, _SAVED, saved)
+        self._clear = np.array(saved["blame"], dtype=float).reshape(self._clear.shape)
         self._stuck.load(saved["varied"])
-        self._age, self.inconsistent_ticks = float(saved["age"]), int(saved["inconsistent_ticks"])
-        self.unusual = bool(saved["unusual"])
         self._ratio_now, self._ratio_run, self._ratio_age = (float(v) for v in saved["ratio"])

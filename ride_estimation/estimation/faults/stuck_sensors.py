@@ -27,8 +27,10 @@ SATURATED = tuple(f"saturated: its {axis} rests at its largest values" for axis 
 DEAD = "dead: its value repeats exactly and is not gravity"
 REASONS = (FLAT, *FLAT_AXES, *SATURATED, DEAD)
 
-#: shortest exact repetition that counts as stuck [s] and [ticks]
-_TIME, _TICKS = 0.03, 4
+#: shortest exact repetition that counts as stuck [s]
+_TIME = 0.03
+#: the same in ticks
+_TICKS = 4
 #: shortest exact repetition of one axis: at the turn of a slow motion resolution makes shorter ones [s]
 _AXIS_TIME = 0.25
 #: shortest exact repetition of a sensor that never said anything else [s]
@@ -38,17 +40,26 @@ _MOVING = 5.0
 #: range of the others along an axis, in units of its noise and resolution, that makes its exact repetition impossible: white
 #: noise alone ranges over half of it
 _RANGE = 10.0
-#: time in which that range is looked for [s], and distances of repeated values that tell a resolution
-_LOOK_BACK, _LEVELS = 0.5, 8
-#: data in which an axis rests at its largest values, time between two looks [s], how often it comes to rest there, repetitions
-#: elsewhere over those there, and how far those values are apart in units of noise: less than that is standstill
-_RESTS_IN, _EVERY, _RESTS, _ELSEWHERE, _APART = 2.0, 0.25, 4, 0.25, 20.0
+#: time in which the range of the others is searched [s]
+_BEFORE = 0.5
+#: number of repeated values that determine a resolution
+_LEVELS = 8
+#: data in which an axis rests at its largest values [s]
+_RESTS_IN = 2.0
+#: time between two tests for that [s]
+_EVERY = 0.25
+#: how often it comes to rest there
+_RESTS = 4
+#: largest number of repetitions elsewhere over those there
+_ELSEWHERE = 0.25
+#: distance of the largest and the least value in units of noise: less is standstill
+_APART = 20.0
 #: share of gravity by which the size of a value that never changes is another
 _OFF = 0.5
 
 
 class StuckSensors:
-    """Look for repeated values of all accelerometers.
+    """Test of repeated values of all accelerometers.
 
     Parameters
     ----------
@@ -141,12 +152,12 @@ class StuckSensors:
         self._next -= ticks
         if self._next <= 0 and not first:
             self._next = round(_EVERY / dt)
-            self._look_for_rests(self._free * dt > _RESTS_IN)
+            self._find_rests(self._free * dt > _RESTS_IN)
         for a, c in np.argwhere(self._saturated).tolist():
             found.setdefault(a, SATURATED[c])
         return found
 
-    def _look_for_rests(self, free: NDArray[np.bool_]) -> None:
+    def _find_rests(self, free: NDArray[np.bool_]) -> None:
         values = np.concatenate(self._blocks)
         largest, least = values.max(axis=0), values.min(axis=0)
         same = np.abs(np.diff(values, axis=0)) <= 1e-9 * (1.0 + np.abs(values[1:]))
@@ -171,7 +182,7 @@ class StuckSensors:
         if not beside.size or (not self._varied[a, c] and run * dt <= _DEAD_TIME):
             return False
         along = self._rotation[beside].transpose(0, 2, 1) @ self._rotation[a][:, c]
-        window = min(run + 1, round(_LOOK_BACK / dt))
+        window = min(run + 1, round(_BEFORE / dt))
         others = np.einsum("kps,ps->kp", np.concatenate(self._blocks)[-window:, beside], along)
         resolution = float(self.held[1, a, c]) if self.held[2, a, c] > _LEVELS else 0.0
         return bool(np.median(np.ptp(others, axis=0)) > _RANGE * math.hypot(float(self._noise[a]), resolution))

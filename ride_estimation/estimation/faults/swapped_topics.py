@@ -1,9 +1,9 @@
 # Copyright 2026 ride_estimation contributors
 """Two accelerometers whose topics are exchanged: each reading fits at the place of the other.
 
-With ``P = I - H H^+`` the spare equations of a rigid body (:mod:`rigid_check`) and C the covariance of all readings, the mean
+With ``P = I - H H^+`` the redundant equations of a rigid body (:mod:`rigid_check`) and C the covariance of all readings, the mean
 squared residual is ``tr(P C)``; with readings i and j exchanged it is ``tr(P X C X^T)``, X the exchange. Constant errors (bias,
-tilt) are no part of a covariance. An exchange with a sensor on a mount base puts its reading into the spare equations of the
+tilt) are no part of a covariance. An exchange with a sensor on a mount base puts its reading into the redundant equations of the
 body; the reading it takes must then also fit better among the other bases, moving as a rigid frame, than the one it gives.
 
 What is found is put right: the readings are used where they belong, and it is reported.
@@ -27,12 +27,20 @@ from ride_estimation.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: memory of the covariance, data it needs, time between two looks [s]
-_MEMORY, _LEAST, _EVERY = 2.0, 1.0, 0.2
-#: least residual: share of the motion, multiple of the noise; below it nobody could tell and little is lost
-_SHARE, _NOISE = 0.02, 4.0
-#: factor by which the exchange must lessen the squared residual of the body, and bring a reading nearer to the other bases
-_BETTER, _NEARER = 4.0, 2.0
+#: memory of the covariance [s]
+_MEMORY = 2.0
+#: data it needs [s]
+_LEAST = 1.0
+#: time between two tests [s]
+_EVERY = 0.2
+#: least residual as a share of the motion: below it nothing can be decided and little is lost
+_SHARE = 0.02
+#: the same as a multiple of the noise
+_NOISE = 4.0
+#: factor by which the exchange must lessen the squared residual of the body
+_BETTER = 4.0
+#: factor by which it must lessen the squared difference of a reading from the other bases
+_NEARER = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +102,7 @@ class SwappedTopics:
         return values, valid
 
     def observe(self, values: Array, valid: BoolArray, dt: float) -> str:
-        """Look at one block; return words where an exchange was found or ended just now.
+        """Take one block; return words where an exchange was found or ended just now.
 
         Parameters
         ----------
@@ -124,13 +132,13 @@ class SwappedTopics:
         mean = self._sum / self._weight
         covariance = self._square / self._weight - np.outer(mean, mean)
         project, exchanges = self._setup(self._fit)
-        spare = float(np.trace(project))
-        if spare < 0.5 or not exchanges:
+        redundant = float(np.trace(project))
+        if redundant < 0.5 or not exchanges:
             return ""
         own = np.flatnonzero(np.repeat(self._fit[: self.bodies], 3))
         motion = float(np.mean(np.diag(covariance)[own]))
         residual = float(np.sum(project * covariance[np.ix_(own, own)]))
-        if residual / spare < _SHARE**2 * motion + _NOISE**2 * self._noise:
+        if residual / redundant < _SHARE**2 * motion + _NOISE**2 * self._noise:
             return ""
         found = [float(np.sum(project * covariance[np.ix_(e.channels, e.channels)])) for e in exchanges]
         best = int(np.argmin(found))
@@ -158,7 +166,7 @@ class SwappedTopics:
         return f"the topics of {names} are {'no longer ' if ended else ''}exchanged"
 
     def _setup(self, fit: BoolArray) -> tuple[Array, list[_Exchange]]:
-        """Return P of the body sensors that speak, and the exchanges to be looked at."""
+        """Return P of the body sensors that speak, and the exchanges to be tested."""
         key = fit.tobytes()
         if key not in self._setups:
             body = np.flatnonzero(fit[: self.bodies])
@@ -220,7 +228,7 @@ def _nearer(exchange: _Exchange, covariance: Array) -> bool:
 
 
 def _rigid_weights(sensor: Sensor, others: Sequence[Sensor]) -> Array | None:
-    """Return weights (3, N) of the other base sensors on the motion at one of them, rigid frame; None where they do not tell.
+    """Return weights (3, N) of the other base sensors on the motion at one of them, rigid frame; None where undetermined.
 
     Longitudinal motion is linear in y, lateral in x (yaw), vertical in x and y.
     """

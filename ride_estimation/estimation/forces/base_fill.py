@@ -23,16 +23,26 @@ from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: share of the usual deflection that stays unknown, memory of its size [s], time in which the error fades afterwards [s]
-_UNKNOWN_SHARE, _MEMORY, _FADES = 0.7, 5.0, 3.0
-#: factor where a sensor that is used may be wrong: its error adds to what is unknown without it; memory of the size of the forces
-#: meanwhile, which are mostly that error [s]
-_WRONG, _NOW = 2.0, 0.3
-#: what a bracket moves on its own over what a slope of the frame moves it, lever too short for any slope [m]
-_OWN_SHARE, _LEAST_LEVER = 0.3, 1e-3
-#: time of a mean, which counts as long afterwards: until then a fault of the sensor is found [s]; absence after which an offset
-#: may be another, and time in which the new one is looked for [s]
-_MEAN, _LONG, _SETTLES = 10.0, 5.0, 3.0
+#: share of the usual deflection that stays unknown
+_UNKNOWN_SHARE = 0.7
+#: memory of its size [s]
+_MEMORY = 5.0
+#: time in which the error fades afterwards [s]
+_FADES = 3.0
+#: factor where a sensor that is used may be wrong: its error adds to what is unknown without it
+_WRONG = 2.0
+#: memory of the size of the forces meanwhile, which are mostly that error [s]
+_NOW = 0.3
+#: what a bracket moves on its own over what a slope of the frame moves it
+_OWN_SHARE = 0.3
+#: lever too short for any slope [m]
+_LEAST_LEVER = 1e-3
+#: time of a mean [s]
+_MEAN = 10.0
+#: absence that counts as long: until then a fault of the sensor is found, afterwards an offset may be another [s]
+_LONG = 5.0
+#: time in which the new offset is determined [s]
+_SETTLES = 3.0
 
 
 class BaseFill:
@@ -50,7 +60,7 @@ class BaseFill:
         self._place = place - place.mean(axis=0) if len(place) else place
         self._seen = geometry.base_seen
         self._has: BoolArray = np.asarray(self._seen.any(axis=1), dtype=bool)
-        #: axes that nothing measures at a mount and that other bases tell
+        #: axes that nothing measures at a mount and that other bases determine
         self._made_up: BoolArray = np.logical_and(~self._seen, self._seen.any(axis=0))
         self._transport = base_transport(geometry.mounts, geometry.base_sensors)
         self._maps: dict[bytes, Array] = {}
@@ -105,7 +115,17 @@ class BaseFill:
         return found
 
     def fill(self, base: Array, ok: BoolArray, duration: float) -> tuple[Array, BoolArray]:
-        """Replace missing ticks and carry over to the mounts; return the signals (K, M, 3) and which ticks have one (K, M)."""
+        """Replace missing ticks and carry over to the mounts; return the signals (K, M, 3) and which ticks have one (K, M).
+
+        Parameters
+        ----------
+        base
+            Specific force at the base sensors, body axes, shape (K, M, 3) [m/s^2].
+        ok
+            Which of it is measured, shape (K, M).
+        duration
+            Of the block [s].
+        """
         base, ok = self._filled(base, ok, duration)
         if self._transport is None:
             return base, ok

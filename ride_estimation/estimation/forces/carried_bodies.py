@@ -27,6 +27,7 @@ from scipy import linalg
 
 from ride_estimation.estimation.common.block_math import cross
 from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.forces.free_parameters import find_free_parameters_of
 from ride_estimation.estimation.forces.mount_law import ROLES
@@ -137,7 +138,7 @@ class CarriedBodies:
         """Return the state as plain lists."""
         return {
             "states": [c.state.tolist() for c in self._copies], "last": [c.last.tolist() for c in self._copies],
-            "covariance": self.covariance.tolist(), "mean": self._mean.tolist(), "time": self._time,
+            **fields_of(self, ("covariance", "_mean", "_time")),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -145,9 +146,7 @@ class CarriedBodies:
         for copy, state, last in zip(self._copies, saved["states"], saved["last"]):
             copy.state = np.array(state, dtype=float).reshape(copy.state.shape)
             copy.last = np.array(last, dtype=float).reshape(copy.last.shape)
-        self.covariance = np.array(saved["covariance"], dtype=float).reshape(6, 6)
-        self._mean = np.array(saved["mean"], dtype=float).reshape(self._mean.shape)
-        self._time = float(saved["time"])
+        take_fields(self, ("covariance", "_mean", "_time"), saved)
 
 
 def _varied(vehicle: Vehicle, settings: PipelineSettings) -> list[Vehicle]:
@@ -185,6 +184,7 @@ class _Copy:
         self.reset()
 
     def reset(self) -> None:
+        """Begin at rest."""
         self.state, self.last = np.zeros(2 * self._count), np.zeros(self._count)
 
     def _discretise(self, dt: float) -> None:
@@ -201,12 +201,22 @@ class _Copy:
         self._step = dt
 
     def reaction(self, motion: Array, rate: Array, dt: float) -> Array:
-        """Return force and moment about the CG of the estimated body that its mounts carry for these bodies, (K, 6)."""
+        """Return what the mounts of the estimated body carry for these bodies, about its CG, shape (K, 6) [N, N m].
+
+        Parameters
+        ----------
+        motion
+            Specific force and angular acceleration of the estimated body at its CG, shape (K, 6) [m/s^2, rad/s^2].
+        rate
+            Its angular rate, shape (K, 3) [rad/s].
+        dt
+            Tick [s].
+        """
         frames, value, accel = self._answer(motion, rate, dt)
         return self._gathered(frames, rate, value, accel)
 
     def motions(self, motion: Array, rate: Array, dt: float) -> dict[str, Array]:
-        """Return body -> specific force at its CG and angular acceleration, shape (K, 6)."""
+        """Return body -> specific force at its CG and angular acceleration, shape (K, 6); arguments of :meth:`reaction`."""
         frames, _, accel = self._answer(motion, rate, dt)
         parts = zip(self._bodies, self._columns, frames, strict=True)
         return {body.name: _second(frame, columns, accel) for body, columns, frame in parts}

@@ -45,7 +45,7 @@ def turned_motion(
     """Turn deflection and rate from cab axes into those of mounts that follow a share of their bracket's rotation.
 
     ``x = d + theta x d + theta x (theta x d) / 2``, ``v = d' + theta x d' + theta' x d``; zero where no sensor
-    tells the deflection.
+    determines the deflection.
 
     Parameters
     ----------

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry, weight_at
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
@@ -33,8 +34,15 @@ TWIST_SHARE = 0.7
 #: relative standard deviation of a static load that nobody weighed: half of the five per cent within which levelling, free
 #: lengths and spring rates of one model keep the loads of its mounts
 STATIC_LOAD_STD = 0.025
-#: memory of mean squares [s], and of those of spring forces where that is more: a bend is over before a mean has followed it
-_MEMORY, _SHORT_MEMORY = 5.0, 0.5
+#: memory of mean squares [s]
+_MEMORY = 5.0
+#: memory of those of spring forces where that is more: a bend is over before a mean has followed it [s]
+_SHORT_MEMORY = 0.5
+#: attributes that are part of a saved state
+_SAVED = (
+    "_elastic_square", "_elastic_now", "_viscous_square", "_dynamic_square", "_slow", "_gain", "_gain_slow", "_innovation",
+    "_ratio", "_std", "_until", "_time", "static_force", "loaded", "_stiffness", "mass", "cg_offset", "parameter_std",
+)  # fmt: skip
 #: time between two recomputations of the gains [s]
 _INTERVAL = 0.2
 #: memory of the residual of equilibrium against its covariance [s]
@@ -396,7 +404,7 @@ class MountForceEstimator:
     def _judge(self) -> None:
         """Follow how large the residual of equilibrium is against its covariance, for horizontal and vertical axes.
 
-        The directions equilibrium sees tell how good the integrated deflections are in those it does not see.
+        The observable directions of equilibrium show how good the integrated deflections are in the unobservable ones.
         """
         if self._count_square and np.any(self._innovation):
             square = self._square / self._count_square
@@ -503,51 +511,13 @@ class MountForceEstimator:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        names = (
-            "_elastic_square",
-            "_elastic_now",
-            "_viscous_square",
-            "_dynamic_square",
-            "_slow",
-            "_gain",
-            "_gain_slow",
-            "_innovation",
-            "_ratio",
-            "_std",
-        )
-        saved = {name[1:]: getattr(self, name).tolist() for name in names}
-        return {
-            **saved, "until": self._until, "time": self._time, "static_force": self.static_force.tolist(),
-            "loaded": self.loaded,
-            "stiffness": self._stiffness.tolist(), "mass": self.mass, "law_states": self.law.states.tolist(),
-            "cg_offset": self.cg_offset.tolist(),
-            "parameter_std": self.parameter_std.tolist(), "frame": self._frame.save() if self._frame is not None else None,
-        }  # fmt: skip
+        frame = self._frame.save() if self._frame is not None else None
+        return {**fields_of(self, _SAVED), "law_states": self.law.states.tolist(), "frame": frame}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        for name in (
-            "elastic_square",
-            "elastic_now",
-            "viscous_square",
-            "dynamic_square",
-            "slow",
-            "gain",
-            "gain_slow",
-            "innovation",
-            "ratio",
-            "std",
-        ):
-            own = getattr(self, "_" + name)
-            setattr(self, "_" + name, np.array(saved.get(name, own), dtype=float).reshape(own.shape))
         if self._frame is not None and saved.get("frame") is not None:
             self._frame.load(saved["frame"])
         self._static_of = None, 0.0, self.cg_offset, self.loaded
-        self._until, self._time = float(saved["until"]), float(saved["time"])
-        self.static_force = np.array(saved["static_force"], dtype=float).reshape(self._count, 3)
-        self.loaded = bool(saved.get("loaded", False))
-        self._stiffness = np.array(saved["stiffness"], dtype=float)
-        self.mass = float(saved["mass"])
-        self.cg_offset = np.array(saved["cg_offset"], dtype=float).reshape(3)
+        take_fields(self, _SAVED, saved)
         self.law.states = np.array(saved["law_states"], dtype=float).reshape(self.law.states.shape)
-        self.parameter_std = np.array(saved["parameter_std"], dtype=float).reshape(2, self._count, 3)

@@ -20,7 +20,15 @@ ROLES = ("stiffness", "damping")
 
 
 def scaled(element: ForceElement, stiffness: float, damping: float) -> ForceElement:
-    """Return the element with all stiffnesses times one factor and all dampings times another, lists and sums included."""
+    """Return the element with all stiffnesses times one factor and all dampings times another, lists and sums included.
+
+    Parameters
+    ----------
+    element
+        Force law.
+    stiffness, damping
+        Factors [-]; a parameter stays within its bounds.
+    """
     factor = {"stiffness": stiffness, "damping": damping}
     return element.with_values({
         address: min(max(value * factor[p.role], p.lower), p.upper)
@@ -103,7 +111,15 @@ class MountLaw:
             self._pack()
 
     def tension(self, deflection: Array, rate: Array, dt: float) -> Array:
-        """Return the element forces (tension) at the ticks of a block, shape (K, M, 3) [N]; advances the memories."""
+        """Return the element forces (tension) at the ticks of a block, shape (K, M, 3) [N]; advances the memories.
+
+        Parameters
+        ----------
+        deflection, rate
+            Of the mounts, shape (K, M, 3) [m, m/s].
+        dt
+            Tick [s].
+        """
         if self._linear:
             return np.asarray(deflection * self._rates[0] + self._rates[1] * rate)
         result = np.zeros(deflection.shape)

@@ -2,10 +2,10 @@
 """How the brackets of a frame tilt, learned from the accelerometers on both sides of the mounts.
 
 Vertical readings show how a frame rolls and pitches and how far it twists, ``z = W x y``. With a rigid frame its brackets tilt
-as the frame does, unless their sensors are levelled or a rig only translates them. What they do in a twist depends on the members
-they sit on: on a cross member they roll, ``W x``, on a rail they pitch, ``-W y``, on a stiff subframe neither. Gravity tells: a
-bracket that rolls by phi and pitches by theta reads ``g phi`` in y and ``-g theta`` in x. With shares
-(s_r, c_r, s_p, c_p, l_r, l_p)
+as the frame does, unless their sensors are levelled or a rig only translates them. What they do in a twist depends on the
+members they sit on: on a cross member they roll, ``W x``, on a rail they pitch, ``-W y``, on a stiff subframe neither. Gravity
+shows it: a bracket that rolls by phi and pitches by theta reads ``g phi`` in y and ``-g theta`` in x. With shares (s_r, c_r,
+s_p, c_p, l_r, l_p)
 
     ``phi_j = (1 - l_r) phi + W (s_r x_j + c_r)``,   ``theta_j = (1 - l_p) theta - W (s_p y_j + c_p)``
 
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, plate_fit, relative_tilt_maps
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.jit import compile_kernel
 
 Array = NDArray[np.float64]
@@ -40,17 +41,31 @@ _BAND = (0.25, 1.5)
 _PER_SECOND = 2.0 * (_BAND[1] - _BAND[0])
 #: relative standard deviation of the variance of a stated noise
 _NOISE_KNOWN = 0.2
-#: time the filters need, least time before anything is concluded, and between two conclusions [s]
-_SETTLED, _LEAST, _EVERY = 1.5 / _BAND[0], 5.0, 1.0
+#: time the filters need [s]
+_SETTLED = 1.5 / _BAND[0]
+#: least time before anything is concluded [s]
+_LEAST = 5.0
+#: time between two conclusions [s]
+_EVERY = 1.0
 #: one-pole stages of the filters: two of the high-pass that stand for the double integration of angles, high-pass, low-pass
-_STAGES, _HIGH_PASS = 8, 4
-#: slopes that are looked at: twist, roll and pitch of the frame, roll and pitch of the frame against the body
+_STAGES = 8
+#: those of the high-pass
+_HIGH_PASS = 4
+#: slopes that are observed: twist, roll and pitch of the frame, roll and pitch of the frame against the body
 _SLOPES = 5
-#: levelled share that is acted on, and how many standard deviations it must be: brackets tilt with their frame or they do not;
-#: a share nearer to none than to all is an error that does not average out (sensors, a drive that is played again and again)
-_LEVELLED, _CERTAIN = 0.5, 4.0
-#: memory of the mean of angular accelerations [s], noise of the angle [rad] its leak is chosen for and bounds of that corner [Hz]
-_MEMORY, _ANGLE_NOISE, _CORNERS = 30.0, 5e-3, (0.04, 0.25)
+#: levelled share that is acted on: brackets tilt with their frame or they do not; a share nearer to none than to all is an error
+#: that does not average out (sensors, a drive that is played again and again)
+_LEVELLED = 0.5
+#: standard deviations that it must be
+_CERTAIN = 4.0
+#: memory of the mean of angular accelerations [s]
+_MEMORY = 30.0
+#: noise of the angle that its leak is chosen for [rad]
+_ANGLE_NOISE = 5e-3
+#: bounds of the corner of the leak [Hz]
+_CORNERS = (0.04, 0.25)
+#: attributes that are part of a saved state
+_SAVED = ("_moments", "_time", "_noisy", "_next", "_state", "_angle", "_started", "_applied")
 #: time over which the rotation sets in [s]: a step would ring in every double integration
 _FADE = 3.0
 
@@ -369,22 +384,12 @@ class BracketTilt:
 
     def save(self) -> dict[str, Any]:
         """Return what was learned and the state of the filters as plain lists."""
-        return {
-            "moments": self._moments.tolist(), "time": self._time, "noisy": self._noisy, "next": self._next,
-            "state": self._state.tolist(),
-            "angle": self._angle.tolist(), "started": self._started, "applied": self._applied.tolist(),
-            "offset": None if self._offset is None else self._offset.tolist(),
-        }  # fmt: skip
+        return fields_of(self, (*_SAVED, "_offset"))
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self.reset()
-        self._moments = np.array(saved["moments"], dtype=float).reshape(self._moments.shape)
-        self._time, self._noisy = float(saved["time"]), float(saved["noisy"])
-        self._next, self._started = float(saved["next"]), float(saved["started"])
-        self._state = np.array(saved["state"], dtype=float).reshape(self._state.shape)
-        self._angle = np.array(saved["angle"], dtype=float).reshape(2, 4)
-        self._applied = np.array(saved["applied"], dtype=float)
+        take_fields(self, _SAVED, saved)
         self._offset = None if saved["offset"] is None else np.array(saved["offset"], dtype=float)
         if self.learns and self._time >= _LEAST:
             self._learn()

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection_kernel import deflection_block
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -27,18 +28,24 @@ _BIAS_DENSITY = np.array([1e-6, 1e-6, 1e-8])
 _BIAS_STD = np.array([0.2, 0.2, 0.07])
 #: deflection assumed before it is known [m]
 _DEFLECTION_STD = np.array([2e-3, 2e-3, 8e-3])
-#: rate of a motion nothing is known of over its deflection [1/s], and time in which it comes to rest [s]: cabs on their mounts
-_RATE_RATIO, _COASTS = 10.0, 0.2
+#: rate of a motion nothing is known of over its deflection: cabs on their mounts [1/s]
+_RATE_RATIO = 10.0
+#: time in which such a motion comes to rest [s]
+_COASTS = 0.2
+#: standard deviation of the deflection of a mount that a faulty sensor made worthless [m]
+_SPOILED_STD = 0.01
+#: the same of its rate [m/s]
+_SPOILED_RATE_STD = 0.1
 #: time over which the slow deflection stays similar [s]
 _CORRELATION_TIME = 0.3
-#: relative acceleration while no base sensor tells it [m/s^2]
+#: relative acceleration while no base sensor measures it [m/s^2]
 _UNKNOWN_RELATIVE = 5.0
 #: memory of the amplitude [s]
 _MEMORY = 5.0
 _ATTACK = 0.1
-#: time between two looks at the noise [s]
+#: time between two evaluations of the noise [s]
 _RENEWAL = 0.05
-#: slow share of the mean squared deflection that equilibrium does not tell (twist of the frame), as a factor per axis
+#: slow share of the mean squared deflection that is not observable by equilibrium (twist of the frame), as a factor per axis
 _MARGIN = np.array([0.2, 0.2, 0.05])
 #: smallest deflection assumed [m]
 _LEAST = np.array([1e-4, 1e-4, 2e-4])
@@ -50,6 +57,8 @@ _ASTRAY = 5.0
 #: corner of the filter times how late the equilibrium of the last block is, up to which it may be fed back: the loop stays stable
 #: to three times that for any ratio of damping to stiffness, and for a law twice as stiff as its tangent
 _FED_BACK = 1.0
+#: attributes that are part of a saved state
+_SAVED = ("_state", "_p", "_mean_square", "_started", "_sized")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,6 +160,23 @@ class DeflectionEstimator:
         self._started = False
         self._noise_age, self._held_noise = _RENEWAL, np.zeros((m, 3, 5))
 
+    def restart_mounts(self, mounts: Sequence[int], earlier: Mapping[str, Any]) -> None:
+        """Start some mounts again from rest with wide uncertainty after a faulty sensor; their biases are those of before it.
+
+        Parameters
+        ----------
+        mounts
+            Which start again.
+        earlier
+            From :meth:`save`, before the fault.
+        """
+        state, p = (np.array(earlier[name], dtype=float) for name in ("state", "p"))
+        for m in mounts:
+            self._state[:, m], self._mean_square[m] = state[:, m], earlier["mean_square"][m]
+            self._state[:2, m] = 0.0
+            for axis in range(3):
+                self._p[m, axis] = np.diag([_SPOILED_STD**2, _SPOILED_RATE_STD**2, p[m, axis, 2, 2]])
+
     def forget_bias(self, mounts: Sequence[int]) -> None:
         """Take the bias at some mounts as no better known than at the start: their sensors are back after a long absence."""
         for i in mounts:
@@ -185,7 +211,7 @@ class DeflectionEstimator:
         dt
             Tick [s].
         equilibrium
-            None where it tells nothing.
+            None where it is not known.
         """
         ticks = len(base)
         shape = (ticks, self._count, 3)
@@ -217,7 +243,7 @@ class DeflectionEstimator:
 
         A rotation theta turns gravity into a relative acceleration ``g theta^2 / 2``, which deflects the mounts and turns the
         body on: from some tenths of a radian on the integrals feed their own error faster than equilibrium draws them back, and
-        their covariance, that of small rotations, does not tell.
+        their covariance, that of small rotations, does not contain.
         """
         size = np.maximum(np.maximum(self._mean_square / _MARGIN, expected_square), _LEAST**2)
         return bool((equilibrium.missing**2 > _ASTRAY**2 * (size + self._p[:, :, 0, 0])).any())
@@ -290,16 +316,9 @@ class DeflectionEstimator:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        return {
-            "state": self._state.tolist(), "p": self._p.tolist(), "mean_square": self._mean_square.tolist(),
-            "started": self._started, "sized": self._sized, "lasting": self._lasting.save(),
-        }  # fmt: skip
+        return {**fields_of(self, _SAVED), "lasting": self._lasting.save()}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._state = np.array(saved["state"], dtype=float).reshape(4, self._count, 3)
-        self._p = np.array(saved["p"], dtype=float).reshape(self._count, 3, 3, 3)
-        self._mean_square = np.array(saved["mean_square"], dtype=float).reshape(self._count, 3)
-        self._started = bool(saved["started"])
-        self._sized = bool(saved.get("sized", self._started))
+        take_fields(self, _SAVED, saved)
         self._lasting.load(saved["lasting"])

@@ -147,9 +147,9 @@ def deflection_block(
         In place: value, rate, bias, last relative acceleration (4, M, 3); covariance per channel (M, 3, 3, 3).
     noise
         (M, 3, 5): acceleration variance, bias density, variance of the pseudo measurement of the value, acceleration
-        variance while body or base is silent, mean squared deflection that nothing tells.
+        variance while body or base is silent, mean squared deflection that nothing measures.
     rests, rate_ratio
-        What is left after a tick of a motion that nothing tells; rate over deflection of such a motion [1/s].
+        What is left after a tick of a motion that nothing measures; rate over deflection of such a motion [1/s].
     displaced, displaced_ok, displaced_variance
         Displacement transducers: values (K, M, 3), whether one spoke (K, M, 3), variance (M, 3).
     drawn, lag

@@ -179,7 +179,7 @@ class FilterBank:
         return value + start * whole, rate + start * whole_rate
 
     def passed(self, index: int, noise: Array) -> tuple[float, float]:
-        """Return what a filter lets through of noise, as variances of value and rate."""
+        """Return what a filter lets through of noise of a density (F,), as variances of value [m^2] and rate [(m/s)^2]."""
         return float(self._passed[index] @ noise), float(self._passed_rate[index] @ noise)
 
     def left(self, index: int, signal: Array, noise: Array) -> Array:

@@ -12,12 +12,18 @@ Array = NDArray[np.float64]
 
 #: length of a periodogram [s]; its window keeps steep spectra apart
 _SEGMENT = 8.0
-#: rate samples are averaged to before [Hz], bins per octave, first bin in lines of the periodogram
-_RATE, _PER_OCTAVE, _FIRST = 100.0, 5, 2
-#: shortest stretch a spectrum is made of [s]
+#: rate samples are averaged to before [Hz]
+_RATE = 100.0
+#: bins per octave
+_PER_OCTAVE = 5
+#: first bin, lines of the periodogram
+_FIRST = 2
+#: shortest segment a spectrum is made of [s]
 _SHORTEST = 2.0
-#: memory of the mean over periodograms [s] and time between two of them [s]
-_MEMORY, _INTERVAL = 10.0, 0.5
+#: memory of the mean over periodograms [s]
+_MEMORY = 10.0
+#: time between two periodograms [s]
+_INTERVAL = 0.5
 #: duration of averaged spectra from which on their lowest lines are not those of their neighbours [s]
 _RESOLVES_SLOW = 10.0
 #: equivalent noise bandwidth of the window in lines
@@ -124,7 +130,7 @@ class DeformationSpectrum:
         return np.asarray(1.0 / np.sqrt(np.maximum(independent, 1.0)[:, None] * segments * np.maximum(self._freedom, 1.0)))
 
     def split(self, axis: int, white: float, noise: Array) -> tuple[Array, Array, float]:
-        """Tell motion from noise: densities of the motion and of noise that is not white, (F,) each, and of white noise.
+        """Separate motion from noise: densities of the motion and of noise that is not white, (F,) each, and of white noise.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 # Copyright 2026 ride_estimation contributors
 """Deformation of the frame under the mounts: the part of the deflections no rigid motion explains, as a random process.
 
-Deflections are ``D = Phi q + e``: rigid relative motion q (equilibrium tells what it does to the forces) and deformation e, with
+Deflections are ``D = Phi q + e``: rigid relative motion q (equilibrium shows what it does to the forces) and deformation e, with
 ``Q = I - Phi Phi^+`` and ``Q D'' = -Q a_base``: the body and everything common to all brackets (attitude, bias of the body)
 cancel. Integrated twice the noise of the base sensors grows as ``1 / omega^4`` below about 2 Hz, where frames are nearly rigid.
 
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank
 from ride_estimation.estimation.kinematics.deformation_spectrum import DeformationSpectrum
@@ -30,14 +31,20 @@ Array = NDArray[np.float64]
 
 #: memory of the constant bias [s]
 _BIAS_MEMORY = 30.0
-#: deformation [m] and its rate [m/s] while nothing is known of the spectrum, standard deviations
-_UNKNOWN, _UNKNOWN_RATE = 5e-4, 1e-2
+#: standard deviation of the deformation while nothing is known of the spectrum [m]
+_UNKNOWN = 5e-4
+#: the same of its rate [m/s]
+_UNKNOWN_RATE = 1e-2
 #: a filter is left only for one with so much less error variance
 _WORTH = 0.9
-#: share of the twist's mean square its error must be below for its tilt to be taken out, and time in which that fades in [s]
-_TRUSTED, _FADE = 0.25, 2.0
-#: largest corner over the rate of the ticks, for the linear course between samples
+#: share of the twist's mean square its error must be below for its tilt to be taken out
+_TRUSTED = 0.25
+#: time in which that fades in [s]
+_FADE = 2.0
+#: largest corner over the rate of the ticks, for linear interpolation between samples
 _RESOLVED = 0.05
+#: attributes that are part of a saved state
+_SAVED = ("_state", "variance", "rate_variance", "_time", "_age", "_trusted", "_trust")
 
 
 class FrameDeformation:
@@ -286,12 +293,8 @@ class FrameDeformation:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        return {
-            "state": self._state.tolist(), "variance": self.variance.tolist(), "rate_variance": self.rate_variance.tolist(),
-            "time": self._time, "age": self._age,
-            "trusted": self._trusted, "trust": self._trust, "step": self._step, "chosen": self._chosen.tolist(),
-            "spectrum": self._spectrum.save() if self._step else None,
-        }  # fmt: skip
+        spectrum = self._spectrum.save() if self._step else None
+        return {**fields_of(self, (*_SAVED, "_step", "_chosen")), "spectrum": spectrum}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
@@ -304,9 +307,4 @@ class FrameDeformation:
         for axis, n in enumerate(self._chosen.tolist()):
             if n >= 0:
                 self._use(axis, self._bank.discretised(n, self._step))
-        self._state = np.array(saved["state"], dtype=float).reshape(self._state.shape)
-        self.variance = np.array(saved["variance"], dtype=float)
-        self.rate_variance = np.array(saved["rate_variance"], dtype=float)
-        self._time = float(saved["time"])
-        self._age = float(saved.get("age", self._time))
-        self._trusted, self._trust = bool(saved["trusted"]), float(saved["trust"])
+        take_fields(self, _SAVED, saved)

@@ -101,7 +101,7 @@ def deformation_block(
             for i in range(4):
                 state[i, n] = new[i]
             state[5, n] = u
-            # the linear course between samples loses (omega dt)^2 / 12 of the value; put it back
+            # linear interpolation between samples loses (omega dt)^2 / 12 of the value; put it back
             value[k, n] = new[2] - dt * dt / 12.0 * u
             rate[k, n] = new[3] - dt / 12.0 * (u - old)
 

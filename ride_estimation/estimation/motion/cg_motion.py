@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.block_math import stretches
+from ride_estimation.estimation.common.block_math import segment_ends
 from ride_estimation.estimation.common.geometry import channel_geometry
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.motion.centripetal import centripetal_covariance, centripetal_terms
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -47,23 +48,33 @@ from ride_estimation.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-#: standard deviation of an angular acceleration that no channel tells [rad/s^2]
+#: standard deviation of an angular acceleration that no channel measures [rad/s^2]
 UNKNOWN_ANGULAR_ACCEL = 20.0
-#: standard deviation of a linear acceleration that no channel tells [m/s^2]
+#: standard deviation of a linear acceleration that no channel measures [m/s^2]
 UNKNOWN_ACCEL = 100.0
-#: growth of accelerometer biases: (rad/s^2)^2/s and (rad/s)^2/s for gyros
-_BIAS_DENSITY, _GYRO_BIAS_DENSITY = 1.0e-8, 1.0e-10
-#: standard deviation of a constant bias at the start
-_ALPHA_BIAS, _GYRO_BIAS = 0.1, 0.02
-#: angular rate about the vertical of a body without gyros [rad/s] and how long it lasts [s]
-_YAW_STD, _YAW_TIME = 0.1, 3.0
+#: growth of the bias of the angular acceleration from accelerometers [(rad/s^2)^2/s]
+_BIAS_DENSITY = 1.0e-8
+#: growth of the bias of gyros [(rad/s)^2/s]
+_GYRO_BIAS_DENSITY = 1.0e-10
+#: standard deviation of a constant bias of the angular acceleration at the start [rad/s^2]
+_ALPHA_BIAS = 0.1
+#: the same of gyros [rad/s]
+_GYRO_BIAS = 0.02
+#: angular rate about the vertical of a body without gyros [rad/s]
+_YAW_STD = 0.1
+#: how long it lasts [s]
+_YAW_TIME = 3.0
 _MASKS = 64
-#: standard deviation of the angular rate [rad/s] from which on residuals count, and no longer do: centripetal terms are a guess
-_RATE_KNOWN, _RATE_LOST = 0.03, 0.15
+#: standard deviation of the angular rate from which on residuals count: before, centripetal terms are a guess [rad/s]
+_RATE_KNOWN = 0.03
+#: the same from which on they no longer do [rad/s]
+_RATE_LOST = 0.15
 #: ticks handled with one covariance of the angular rate
 _LONGEST = 100
-#: memory of the residual test, longest time for which attitude and rates wait for the verdict on a gross error [s]
-_TEST_MEMORY, _HOLD = 60.0, 0.5
+#: memory of the residual test [s]
+_TEST_MEMORY = 60.0
+#: longest time for which attitude and rates wait for the verdict on a gross error [s]
+_HOLD = 0.5
 #: ticks of residuals that say something
 _LEAST_SUMS = 50.0
 #: time after which a sensor that does not speak or is refused counts as left out [s]
@@ -75,11 +86,16 @@ _COASTS = 0.2
 _CENTRIPETAL = 0.08
 #: time constant of each stage of the low-pass of the rate of the vehicle's speed [s]: wheel speeds are coarse
 _SPEED_TIME = 0.1
-#: what the rate of the vehicle's speed leaves of the longitudinal acceleration of the body, which shakes on its mounts [m/s^2],
-#: and the time over which a stated error of the speed counts as such [s]
-_SURGE_ERROR, _SPEED_ERROR_TIME = 0.2, 2.0
-#: time over which horizontal acceleration counts as slow, and memory of its size [s]
-_SLOW_TIME, _SLOW_MEMORY = 1.0, 2.0
+#: what the rate of the vehicle's speed leaves of the longitudinal acceleration of the body, which shakes on its mounts [m/s^2]
+_SURGE_ERROR = 0.2
+#: time over which a stated error of the speed counts as such [s]
+_SPEED_ERROR_TIME = 2.0
+#: time over which horizontal acceleration counts as slow [s]
+_SLOW_TIME = 1.0
+#: memory of its size [s]
+_SLOW_MEMORY = 2.0
+#: attributes that are part of a saved state
+_SAVED = ("_state", "_p_tilt", "_p_pitch", "_p_yaw", "_slow", "_slow_square", "_speed", "_surge", "_last_good")
 #: time after which a difference of estimated tilt and specific force is an error of the tilt: nothing brakes for so long [s]
 _LASTING = 10.0
 
@@ -130,7 +146,7 @@ class CgMotionEstimator:
         self.variance = self._own_variance.copy()
         self._along = np.sum(directions * points, axis=1)
         self._gyro_variance = np.array([self.sensors[i].gyro_noise_std ** 2 for i in self.gyros])
-        #: which gyros tell angular rates: one whose unit or axes are wrong does not, see :mod:`gyro_check`
+        #: which gyros measure angular rates: one whose unit or axes are wrong does not, see :mod:`gyro_check`
         self._gyro_fit = np.ones(len(self.gyros), dtype=bool)
         self._cache: dict[tuple[bytes, float], Weights] = {}
         self._needed = int(np.sum(self._free))
@@ -144,17 +160,17 @@ class CgMotionEstimator:
         self._unknowns = int(np.sum(self._estimated))
         #: channels that are measured, shape (3 S,); those of the others are zero, as are their rows
         self._measured = measured_channels(self.sensors)
-        self._spare = max(int(self._measured.sum()) - self._unknowns, 0)
+        self._redundant = max(int(self._measured.sum()) - self._unknowns, 0)
         self._used_rows = np.ascontiguousarray(self._accelerometer_rows[:, self._estimated])
         self._centripetal = centripetal_terms(self.directions, self.points)
-        spare = self._spare if self._free[3:].all() else 0
+        redundant = self._redundant if self._free[3:].all() else 0
         offset = self._installation.offset(gravity)
-        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, spare, offset)
+        self._turning = ResidualRate(self._centripetal[: len(directions)], self._accelerometer_rows, redundant, offset)
         self.fault_test = FaultTest(self.sensors, self._used_rows, points[::3], 0.0 if self.gyros else _YAW_STD)
         self.fault_test.set_variance(self.variance)
         #: whether one of the sensors is grossly wrong and it is open which: a moment of that would rule the residuals of a minute
         self.inconsistent, self._held = False, 0.0
-        #: sums of the residuals since the last look, and ticks
+        #: sums of the residuals since the last evaluation, and ticks
         self._fresh, self._drift = np.zeros(len(directions) + 1), np.zeros((6, 6))
         #: sensors that spoke last, and how long it is those [s]
         self._mask: BoolArray = np.ones(len(self.sensors), dtype=bool)
@@ -268,7 +284,7 @@ class CgMotionEstimator:
         covariance, start = np.zeros((6, 6)), 0
         # rates and tilt are integrals: a gross error of a moment would stay in them for seconds
         before = self._state.copy() if self.inconsistent and self._held < _HOLD else None
-        for stop in stretches(valid, _LONGEST):
+        for stop in segment_ends(valid, _LONGEST):
             own = (samples[start:stop], body_gyro[start:stop], surge[start:stop])
             covariance = self._segment(*own, valid[start], dt, out, slice(start, stop))
             start = stop
@@ -345,8 +361,8 @@ class CgMotionEstimator:
         self._rate_known = use_gyro or bool(self._p_tilt[1, 1] < (_RATE_LOST if self._rate_known else _RATE_KNOWN) ** 2)
         if diverged:
             self._begin_attitude()
-        tells = weights.rank == needed and not self.inconsistent and not diverged and self._tells(mask, len(y) * dt)
-        if tells:
+        observed = weights.rank == needed and not self.inconsistent and not diverged and self._observes(mask, len(y) * dt)
+        if observed:
             # of a sensor that is left out since long nothing is asked; the others go on being compared
             said = y if mask.all() else np.where(np.repeat(mask, 3), y, predicted)
             (self._sums if self._rate_known else self._early).add(
@@ -357,7 +373,7 @@ class CgMotionEstimator:
             if not use_gyro and mask.all() and self._turning.observe(left, rate, dt):
                 own, white, lasts = weights.matrix[:, : y.shape[1]], float(np.mean(self.variance)), self._lasting.error_variance
                 self._turning.correct(own, white, lasts, self._state, self._p_tilt, self._p_yaw, dt)
-        if tells and self._rate_known:
+        if observed and self._rate_known:
             self.fault_test.observe(said, motion, rate, dt)
         else:
             self.fault_test.interrupt()
@@ -381,7 +397,7 @@ class CgMotionEstimator:
         self._state[3] = self._state[2] if not self._gyro_fit.any() else 0.0
         self._last_gyro = None
 
-    def _tells(self, mask: BoolArray, duration: float) -> bool:
+    def _observes(self, mask: BoolArray, duration: float) -> bool:
         """Return whether the residuals of a set of sensors say something: all of them, or since long the same ones."""
         if not np.array_equal(mask, self._mask):
             self._mask, self._same = mask.copy(), 0.0
@@ -436,10 +452,10 @@ class CgMotionEstimator:
 
     def contradicting(self, ratio: float) -> str:
         """Return the sensor that contradicts the others most where the ratio of the residual test is above one, else empty."""
-        # with a sensor left out hardly anything is to spare that would show more; without tolerances the ratio is larger
+        # with a sensor left out hardly any redundancy is left that would show more; without tolerances the ratio is larger
         ratio = ratio if self._mask.all() else MEANINGFUL
         sums, stated = self._compared()
-        if sums.count == 0.0 or sums.noise_ratio(stated) <= 0.5 * ratio * max(self._spare, 1):
+        if sums.count == 0.0 or sums.noise_ratio(stated) <= 0.5 * ratio * max(self._redundant, 1):
             return ""
         test = self._sized()
         return test.sensor if test.ratio > ratio else ""
@@ -468,18 +484,18 @@ class CgMotionEstimator:
             return 1.0, np.zeros((6, 6)), drift
         weights = self.weights(self._mask, dt).matrix[:, : len(stated)]
         if len(used) <= self._unknowns:
-            # nothing to spare shows what the sensors err by: it is as large as their installation says
+            # no redundancy shows the errors of the sensors: it is as large as their installation says
             errors = installation_variance(self.sensors, sums.signal_mean / sums.count, sums.dynamic())
             added, constant = (weights[:, used] * e[used] @ weights[:, used].T for e in errors)
             return 1.0, added, constant
         mean, moving = sums.moments()
-        spare = len(used) - self._unknowns
+        redundant = len(used) - self._unknowns
         own = np.diagonal(moving)[used], stated[used], weights[:, used]
-        factor, biases = residual_covariance(mean[used], *own, sums.count, spare)
+        factor, biases = residual_covariance(mean[used], *own, sums.count, redundant)
         constant = biases + drift
         if sums is self._sums:
-            self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], spare)
-        if sums.noise_ratio(self.variance) / max(self._spare, 1) <= MEANINGFUL:
+            self._lasting.learn_share(np.diagonal(moving)[used], stated[used], sums.dynamic()[used], redundant)
+        if sums.noise_ratio(self.variance) / max(self._redundant, 1) <= MEANINGFUL:
             return factor, np.zeros((6, 6)), constant
         test = residual_test(sums, stated, self._used_rows, self.sensors, self._gravity)
         share = min(max(math.sqrt(test.ratio / MEANINGFUL) - 1.0, 0.0), 1.0)
@@ -497,12 +513,12 @@ class CgMotionEstimator:
         angular one attitude and rates would run away: the bias of that is as open as the change is large.
         """
         (*fresh, ticks), self._fresh = self._fresh, np.zeros_like(self._fresh)
-        if self._spare == 0 or self._sums.count < _LEAST_SUMS or ticks == 0.0:
+        if self._redundant == 0 or self._sums.count < _LEAST_SUMS or ticks == 0.0:
             return np.zeros((6, 6)) if ticks else self._drift
         before, self._drift = np.diagonal(self._drift), np.zeros((6, 6))
         mean, moving = self._sums.moments()
         change = np.array(fresh) / ticks - mean
-        if more_than_chance(change, np.diagonal(moving), ticks, self._spare, self._installation.bias):
+        if more_than_chance(change, np.diagonal(moving), ticks, self._redundant, self._installation.bias):
             moved = motion_error(change, self._accelerometer_rows, self.weights(self._mask, dt).matrix[:, : len(change)])
             self._drift = np.outer(moved, moved)
         if not self._gyro_fit.any():  # where a drift ends the bias is as open as where it goes on
@@ -522,32 +538,21 @@ class CgMotionEstimator:
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
         return {
-            "state": self._state.tolist(), "p_tilt": self._p_tilt.tolist(), "p_pitch": self._p_pitch.tolist(),
-            "p_yaw": self._p_yaw.tolist(),
-            "variance": self.variance.tolist(), "own_variance": self._own_variance.tolist(),
+            **fields_of(self, (*_SAVED, "variance", "_own_variance", "_last_gyro")),
             "residuals": self._sums.save(), "faults": self.fault_test.save(), "turning": self._turning.save(),
-            "slow": self._slow.tolist(), "lasting": self._lasting.save(), "slow_square": self._slow_square,
-            "speed": self._speed.tolist(), "surge": self._surge.tolist(),
-            "last_gyro": None if self._last_gyro is None else self._last_gyro.tolist(), "last_good": self._last_good.tolist(),
+            "lasting": self._lasting.save(),
         }  # fmt: skip
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._state = np.array(saved["state"], dtype=float)
-        self._p_tilt = np.array(saved["p_tilt"], dtype=float)
-        self._p_pitch = np.array(saved.get("p_pitch", saved["p_tilt"]), dtype=float)
-        self._p_yaw = np.array(saved["p_yaw"], dtype=float)
+        take_fields(self, _SAVED, saved)
         # variances that messages state are kept, those of the vehicle file are the ones of now: their scale may have been changed
         before = np.array(saved["variance"], dtype=float)
         self.variance = np.where(before == np.array(saved["own_variance"], dtype=float), self._own_variance, before)
         self._sums = ResidualSums.load(saved["residuals"])
         self.fault_test.set_variance(self.variance)
         self.fault_test.load(saved["faults"])
-        self._turning.load(saved.get("turning", self._turning.save()))
-        self._slow, self._slow_square = np.array(saved["slow"], dtype=float), float(saved["slow_square"])
+        self._turning.load(saved["turning"])
         self._lasting.load(saved["lasting"])
-        self._speed = np.array(saved.get("speed", [0.0] * 4), dtype=float)
-        self._surge = np.array(saved.get("surge", [0.0] * 2), dtype=float)
         self._last_gyro = None if saved["last_gyro"] is None else np.array(saved["last_gyro"], dtype=float)
-        self._last_good = np.array(saved["last_good"], dtype=float)
         self._cache.clear()

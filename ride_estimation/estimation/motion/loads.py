@@ -98,21 +98,19 @@ class InertialLoads:
         still, moving = ((j * self.cg_std**2) @ j.T for j in jacobians)
         return still, moving
 
-    def covariance(self, accel_covariance: Array, accel: Array, rate: Array, rate_variance: float = 0.0) -> Array:
+    def covariance(self, accel_covariance: Array, accel: Array) -> Array:
         """Return the covariance of the load, shape (6, 6), at one tick.
 
         Parameters
         ----------
         accel_covariance
             Shape (6, 6).
-        accel, rate
-            Motion at the tick, shapes (6,) and (3,): mass and inertia errors scale with it.
-        rate_variance
-            Variance of each component of the angular rate [(rad/s)^2].
+        accel
+            Motion at the tick, shape (6,): mass and inertia errors scale with it.
         """
         result = np.empty((6, 6))
-        spread = np.array([self.mass_std**2, self.inertia_relative_std**2, rate_variance])
-        _load_covariance(accel_covariance, accel, rate, self.mass, self.inertia, spread, result)
+        spread = np.array([self.mass_std**2, self.inertia_relative_std**2])
+        _load_covariance(accel_covariance, accel, self.mass, self.inertia, spread, result)
         return result
 
 
@@ -132,42 +130,31 @@ def _load(accel: Array, rate: Array, mass: float, inertia: Array, load: Array) -
 
 @compile_kernel
 def _load_covariance(
-    covariance: Array, accel: Array, rate: Array, mass: float, inertia: Array, spread: Array, result: Array
+    covariance: Array, accel: Array, mass: float, inertia: Array, spread: Array, result: Array
 ) -> None:
     """Write the covariance (6, 6) of a load.
 
     Parameters
     ----------
-    covariance, accel, rate, mass, inertia
+    covariance, accel, mass, inertia
         As for :meth:`InertialLoads.covariance`.
     spread
-        Variance of the mass, relative variance of the inertia, variance of the rate.
+        Variance of the mass, relative variance of the inertia.
     result
         Output.
     """
     matrix = np.zeros((6, 6))
-    moment, momentum = np.zeros(3), np.zeros(3)
+    moment = np.zeros(3)
     for i in range(3):
         matrix[i, i] = mass
         for j in range(3):
             matrix[3 + i, 3 + j] = inertia[i, j]
             moment[i] += inertia[i, j] * accel[3 + j]
-            momentum[i] += inertia[i, j] * rate[j]
     half = np.zeros((6, 6))
     for i in range(6):
         for j in range(6):
             for n in range(6):
                 half[i, j] += matrix[i, n] * covariance[n, j]
-    # d (omega x J omega) / d omega = skew(omega) J - skew(J omega)
-    jacobian = np.empty((3, 3))
-    for c in range(3):
-        for i in range(3):
-            j, n = (i + 1) % 3, (i + 2) % 3
-            jacobian[i, c] = rate[j] * inertia[n, c] - rate[n] * inertia[j, c]
-            if c == n:
-                jacobian[i, c] -= momentum[j]
-            elif c == j:
-                jacobian[i, c] += momentum[n]
     for i in range(6):
         for j in range(i, 6):
             total = 0.0
@@ -177,7 +164,5 @@ def _load_covariance(
                 total += spread[0] * accel[i] * accel[j]
             elif i >= 3:
                 total += spread[1] * moment[i - 3] * moment[j - 3]
-                for n in range(3):
-                    total += spread[2] * jacobian[i - 3, n] * jacobian[j - 3, n]
             result[i, j] = total
             result[j, i] = total

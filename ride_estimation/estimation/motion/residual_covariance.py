@@ -1,10 +1,10 @@
 # Copyright 2026 ride_estimation contributors
-"""How wrong a motion is by what its spare equations show: noise larger than stated, gains and angles, biases.
+"""How wrong a motion is by what its redundant equations show: noise larger than stated, gains and angles, biases.
 
 With more channels than unknowns the residuals ``r = (I - H W) e`` of errors e that are alike in all channels have the size of
-those errors: ``<r^T r> = spare <e^2>``. What moves of them scales the stated covariance (Birge, Phys. Rev. 40, 207, 1932); what
-is constant are biases, which no filter sees and which reach the motion as ``<e^2> W W^T``. Sensors within the tolerances of their
-installation are no reason for a word, but what they leave in the motion is as real as noise.
+those errors: ``<r^T r> = n <e^2>`` with n redundant equations. What moves of them scales the stated covariance (Birge, Phys.
+Rev. 40, 207, 1932); what is constant are biases, which no filter sees and which reach the motion as ``<e^2> W W^T``. Sensors
+within the tolerances of their installation are no reason for a word, but what they leave in the motion is as real as noise.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _CHANGE_BY_CHANCE = 2.0
 
 
 def residual_covariance(
-    mean: Array, moving: Array, stated: Array, weights: Array, count: float, spare: int
+    mean: Array, moving: Array, stated: Array, weights: Array, count: float, redundant: int
 ) -> tuple[float, Array]:  # fmt: skip
     """Return a factor on the standard deviation of the motion, at least 1, and what biases add to its covariance, shape (6, 6).
 
@@ -43,14 +43,14 @@ def residual_covariance(
         W, shape (6, C).
     count
         Ticks the residuals were seen for.
-    spare
+    redundant
         Equations more than unknowns, at least 1.
     """
     independent = max(count / _DEPENDENT, 1.0)
-    ratio = float(np.sum(moving / stated)) / spare
-    factor = math.sqrt(ratio) if ratio > 1.0 + _CLEARLY * math.sqrt(2.0 / (spare * independent)) else 1.0
-    chance = float(np.sum(moving)) / (spare * independent)
-    bias = max(float(mean @ mean) / spare - chance, 0.0)
+    ratio = float(np.sum(moving / stated)) / redundant
+    factor = math.sqrt(ratio) if ratio > 1.0 + _CLEARLY * math.sqrt(2.0 / (redundant * independent)) else 1.0
+    chance = float(np.sum(moving)) / (redundant * independent)
+    bias = max(float(mean @ mean) / redundant - chance, 0.0)
     return factor, bias * (weights @ weights.T)
 
 
@@ -59,8 +59,9 @@ def error_of_one(
 ) -> tuple[Array, Array]:  # fmt: skip
     """Return what the error of one sensor does to the motion, covariances of its moving and of its constant part, shape (6, 6).
 
-    An error d leaves ``M_s d`` of residuals, ``M = I - H W``, and moves the motion by ``W_s d``. Where the other sensors leave no
-    equation to spare, a direction of d shows nothing: there the sensor is as wrong, relative to what it reads, as where it shows.
+    An error d leaves ``M_s d`` of residuals, ``M = I - H W``, and moves the motion by ``W_s d``. Where the other sensors leave
+    no redundant equation, a direction of d shows nothing: there the sensor is as wrong, relative to what it reads, as where it
+    shows.
 
     Parameters
     ----------
@@ -107,13 +108,14 @@ def installation_variance(sensors: Sequence[Sensor], mean: Array, dynamic: Array
     gain, angle, bias = (np.array([[getattr(i, kind)] for i in own]) ** 2 for kind in ("gain", "misalignment", "bias"))
 
     def misread(square: Array) -> Array:
+        """Return the variance that gains and angles make of squared readings (3 S,), shape (S, 3)."""
         axes = square.reshape(-1, 3)
         return np.asarray(gain * axes + angle * (axes.sum(axis=1, keepdims=True) - axes))
 
     return misread(dynamic).ravel(), (misread(mean**2) + bias).ravel()
 
 
-def more_than_chance(change: Array, moving: Array, ticks: float, spare: int, bias: float) -> bool:
+def more_than_chance(change: Array, moving: Array, ticks: float, redundant: int, bias: float) -> bool:
     """Return whether the mean residual of some ticks differs from that of the run by more than chance and good sensors explain.
 
     Parameters
@@ -124,10 +126,10 @@ def more_than_chance(change: Array, moving: Array, ticks: float, spare: int, bia
         Variance of the residuals, shape (C,).
     ticks
         How many.
-    spare
+    redundant
         Equations more than unknowns.
     bias
         Standard deviation of a zero error of sensors in good order, which does not change more within a minute [m/s^2].
     """
     chance = _CHANGE_BY_CHANCE**2 * _DEPENDENT * float(np.sum(moving)) / ticks
-    return float(change @ change) >= spare * bias**2 + chance
+    return float(change @ change) >= redundant * bias**2 + chance

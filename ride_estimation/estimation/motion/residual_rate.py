@@ -1,13 +1,13 @@
 # Copyright 2026 ride_estimation contributors
 """Angular rate from centripetal acceleration, for bodies without gyros.
 
-Integrated angular acceleration drifts; what holds it is the direction of gravity, wrong while a bend lasts, and for yaw nothing.
-Centripetal terms of a wrong rate are no motion of a rigid body: with omega = w + d they leave
-``r = M T w d`` in the spare equations, ``M = I - H W``, T of :func:`centripetal.centripetal_terms`. A body that turns tells its
-rate so, the better the faster; one that does not turn tells nothing, and nothing is taken. (Schuler, Grammatikos and Fegley,
-IEEE Trans. Aerosp. Electron. Syst. AES-3, 465, 1967, measured rotation with accelerometers alone.)
+Integrated angular acceleration drifts; what holds it is the direction of gravity, wrong while a bend lasts, and for yaw
+nothing. Centripetal terms of a wrong rate are no motion of a rigid body: with omega = w + d they leave ``r = M T w d`` in the
+redundant equations, ``M = I - H W``, T of :func:`centripetal.centripetal_terms`. A body that turns shows its rate so, the
+better the faster; one that does not turn shows nothing, and nothing is used. (Schuler, Grammatikos and Fegley, IEEE Trans.
+Aerosp. Electron. Syst. AES-3, 465, 1967, measured rotation with accelerometers alone.)
 
-A constant error of a sensor looks like a constant rate, so only what differs from the means of the last minute tells it.
+A constant error of a sensor looks like a constant rate, so only what differs from the means of the last minute counts.
 """
 
 from __future__ import annotations
@@ -17,12 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.motion.sensor_drift import residual_of_errors
 
 Array = NDArray[np.float64]
 
-#: time over which residuals are averaged, for which errors of gain and angle stay alike, and memory of the biases [s]
-_WINDOW, _ALIKE, _MEMORY = 0.1, 2.0, 60.0
+#: time over which residuals are averaged [s]
+_WINDOW = 0.1
+#: time for which errors of gain and angle stay alike [s]
+_ALIKE = 2.0
+#: memory of the biases [s]
+_MEMORY = 60.0
 #: samples of a filtered signal per independent one
 _DEPENDENT = 4.0
 
@@ -36,14 +41,14 @@ class ResidualRate:
         T of the accelerometer channels, shape (C, 9).
     rows
         H of the same, shape (C, 6).
-    spare
+    redundant
         Equations more than unknowns, 0 where nothing is to be taken.
     offset
         Standard deviation of the mean reading of sensors in good order [m/s^2].
     """
 
-    def __init__(self, terms: Array, rows: Array, spare: int, offset: float) -> None:
-        self._terms, self._rows, self._spare, self._offset = terms.reshape(len(terms), 3, 3), rows, spare, offset
+    def __init__(self, terms: Array, rows: Array, redundant: int, offset: float) -> None:
+        self._terms, self._rows, self._redundant, self._offset = terms.reshape(len(terms), 3, 3), rows, redundant, offset
         self._bias, self._seen, self._age = np.zeros(len(terms)), np.zeros((len(terms), 3)), 0.0
         self.reset()
 
@@ -56,7 +61,7 @@ class ResidualRate:
         self._sum += residual.sum(axis=0)
         self._rate += rate.sum(axis=0)
         self._ticks += len(residual)
-        return self._spare > 0 and self._ticks * dt >= _WINDOW
+        return self._redundant > 0 and self._ticks * dt >= _WINDOW
 
     def correct(
         self, weights: Array, noise: float, slow: float, state: Array, tilt: Array, yaw: Array, dt: float
@@ -88,7 +93,7 @@ class ResidualRate:
         self._seen += gain * (seen - self._seen)
         left, seen = mean - self._bias, seen - self._seen
         # what d d / 2 leaves, errors that last, and a mean in which the window itself may be: of a faulty sensor that is large
-        size = max(self._offset, float(np.sqrt(self._bias @ self._bias / self._spare)))
+        size = max(self._offset, float(np.sqrt(self._bias @ self._bias / self._redundant)))
         known = size * min(1.0, _ALIKE / self._age)
         lasting = (slow + known**2) * max(_ALIKE / duration, 1.0) + float(np.mean(self._terms**2)) * float(variance @ variance)
         stated = _DEPENDENT * noise / ticks + lasting
@@ -97,7 +102,7 @@ class ResidualRate:
             after = np.linalg.inv(information / stated + np.diag(1.0 / variance))
             step = after @ asked / stated
             # a faulty sensor leaves what no rate explains
-            stated = max(stated, float(np.sum((left - seen @ step) ** 2)) / self._spare)
+            stated = max(stated, float(np.sum((left - seen @ step) ** 2)) / self._redundant)
         for axes, p, now in (([0, 1], tilt, max(after[0, 0], after[1, 1])), ([2], yaw, after[2, 2])):
             along = p[:, 1] / p[1, 1]
             state[:3, axes] += np.outer(along, step[axes])
@@ -105,9 +110,8 @@ class ResidualRate:
 
     def save(self) -> dict[str, Any]:
         """Return what was learned as plain lists."""
-        return {"bias": self._bias.tolist(), "seen": self._seen.tolist(), "age": self._age}
+        return fields_of(self, ("_bias", "_seen", "_age"))
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._bias, self._seen = np.array(saved["bias"], dtype=float), np.array(saved["seen"], dtype=float)
-        self._age = float(saved["age"])
+        take_fields(self, ("_bias", "_seen", "_age"), saved)

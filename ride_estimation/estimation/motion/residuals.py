@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ride_estimation.estimation.motion.motion_kernel import add_residuals
+from ride_estimation.estimation.sensor_errors.isolation import Redundancy, ambiguity_group
 from ride_estimation.estimation.sensor_errors.sensor_faults import Fault
 from ride_estimation.sensors.sensor import Sensor
 
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: excess of the mean squared residual over noise and tolerances from which on it is worth a word
 MEANINGFUL = 1.2
+#: singular values of what the other sensors leave to one of them that count as zero, as a share of the largest
+_RANK = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +39,7 @@ class ResidualTest:
     explained
         Share of the excess it explains.
     rivals
-        Sensors that explain nearly as much: the residuals cannot tell them apart.
+        Sensors that explain nearly as much: an ambiguity group.
     channel_ratio
         Root mean square over its expected value per channel, shape (C,).
     fault
@@ -119,7 +122,7 @@ class ResidualSums:
             self.slope_square += len(samples) * np.mean(np.diff(samples, axis=0) ** 2, axis=0) / dt**2
 
     def noise_ratio(self, stated: Array) -> float:
-        """Return the sum over the channels of the mean squared residual over the stated variance."""
+        """Return the sum over the channels of the mean squared residual over the stated variance, shape (C,)."""
         return float(np.sum(np.diagonal(self.products) / stated)) / self.count
 
     def moments(self) -> tuple[Array, Array]:
@@ -159,11 +162,11 @@ def _tolerated(sums: ResidualSums, stated: Array, measured: NDArray[np.bool_], s
 def residual_test(
     sums: ResidualSums, stated: Array, free: Array, sensors: Sequence[Sensor], gravity: float
 ) -> ResidualTest:  # fmt: skip
-    """Compare the spare equations with noise and tolerances (document 000 has none; ride_models 4.4).
+    """Compare the redundant equations with noise and tolerances (document 000 has none; ride_models 4.4).
 
-    With ``Q = R^-1 - R^-1 H (H^T R^-1 H)^-1 H^T R^-1`` the statistic is ``tr(Q C)``, C the covariance of the residuals, and a
-    fault in sensor s explains ``tr((E^T Q E)^+ E^T R^-1 C R^-1 E)`` of it. Their mean has a tolerance of its own, that of bias
-    and mounting, and joins C in units of it. R holds the stated noise and what sensors in good order differ by.
+    With ``Q = R^-1 - R^-1 H (H^T R^-1 H)^-1 H^T R^-1`` the statistic is ``tr(Q C)``, C the covariance of the residuals; what a
+    fault of one sensor explains of it follows from ``R^1/2 Q R^1/2`` (:class:`Redundancy`). Their mean has a tolerance of its
+    own, that of bias and mounting, and joins C in units of it. R holds the stated noise and what sensors in good order differ by.
 
     Parameters
     ----------
@@ -180,9 +183,9 @@ def residual_test(
     """
     names = [s.name for s in sensors]
     count, measured = 3 * len(names), np.any(free != 0.0, axis=1)
-    spare = int(measured.sum()) - (int(np.linalg.matrix_rank(free, tol=1e-6)) if free.size else 0)
+    redundant = int(measured.sum()) - (int(np.linalg.matrix_rank(free, tol=1e-6)) if free.size else 0)
     empty = ResidualTest(1.0, np.inf, "", 0.0, (), np.ones(count))
-    if spare <= 0 or sums.count < 50:
+    if redundant <= 0 or sums.count < 50:
         return empty
     variance = _tolerated(sums, stated, measured, sensors)
     inverse = np.diag(1.0 / variance)
@@ -195,27 +198,24 @@ def residual_test(
     tolerated = np.repeat([s.tolerated_installation.offset(gravity) for s in sensors], 3)
     offset = (project @ mean) * np.sqrt(variance / (variance + tolerated**2))
     # gammaincinv: the quantile of chi-squared, without the detours of scipy.stats
-    # one draw of the mean with ``spare`` degrees of freedom: what chance and tolerance explain of it does not count
-    slack = float(2.0 * special.gammaincinv(0.5 * spare, 0.999)) / spare
-    constant = float(offset @ inverse @ offset) / spare
+    # one draw of the mean with ``redundant`` degrees of freedom: what chance and tolerance explain of it does not count
+    slack = float(2.0 * special.gammaincinv(0.5 * redundant, 0.999)) / redundant
+    constant = float(offset @ inverse @ offset) / redundant
     c = c + np.outer(offset, offset) * max(1.0 - slack / max(constant, 1e-12), 0.0)
-    ratio = float(np.sum(np.diag(inverse) * np.diag(c))) / spare
+    ratio = float(np.sum(np.diag(inverse) * np.diag(c))) / redundant
     # samples of an anti-alias filtered signal are not independent: count a quarter of them
-    freedom = spare * max(sums.count, 50.0) / 4.0
+    freedom = redundant * max(sums.count, 50.0) / 4.0
     limit = MEANINGFUL * float(2.0 * special.gammaincinv(0.5 * freedom, 0.999) / freedom)
     # errors of the installation are one draw however long the run is: at a level of 5 %, as they are found by their score too
-    drawn = float(2.0 * special.gammaincinv(0.5 * spare, 0.95)) / spare
+    drawn = float(2.0 * special.gammaincinv(0.5 * redundant, 0.95)) / redundant
     limit *= 1.0 + (drawn - 1.0) * float(np.mean(1.0 - stated[measured] / variance[measured]))
     residual_variance = np.maximum(variance - np.einsum("ij,jk,ik->i", free, covariance, free), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         channel = np.sqrt(np.diag(c) / np.where(residual_variance > 1e-12, residual_variance, np.inf))
     if ratio <= limit:
         return dataclasses.replace(empty, ratio=ratio, limit=limit, channel_ratio=channel)
-    explained = np.zeros(len(names))
-    weighted = inverse @ c @ inverse
-    for s in range(len(names)):
-        part = slice(3 * s, 3 * s + 3)
-        explained[s] = float(np.trace(np.linalg.pinv(q[part, part], rcond=1e-6) @ weighted[part, part])) / (spare * ratio)
+    white = np.sqrt(variance)
+    explained = Redundancy.of(white[:, None] * q * white, 3, _RANK).explained(c / np.outer(white, white))
     best = int(np.argmax(explained))
-    rivals = tuple(name for i, name in enumerate(names) if i != best and explained[i] > 0.9 * explained[best])
+    rivals = tuple(names[i] for i in ambiguity_group(explained) if i != best)
     return ResidualTest(ratio, limit, names[best], float(explained[best]), rivals, channel)

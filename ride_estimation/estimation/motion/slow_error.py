@@ -22,9 +22,12 @@ Array = NDArray[np.float64]
 #: standard deviations of the installation that count: what lasts is integrated, and an attitude that believes its sensors too
 #: much returns slowly (with 1 instead of sqrt 2, sensors 0.3 degrees off and 1.5 m/s^2 for 8 s: 2 degrees left after 20 s, not 1)
 _STDS = math.sqrt(2.0)
-#: times over which an acceleration counts as slow (twice, one after the other: what a road excites at a hertz or two does not
-#: last), after which it is part of gravity, and memory of its size [s]
-_SLOW, _LASTING, _MEMORY = 0.5, 30.0, 5.0
+#: time over which an acceleration counts as slow, twice, one after the other: what a road excites at a hertz or two does not [s]
+_SLOW = 0.5
+#: time after which it is part of gravity [s]
+_LASTING = 30.0
+#: memory of its size [s]
+_MEMORY = 5.0
 #: rows of the state as they are saved
 _NAMES = ("first", "slow", "mean")
 
@@ -76,17 +79,17 @@ class LastingAcceleration:
         """Return the variance of the slow error of an accelerometer channel [(m/s^2)^2]."""
         return self._share * self._square / 3.0
 
-    def learn_share(self, residual: Array, noise: Array, reading: Array, spare: int) -> None:
+    def learn_share(self, residual: Array, noise: Array, reading: Array, redundant: int) -> None:
         """Take over from residuals which share of an acceleration the sensors read wrongly, at least the tolerances.
 
         Parameters
         ----------
         residual, noise, reading
             Variances of the residuals, of the noise and of the readings of the channels, shape (C,).
-        spare
+        redundant
             Equations more than unknowns.
         """
-        excess = float(np.sum(residual)) / spare - float(np.mean(noise))
+        excess = float(np.sum(residual)) / redundant - float(np.mean(noise))
         self._share = max(self._least, excess / max(float(np.mean(reading)), 1e-12))
 
     def observe(self, accel: Array, duration: float) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.saved_state import take_fields
 from ride_estimation.estimation.parameters.interval import Interval
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ _RELEVANT = 0.05
 _CLEAR = 4.0
 #: standard deviations of an exponent that count as scatter
 _SCATTER = 2.0
+#: attributes that are part of a saved state
+_SAVED = ("_information", "_target", "_scatter", "_last", "_reference", "_intervals")
 
 
 class AmplitudeDependence:
@@ -125,19 +128,10 @@ class AmplitudeDependence:
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state; its arrays are shared and never change."""
-        return {
-            "information": self._information, "target": self._target, "scatter": self._scatter, "last": self._last,
-            "reference": self._reference, "intervals": self._intervals, "exponents": list(self.exponents),
-        }  # fmt: skip
+        return {**{name[1:]: getattr(self, name) for name in _SAVED}, "exponents": list(self.exponents)}
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`snapshot`."""
-        size = self._count + self._free_parameters
-        self._information = np.array(saved["information"], dtype=float).reshape(size, size)
-        self._target = np.array(saved["target"], dtype=float).reshape(size)
-        self._scatter = np.array(saved["scatter"], dtype=float).reshape(size, size)
-        self._last = np.array(saved["last"], dtype=float).reshape(size)
-        self._reference = np.array(saved["reference"], dtype=float).reshape(self._free_parameters)
-        self._intervals = int(saved["intervals"])
+        take_fields(self, _SAVED, saved)
         value, std = (np.array(v, dtype=float).reshape(self._free_parameters) for v in saved["exponents"])
         self.exponents = value, std

@@ -2,7 +2,7 @@
 """Base sensors that read horizontal motion too large or too small, shown by the body that the mounts carry.
 
 Such an error looks like a deformed frame to the other bases and like a softer mount to the size of the forces, but not to their
-course: below its resonance w0 a mount bends by ``a / w0^2``, its base moves by ``a / w^2``. So the innovations of the simulated
+history: below its resonance w0 a mount bends by ``a / w0^2``, its base moves by ``a / w^2``. So the innovations of the simulated
 body are asked for it: a gain g of one axis adds ``g (k X + c V)`` to the tension of its mount, X and V the motion of the base
 through the filters of the deflection. Every such column is judged by a score test with all parameters fitted anew about the
 vehicle file. Mounts side by side have the same lever: a sensor that explains nearly as much is named too.
@@ -22,12 +22,16 @@ from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
-#: intervals that are looked at, about five seconds, and least number that tells how far they agree
-RECENT, _ENOUGH = 10, 8
+#: intervals that are evaluated: about five seconds
+RECENT = 10
+#: least number that shows how far they agree
+_ENOUGH = 8
 #: gain that the noise of the bases, which their readings multiply, leaves [-]; 0.03 at most in a dozen drawn cabs
 _NOISE = 0.02
-#: gain over its standard deviation from which on it is an error, and down to which it stays one; 1.4 at most in these cabs
-_BEGINS, _ENDS = 3.0, 2.0
+#: gain over its standard deviation from which on it is an error; 1.4 at most in a dozen drawn cabs without one
+_BEGINS = 3.0
+#: the same down to which it stays one
+_ENDS = 2.0
 #: share of what the best explains that makes another sensor a rival
 _RIVAL = 0.5
 
@@ -59,7 +63,7 @@ class BaseGains:
         self.suspects: dict[int, str] = {}
 
     def judge(self, memory: IntervalMemory, theta: Array, prior_std: Array, first: int, force_square: Array) -> None:
-        """Look at the last intervals.
+        """Test the gains over the last intervals.
 
         Parameters
         ----------

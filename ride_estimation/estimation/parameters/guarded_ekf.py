@@ -3,31 +3,21 @@
 
 filterpy 2.0 silently broadcasts wrong shapes, turns one NaN into a NaN state for ever, raises on a singular innovation covariance
 and evaluates ``predict_update`` at the state before prediction. Here: ``predict`` then ``update`` only, shapes and finiteness
-checked, R floored, P symmetrised and kept positive definite, an own chi-square gate, and every refused update rolled back.
+checked, R floored, P symmetrised and kept positive definite, and every refused update rolled back. The gate of innovations is
+that of :mod:`parameter_filter`.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from ride_estimation.errors import InputDataError
 
 Array = NDArray[np.float64]
 
-
-@dataclasses.dataclass(frozen=True)
-class UpdateResult:
-    """What became of one update: accepted or not and why, normalised innovation squared and its limit."""
-
-    accepted: bool
-    reason: str
-    nis: float
-    limit: float
+#: least variance of a measurement
+_FLOOR = 1e-12
 
 
 class GuardedEkf:
@@ -37,10 +27,6 @@ class GuardedEkf:
     ----------
     x, p
         Initial state (N,) and covariance (N, N).
-    gate_probability
-        Probability that a good measurement passes the gate.
-    least_variance
-        Floor of the diagonal of R.
 
     Raises
     ------
@@ -48,7 +34,7 @@ class GuardedEkf:
         Shapes that do not match, values that are not finite, a covariance that is not positive definite.
     """
 
-    def __init__(self, x: Array, p: Array, *, gate_probability: float = 0.9999, least_variance: float = 1e-12) -> None:
+    def __init__(self, x: Array, p: Array) -> None:
         from filterpy.kalman import ExtendedKalmanFilter  # half a second and 45 MB: only where parameters are estimated
 
         x, p = np.array(x, dtype=float), np.array(p, dtype=float)
@@ -60,8 +46,6 @@ class GuardedEkf:
         self._filter = ExtendedKalmanFilter(self._size, 1)
         self._filter.x = x
         self._filter.P = _symmetric(p)
-        self._gate = gate_probability
-        self._floor = least_variance
 
     @property
     def x(self) -> Array:
@@ -74,7 +58,7 @@ class GuardedEkf:
         return np.array(self._filter.P, dtype=float)
 
     def replace(self, x: Array | None = None, p: Array | None = None) -> None:
-        """Set state or covariance, with the checks of the constructor.
+        """Set state (N,) or covariance (N, N), with the checks of the constructor.
 
         Raises
         ------
@@ -90,7 +74,7 @@ class GuardedEkf:
         self._filter.x, self._filter.P = new_x, new_p
 
     def predict(self, q: Array) -> bool:
-        """Add process noise; return False and change nothing where it is not a covariance."""
+        """Add process noise, ``P + Q`` with Q of shape (N, N); return False and change nothing where it is no covariance."""
         q = np.asarray(q, dtype=float)
         if q.shape != (self._size, self._size) or not np.all(np.isfinite(q)):
             return False
@@ -104,8 +88,12 @@ class GuardedEkf:
         self._filter.P = _symmetric(self._filter.P)
         return True
 
-    def update(self, innovation: Array, jacobian: Array, r: Array, *, gate: bool = True) -> UpdateResult:
-        """Take one measurement given by its innovation; a refused one changes nothing.
+    def nis(self, innovation: Array, jacobian: Array, r: Array) -> float:
+        """Return the normalised innovation squared, ``y^T (H P H^T + R)^-1 y``; arguments as of :meth:`update`."""
+        return float(innovation @ np.linalg.solve(jacobian @ self.p @ jacobian.T + r, innovation))
+
+    def update(self, innovation: Array, jacobian: Array, r: Array) -> str:
+        """Take one measurement given by its innovation; a refused one changes nothing. Return why it was refused, empty: taken.
 
         Parameters
         ----------
@@ -115,37 +103,24 @@ class GuardedEkf:
             Shape (M, N).
         r
             Measurement covariance, shape (M, M).
-        gate
-            Whether the chi-square gate may refuse it.
         """
         y, h, r = np.asarray(innovation, dtype=float), np.asarray(jacobian, dtype=float), np.asarray(r, dtype=float)
         if y.ndim != 1 or not len(y) or h.shape != (len(y), self._size) or r.shape != (len(y), len(y)):
-            return UpdateResult(False, "shape", 0.0, 0.0)
+            return "shape"
         if not (np.all(np.isfinite(y)) and np.all(np.isfinite(h)) and np.all(np.isfinite(r))):
-            return UpdateResult(False, "not_finite", 0.0, 0.0)
+            return "not_finite"
         r = _symmetric(r)
-        r = r + np.diag(np.maximum(self._floor - np.diag(r), 0.0))
-        p = self.p
-        s = _symmetric(h @ p @ h.T + r)
-        limit = _limit(self._gate, len(y))
-        if not _positive_definite(s):
-            return UpdateResult(False, "singular", 0.0, limit)
-        nis = float(y @ np.linalg.solve(s, y))
-        if gate and nis > limit:
-            return UpdateResult(False, "gate", nis, limit)
-        before = (self.x, p)
+        r = r + np.diag(np.maximum(_FLOOR - np.diag(r), 0.0))
+        before = (self.x, self.p)
+        if not _positive_definite(h @ before[1] @ h.T + r):
+            return "singular"
         predicted = h @ before[0]
         self._filter.update(y + predicted, lambda x: h, lambda x: h @ x, R=r)
         if not (np.all(np.isfinite(self._filter.x)) and _positive_definite(self._filter.P)):
             self._filter.x, self._filter.P = before
-            return UpdateResult(False, "covariance", nis, limit)
+            return "covariance"
         self._filter.P = _symmetric(self._filter.P)
-        return UpdateResult(True, "", nis, limit)
-
-
-@functools.cache
-def _limit(probability: float, freedom: int) -> float:
-    return float(stats.chi2.ppf(probability, freedom))
+        return ""
 
 
 def _symmetric(matrix: Array) -> Array:

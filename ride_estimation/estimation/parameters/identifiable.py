@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""What a sensor layout and a run can and cannot tell, in sentences."""
+"""What a sensor layout and a run make identifiable, in sentences."""
 
 from __future__ import annotations
 
@@ -52,9 +52,22 @@ def null_directions(covariance: Array, prior_std: Array, names: Sequence[str]) -
 
 
 def describe(
-    geometry: Geometry, estimates: Sequence[Estimate], anchored: bool, nulls: Sequence[str], changes: Sequence[str]
+    geometry: Geometry, estimates: Sequence[Estimate], has_reference: bool, nulls: Sequence[str], changes: Sequence[str]
 ) -> dict[str, Any]:
     """Return what is identifiable, what is not and which sensor or manoeuvre would cure it.
+
+    Parameters
+    ----------
+    geometry
+        Body, mounts, sensors.
+    estimates
+        Of all parameters.
+    has_reference
+        Whether the mass has a scale reference.
+    nulls
+        Unobservable combinations of parameters, in words.
+    changes
+        Notes on the parameters.
 
     Returns
     -------
@@ -64,7 +77,7 @@ def describe(
     body = geometry.body
     layout = check_layout(geometry.body_sensors, body.cg, body.coordinates)
     missing, advice = [], []
-    if not anchored:
+    if not has_reference:
         missing.append(f"{body.name}.mass: {NULL_DIRECTION}")
         advice.append(
             "weigh the body, or give one known stiffness, a load cell, an air-spring pressure or a run with a known added mass"
@@ -96,7 +109,7 @@ def describe(
     half = [name for name in silent if name in travelled]
     if half:
         missing.append(f"axes of {', '.join(half)} without transducer: their forces are shared by stiffness ratios")
-    missing += [f"{e.name}: {e.reason}" for e in estimates if e.status is Status.NOT_IDENTIFIABLE and not bare and anchored]
+    missing += [f"{e.name}: {e.reason}" for e in estimates if e.status is Status.NOT_IDENTIFIABLE and not bare and has_reference]
     missing += [n for n in nulls if not bare]
     valid = [e.name for e in estimates if e.status is Status.VALID]
     return {

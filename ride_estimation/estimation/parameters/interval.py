@@ -19,13 +19,15 @@ _LENGTH = 40
 _MARGIN = 1.2
 #: intervals' worth of white-noise theory that the scatter is mixed with
 _SHRINK = 4.0
-#: scatter over white-noise theory before it is known, and its bounds
-_START, _INFLATION = 4.0, (0.5, 1e6)
+#: scatter over white-noise theory before it is known
+_START = 4.0
+#: bounds of that ratio
+_INFLATION = (0.5, 1e6)
 #: share of its information that rounding leaves of a column which parameters explain
 _ROUNDING = 1e-9
 #: intervals that a scatter needs
 _FEWEST = 4
-#: intervals that tell a scatter from parameters that move
+#: intervals that distinguish scatter from parameters that move
 _FEWEST_STEADY = 8
 
 
@@ -90,7 +92,7 @@ class Interval:
 
 @dataclasses.dataclass(frozen=True)
 class Scatter:
-    """How much gradients scatter where intervals tell something: eigenvalues of their joint information (D,), eigenvectors
+    """How much gradients scatter where intervals are informative: eigenvalues of their joint information (D,), eigenvectors
     (N, D), covariance of the sum of the gradients along them (D, D).
     """
 
@@ -110,7 +112,7 @@ def scatter_of(observable: tuple[Array, Array], scores: Array) -> Scatter:
     Parameters
     ----------
     observable
-        Where J intervals together tell something, see :func:`observable_directions`.
+        Where J intervals together are informative, see :func:`observable_directions`.
     scores
         Gradients at the parameters in question, shape (J, N).
     """
@@ -173,7 +175,7 @@ class IntervalMemory:
         return np.asarray(np.sum(self._information, axis=0)) if self._information else np.zeros((self._count, self._count))
 
     def add(self, interval: Interval, centre: Array) -> None:
-        """Add an interval linearised at ``centre``."""
+        """Add an interval linearised at parameters ``centre``, shape (N,)."""
         for stack, item in (
             (self._information, interval.information),
             (self._gradient, interval.gradient),
@@ -218,7 +220,7 @@ class IntervalMemory:
         return self._stack
 
     def _directions(self) -> tuple[Array, Array]:
-        """Return along which directions all intervals together tell something."""
+        """Return along which directions all intervals together are informative."""
         if self._observable is None:
             self._observable = observable_directions(self._stacked().sum(axis=0))
         return self._observable
@@ -229,12 +231,12 @@ class IntervalMemory:
         return information, np.array(self._gradient) - np.einsum("jab,jb->ja", information, theta - np.array(self._centre))
 
     def carry(self, step: Array, recent: int) -> None:
-        """Carry all but the recent intervals over to parameters that have moved since: they were about those of their time."""
+        """Carry all but the recent intervals over to parameters that moved by ``step`` (N,) since: they were about others."""
         old = max(self.length - recent, 0)
         self._centre[:old] = [c + step for c in self._centre[:old]]
 
     def weigh(self, theta: Array) -> float:
-        """Refresh ``inflation`` with parameters that were learned; return it over what it was."""
+        """Refresh ``inflation`` with the present parameters (N,); return it over what it was."""
         if self.length < _FEWEST_STEADY:
             return 1.0
         before = self.inflation
@@ -293,7 +295,7 @@ class IntervalMemory:
         return np.asarray(np.linalg.solve(information, np.sum(self._cross, axis=0)))
 
     def estimate_considered(self, theta: Array, prior_std: Array, spread: Array, count: int) -> tuple[Array, Array]:
-        """Return the first of what is considered as the intervals in memory alone tell it, (Q,), and its covariance, (Q, Q).
+        """Return the first of what is considered as the intervals in memory alone estimate it, (Q,), and its covariance, (Q, Q).
 
         The step of Gauss-Newton from zero, together with the parameters, which keep their prior.
 
@@ -352,7 +354,7 @@ class IntervalMemory:
         precision, total = prior_std**-2.0, cross.sum(axis=0)
         sides = np.column_stack([total, slope.sum(axis=0) - precision * theta])
         turn, move = np.split(np.linalg.solve(information.sum(axis=0) + np.diag(precision), sides), [-1], axis=1)
-        # a base that stands still, and what the parameters explain but for rounding, tells nothing
+        # a base that stands still, and what the parameters explain but for rounding, is not informative
         whole = own.sum(axis=0)
         size = np.maximum(whole - np.sum(total * turn, axis=0), _ROUNDING * whole + 1e-30)
         found = (right.sum(axis=0) - (total.T @ move)[:, 0]) / size

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Mass where something anchors forces in absolute terms; without an anchor it stays what the vehicle file says.
+"""Mass where forces have a scale reference in absolute terms; without one it stays what the vehicle file says.
 
 Accelerations alone leave every signal unchanged under ``(m, J, k, c) -> s (m, J, k, c)``. Everything here estimates that one
 factor s: from a stiffness that is known, from a load cell, from the pressure of an air spring at rest or from a mass added during
@@ -30,14 +30,20 @@ Array = NDArray[np.float64]
 DEFAULT_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.03, "known_added_mass": 0.005}
 #: relative standard deviation of a mount's share of the weight (levelling)
 _SHARE_STD = 0.03
-#: memory of the means of a load cell [s] and correlation time of its misfit [s]
-_MEAN_MEMORY, _CORRELATION = 4.0, 0.3
+#: memory of the means of a load cell [s]
+_MEAN_MEMORY = 4.0
+#: correlation time of its misfit [s]
+_CORRELATION = 0.3
 #: excited time needed on each side of an added mass [s]
 _SETTLED = 8.0
 #: relative standard deviation that a possible load leaves of a mass that is declared as known, beyond which it is suspect
 _KNOWN = 0.03
-#: common change of all logarithms that is worth a word, standard deviations and share of all change that make it one
-_LOAD, _CLEARLY, _COMMON = 0.05, 4.0, 0.75
+#: common change of all logarithms that is reported
+_LOAD = 0.05
+#: standard deviations that it must be
+_CLEARLY = 4.0
+#: share of all change that it must explain
+_COMMON = 0.75
 
 NULL_DIRECTION = (
     "mass, inertia and all stiffness and damping values scaled by one factor together: accelerations do not change; only ratios "
@@ -56,6 +62,7 @@ class _Slope:
 
     @property
     def value(self) -> float:
+        """Reading of the cell over the estimated force, one before anything is known."""
         return self.cross / self.square if self.square > 0.0 else 1.0
 
     @property
@@ -64,7 +71,7 @@ class _Slope:
         return math.sqrt(self.misfit * 2.0 * _CORRELATION / (self.square * self.time)) if self.square > 0.0 else math.inf
 
     def add(self, force: Array, cell: Array, duration: float) -> None:
-        """Take moving parts of force and cell, shape (K,)."""
+        """Take moving parts of force and cell, shape (K,) [N], and how long they last [s]."""
         self.cross += float(force @ cell) / len(force) * duration
         self.square += float(force @ force) / len(force) * duration
         self.misfit += float(np.mean((cell - self.value * force) ** 2)) * duration
@@ -118,17 +125,27 @@ class MassReference:
 
     @property
     def cells(self) -> tuple[tuple[str, int], ...]:
-        """Return (sensor, mount index) of the load cells that anchor forces."""
+        """Return (sensor, mount index) of the load cells that are a scale reference."""
         names = self.geometry.mount_names
         return tuple((r.sensor, names.index(r.mount)) for r in self._references if r.kind == "load_cell")
 
     @property
-    def anchored(self) -> bool:
-        """Return whether the vehicle file names anything that anchors forces."""
+    def has_reference(self) -> bool:
+        """Return whether the vehicle file names a scale reference of forces."""
         return bool(self._references)
 
     def observe_cell(self, sensor: str, measured: Array, force: Array, duration: float) -> None:
-        """Compare a load cell with the force estimated for the file's mass, shapes (K, 3); moving parts only."""
+        """Compare a load cell with the force estimated for the file's mass; moving parts only.
+
+        Parameters
+        ----------
+        sensor
+            Name of the cell.
+        measured, force
+            Shape (K, 3) [N].
+        duration
+            Of the block [s].
+        """
         cell = self._cells[sensor]
         share = 1.0 - math.exp(-duration / _MEAN_MEMORY)
         if cell.time == 0.0:
@@ -142,10 +159,20 @@ class MassReference:
         cell.slope.add(a, b, duration)
 
     def update(self, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float) -> None:
-        """Look at all references with the present parameters (logarithms of multipliers, for the file's mass)."""
+        """Evaluate all references with the present parameters.
+
+        Parameters
+        ----------
+        theta, std
+            Logarithms of the multipliers for the file's mass and their standard deviations, shape (N,).
+        static_force
+            Of the mounts for the file's mass, shape (M, 3) [N].
+        run_time, excited_time
+            Since the start of the run, and of excitation in it [s].
+        """
         self._compare(theta, std, excited_time)
         for n, reference in enumerate(self._references):
-            found = self._look(reference, theta, std, static_force, run_time, excited_time)
+            found = self._evaluated(reference, theta, std, static_force, run_time, excited_time)
             if found is not None:
                 self._found[n] = found
 
@@ -254,10 +281,10 @@ class MassReference:
             f"that all {other} alike; a known stiffness, a load cell or the load as known_added_mass distinguishes them"
         ]
 
-    def _look(
+    def _evaluated(
         self, r: ForceReference, theta: Array, std: Array, static_force: Array, run_time: float, excited_time: float
     ) -> tuple[float, float] | None:
-        """Return (logarithm of the factor, its standard deviation) of one reference, None while it tells nothing."""
+        """Return (logarithm of the factor, its standard deviation) of one reference, None while it is not informative."""
         own = float(r.details.get("relative_std", DEFAULT_STD.get(r.kind, 0.0)))
         if r.kind == "known_stiffness":
             parameter = self._free_parameter(r)
@@ -367,10 +394,10 @@ class MassReference:
         suspicion
             Why nothing that was learned is called valid, empty where nothing speaks against it.
         """
-        (factor, relative), anchored, found = self.factor(), self.anchored, []
+        (factor, relative), has_reference, found = self.factor(), self.has_reference, []
         for e in estimates:
             value, status, reason = e.value * factor, e.status, e.reason
-            if not anchored and status in (Status.VALID, Status.ESTIMATING):
+            if not has_reference and status in (Status.VALID, Status.ESTIMATING):
                 status, reason = (
                     Status.NOT_IDENTIFIABLE,
                     "only its ratio to the mass is identifiable; the value assumes the mass of the vehicle file",

@@ -2,7 +2,7 @@
 """Parameters that move while they are learned: the last seconds against all that was learned before.
 
 A filter that remembers half a minute follows rubber that warms with a lag of half a minute, and calls the misfit noise. The
-gradients of the last intervals at the present parameters tell: without a change their sum ``S`` is zero within the scatter
+gradients of the last intervals at the present parameters show it: without a change their sum ``S`` is zero within the scatter
 ``r A`` of an interval against its neighbours (successive differences, von Neumann, Ann. Math. Stat. 12, 367, 1941: what moves
 slowly does not count). Along directions where it is not, the sum of many intervals is forgotten and the last ones count alone.
 """
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 #: intervals that show a change: a few seconds
 RECENT = 8
-#: intervals that tell how much gradients scatter
+#: intervals that show how much gradients scatter
 _FEWEST = 16
 #: standard deviations beyond which the last intervals contradict what was learned
 _CONTRADICT = 4.0
@@ -27,7 +27,7 @@ _CHANGE_STD = 0.15
 
 
 def observable_directions(information: Array) -> tuple[Array, Array]:
-    """Return eigenvalues and eigenvectors of an information (N, N) along which it tells something, shapes (D,), (N, D)."""
+    """Return eigenvalues and eigenvectors of an information (N, N) along which it is informative, shapes (D,), (N, D)."""
     values, basis = np.linalg.eigh(information)
     keep = values > 1e-6 * values[-1]
     return values[keep], basis[:, keep]
@@ -58,7 +58,7 @@ def moved(information: Array, scores: Array, p: Array, common: Array) -> tuple[A
     p
         Covariance of the parameters, shape (N, N).
     common
-        Directions that are looked along first, shape (N, C): what a load or warmth does to all mounts alike.
+        Directions that are tested first, shape (N, C): what a load or warmth does to all mounts alike.
     """
     step, added = np.zeros(len(p)), np.zeros_like(p)
     if len(scores) < _FEWEST:
@@ -67,7 +67,7 @@ def moved(information: Array, scores: Array, p: Array, common: Array) -> tuple[A
     basis = np.hstack([common, observable_directions(recent)[1]])
     values = np.sum(basis * (recent @ basis), axis=0)
     size = np.sum(basis * (information @ basis), axis=1)
-    # rough stretches tell more and scatter more than smooth ones
+    # rough segments are more informative and scatter more than smooth ones
     scatter = np.diag(steady_scatter(scores @ basis / np.sqrt(np.maximum(size, 1e-12 * values)))) / len(scores)
     scatter = (len(scores) * scatter + _SHRINK * scatter.mean()) / (len(scores) + _SHRINK)
     total = scores[-RECENT:].sum(axis=0)

@@ -64,25 +64,29 @@ _FADE = 1.0
 _LARGEST_ROTATION = float(np.sqrt(2.0 * USUAL.cross_sensitivity))
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
-#: length of the stretch that is looked at as a whole [s]
+#: length of the segment of a batch estimate [s]
 _LONGEST = 7.0
-#: excited time after a start or a change at which it is [s]
+#: excited time after a start or a change at which one is made [s]
 _REVIEWS = (4.5, 9.0)
 _REVIEWS_AFTER_CHANGE = (3.0, 7.0)
-#: standard deviation of a CG that a load has moved, and farthest that it is looked for [m]
-_LOADED_CG, _REACH = 0.1, 0.5
+#: standard deviation of a CG that a load has moved [m]
+_LOADED_CG = 0.1
+#: farthest that it is sought [m]
+_REACH = 0.5
 #: share of mass or inertia that mounts without a base sensor must leave to the others: below, only ratios are observable
 _WEIGHED = 0.2
-#: a CG is off its file with this probability, and with this one it still is when its place has been estimated
-_CERTAINLY, _STILL = 1.0 - 1e-5, 0.99
+#: probability with which a CG is off its file
+_CERTAINLY = 1.0 - 1e-5
+#: probability with which it still is when its place has been estimated
+_STILL = 0.99
 #: intervals that are asked for it
 _ENOUGH = 16
-#: passes over a chunk that a look at the last seconds may take per second of data: about a tenth of a core
+#: passes over a chunk that a batch estimate may take per second of data: about a tenth of a core
 _PACE = 250.0
 
 
 class ParameterEstimator:
-    """Multipliers of the mount elements; holds the vehicle file's values until the data can tell more.
+    """Multipliers of the mount elements; holds the vehicle file's values until the data determine them.
 
     Parameters
     ----------
@@ -150,9 +154,9 @@ class ParameterEstimator:
         self._refinement = self._new_refinement()
         self._reviews: tuple[float, ...] = _REVIEWS
         #: first estimate or review under way, the chunks it sees, whether the excitation lasts since it began, steps it may take
-        self._look: Generator[int, None, ParameterFilter | None] | None = None
-        self._looked_at: list[Kept] = []
-        self._look_open, self._credit = False, 0.0
+        self._batch: Generator[int, None, ParameterFilter | None] | None = None
+        self._batch_chunks: list[Kept] = []
+        self._batch_open, self._credit = False, 0.0
         self.restart()
 
     def _no_input_reason(self) -> str:
@@ -176,7 +180,7 @@ class ParameterEstimator:
         self._begin_interval()
         self._kept: list[Kept] = []
         self._periodic = PeriodicExcitation()
-        self._drop_look()
+        self._drop_batch()
 
     def _begin_interval(self) -> None:
         self._interval = Interval(len(self.theta), len(self._considered_std), self.geometry.tolerated_cross_sensitivity)
@@ -293,7 +297,7 @@ class ParameterEstimator:
         self.status = StatusTracker(self.free_parameters, self.geometry, self.possible, self._no_input_reason())
         self.std, self._filter, self._reviews = self._prior_std.copy(), None, _REVIEWS
         self._begin_interval()
-        self._drop_look()
+        self._drop_batch()
         n = self.count + 1 + len(self._turns)
         self._kept = [(chunk, np.append(theta[:n], self.theta[n:])) for chunk, theta in kept]
 
@@ -408,7 +412,7 @@ class ParameterEstimator:
             self.restart()
             return False
         ticks = len(data.support)
-        moved = self._look_again(ticks * dt, stamp_ns)
+        moved = self._advance_batch(ticks * dt, stamp_ns)
         self._blocks.append(data)
         self._pending_ticks += ticks
         if self._pending_ticks * dt < self.settings.parameter_interval / 2.0:
@@ -447,8 +451,8 @@ class ParameterEstimator:
         response = self._model.response
         response.set_noise(covariance, self._base_variance, self._unseen)
         if self._filter is None:
-            if self.excited and self._look is None and self._duration(self._kept) >= _FIRST:
-                self._begin_look(weights, covariance)
+            if self.excited and self._batch is None and self._duration(self._kept) >= _FIRST:
+                self._begin_batch(weights, covariance)
             return False
         if response.step != chunk.step:
             self._model.prepare(self.theta, chunk.step)
@@ -463,22 +467,22 @@ class ParameterEstimator:
         self._update(self._filter, self._interval, chunk.step)
         self._begin_interval()
         due = bool(self._reviews) and self.excited_time >= self._reviews[0]
-        if due and self._look is None and self._duration(self._kept) >= _FIRST:
-            self._begin_look(weights, covariance)
+        if due and self._batch is None and self._duration(self._kept) >= _FIRST:
+            self._begin_batch(weights, covariance)
         self.stamp_ns = stamp_ns
         return True
 
     def _keep(self, chunk: BalanceChunk) -> None:
-        """Remember the last seconds of excitation; a look that is under way sees what comes meanwhile."""
+        """Remember the last seconds of excitation; a batch estimate that is under way uses what comes meanwhile."""
         if not self.excited:
-            self._kept, self._look_open = [], False
+            self._kept, self._batch_open = [], False
             return
         kept = (chunk, self.theta.copy())
         self._kept.append(kept)
         while len(self._kept) > 2 and self._duration(self._kept) > _LONGEST:
             self._kept.pop(0)
-        if self._look_open:
-            self._looked_at.append(kept)
+        if self._batch_open:
+            self._batch_chunks.append(kept)
 
     @staticmethod
     def _duration(kept: list[Kept]) -> float:
@@ -491,40 +495,40 @@ class ParameterEstimator:
         result[np.ix_(free, free)] = np.linalg.cholesky(np.linalg.inv(covariance[np.ix_(free, free)]))
         return result
 
-    # -- looks at the last seconds as a whole: the start, and reviews -----------------------------------------------------
+    # -- batch estimates over the last seconds: the start, and reviews ----------------------------------------------------
 
-    def _begin_look(self, weights: Array, covariance: Array) -> None:
+    def _begin_batch(self, weights: Array, covariance: Array) -> None:
         """Begin the first estimate or a review; the work is spread over the blocks to come while the filter goes on."""
-        self._looked_at, self._look_open, self._credit = list(self._kept), True, 0.0
+        self._batch_chunks, self._batch_open, self._credit = list(self._kept), True, 0.0
         self._refinement.model.response.set_noise(covariance, self._base_variance, self._unseen)
         if self._filter is None:
-            self._look = self._refinement.first_estimate(self._looked_at, self.theta, weights)
+            self._batch = self._refinement.first_estimate(self._batch_chunks, self.theta, weights)
         else:
             inflation = max(self._filter.memory.inflation, 1.0)
-            self._look = self._refinement.review(self._looked_at, self.theta.copy(), weights, inflation)
+            self._batch = self._refinement.review(self._batch_chunks, self.theta.copy(), weights, inflation)
 
-    def _drop_look(self) -> None:
-        self._look, self._looked_at, self._look_open, self._credit = None, [], False, 0.0
+    def _drop_batch(self) -> None:
+        self._batch, self._batch_chunks, self._batch_open, self._credit = None, [], False, 0.0
 
-    def _look_again(self, duration: float, stamp_ns: int) -> bool:
-        """Take so many steps of the look as the data that came since allow; return whether the parameters moved."""
-        if self._look is None:
+    def _advance_batch(self, duration: float, stamp_ns: int) -> bool:
+        """Take so many steps of the batch estimate as the data that came since allow; return whether the parameters moved."""
+        if self._batch is None:
             return False
         self._credit += _PACE * duration
         try:
             while self._credit > 0.0:
-                self._credit -= next(self._look)
+                self._credit -= next(self._batch)
         except StopIteration as end:
             moved = self._adopt(end.value)
             self.stamp_ns = stamp_ns if moved else self.stamp_ns
-            self._drop_look()
+            self._drop_batch()
             return moved
         return False
 
     def _adopt(self, found: ParameterFilter | None) -> bool:
-        """Go on with what a look found, if anything; return whether it did."""
+        """Go on with the result of a batch estimate, if any; return whether it did."""
         if self._filter is None:
-            self.excited_time += self._duration(self._looked_at)
+            self.excited_time += self._duration(self._batch_chunks)
         else:
             self._reviews = self._reviews[1:]
         if found is None:
@@ -535,8 +539,8 @@ class ParameterEstimator:
         self._note_changes(found.changes, before)
         response = self._refinement.model.response
         self._model.prepare(self.theta, response.step)
-        if self._look_open:
-            # the simulated body of the look saw every chunk, with parameters hardly different
+        if self._batch_open:
+            # the simulated body of the batch estimate saw every chunk, with parameters hardly different
             self._model.response.take_state(response)
             self._followed = _FADE
         self._begin_interval()
@@ -559,14 +563,14 @@ class ParameterEstimator:
         self._gains.judge(own.memory, self.theta, self._prior_std, first, square)
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
-            self._drop_look()
+            self._drop_batch()
 
     def _now(self) -> tuple[Array, Array]:
         """Return logarithms and standard deviations of the multipliers."""
         return self.theta[: self.count].copy(), self.std[: self.count].copy()
 
     def _note_changes(self, count: int, before: tuple[Array, Array]) -> bool:
-        """After a change of the vehicle the seconds that follow are to be looked at as a whole; return whether there was one."""
+        """After a change of the vehicle the seconds that follow are to be estimated as a batch; return whether there was one."""
         if not count:
             return False
         self.changes += count

@@ -64,13 +64,13 @@ class ParameterFilter:
         return self._ekf.p
 
     def hold(self, theta: Array) -> None:
-        """Put the parameters elsewhere; what is known of their scatter stays."""
+        """Put the parameters to ``theta`` (N,); what is known of their scatter stays."""
         self.theta = np.array(theta, dtype=float)
         if not np.array_equal(self._ekf.x, self.theta):
             self._ekf.replace(x=self.theta)
 
     def learn(self, interval: Interval, centre: Array) -> bool:
-        """Take an interval that was linearised at ``centre``; return whether it was accepted.
+        """Take an interval that was linearised at ``centre`` (N,); return whether it was accepted.
 
         An innovation far beyond its covariance is refused; a few in a row are a change of the vehicle: the covariance opens and
         the scatter of before is forgotten.
@@ -85,7 +85,8 @@ class ParameterFilter:
         residual = (basis[:, keep].T @ interval.gradient) / root - jacobian @ (ekf.x - centre)
         ekf.predict(forgetting_noise(ekf.p, interval.information / scale, self._kept))
         established = self.memory.length >= _ESTABLISHED
-        ratio = _normalised(ekf, residual, jacobian, scale)
+        noise = scale * np.eye(len(root))
+        ratio = ekf.nis(residual, jacobian, noise) / len(root)
         if established and ratio > _SUSPECT_RATIO:
             self._refused += 1
             if self._refused <= _REFUSED:
@@ -93,9 +94,9 @@ class ParameterFilter:
             self._open()
         self._refused = 0
         self.innovation_ratio += 0.1 * (min(ratio, _SUSPECT_RATIO) - self.innovation_ratio)
-        result = ekf.update(residual, jacobian, scale * np.eye(len(root)), gate=False)
-        if not result.accepted:
-            return self._reject(result.reason)
+        refused = ekf.update(residual, jacobian, noise)
+        if refused:
+            return self._reject(refused)
         self._keep_within_bounds()
         self.memory.add(interval, centre)
         self._reweigh(self.memory.weigh(ekf.x))
@@ -138,14 +139,8 @@ class ParameterFilter:
         return False
 
     def load(self, saved: dict[str, Any], std: Array) -> None:
-        """Continue with the covariance ``p``, the ``memory`` and the ``innovation_ratio`` of a state."""
+        """Continue with the covariance ``p``, the ``memory`` and the ``innovation_ratio`` of a state; ``std`` has shape (N,)."""
         self._ekf.replace(p=np.array(saved["p"], dtype=float))
         self.std = np.array(std, dtype=float)
         self.memory.load(saved["memory"])
         self.innovation_ratio = float(saved["innovation_ratio"])
-
-
-def _normalised(ekf: GuardedEkf, residual: Array, jacobian: Array, scale: float) -> float:
-    """Return the normalised innovation squared per degree of freedom."""
-    s = jacobian @ ekf.p @ jacobian.T + scale * np.eye(len(residual))
-    return float(residual @ np.linalg.solve(s, residual)) / len(residual)

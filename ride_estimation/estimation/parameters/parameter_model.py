@@ -41,7 +41,7 @@ class ParameterModel:
     corner_hz
         Corner of the high-pass of the balance [Hz].
     by_transducers
-        Whether displacement transducers instead of accelerometers tell the deflections.
+        Whether displacement transducers instead of accelerometers measure the deflections.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class ParameterModel:
         return offset
 
     def scale(self, theta: Array) -> None:
-        """Take parameters over into mounts and inertia."""
+        """Take parameters (N,) over into mounts, inertia and CG."""
         count = len(self.free_parameters)
         self.law.scale(self.spread(np.exp(theta[:count]), 1.0))
         if self.inertial is not None:
@@ -89,7 +89,7 @@ class ParameterModel:
             self.offset = self.offset_of(theta)
 
     def prepare(self, theta: Array, step: float) -> None:
-        """Make the response ready for a vector of parameters and a step [s]."""
+        """Make the response ready for parameters (N,) and a step [s]."""
         self.scale(theta)
         self.response.prepare(self.static_force(), 1.0 + float(theta[len(self.free_parameters)]), step)
 

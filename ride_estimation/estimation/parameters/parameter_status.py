@@ -81,7 +81,17 @@ class StatusTracker:
         return status, f"needs {axis} excitation"
 
     def follow(self, std: Array, prior: Array, theta: Array, intervals: int, lower: Array, upper: Array) -> None:
-        """Update after so many more intervals."""
+        """Update the status of all parameters.
+
+        Parameters
+        ----------
+        std, prior
+            Standard deviations of the logarithms now and in the file, shape (N,).
+        theta, lower, upper
+            Logarithms and their bounds, shape (N,).
+        intervals
+            Learned since the last update.
+        """
         self._intervals += intervals
         for n in range(len(self._free_parameters)):
             if theta[n] <= lower[n] + 1e-9 or theta[n] >= upper[n] - 1e-9:

@@ -1,9 +1,9 @@
 # Copyright 2026 ride_estimation contributors
-"""Excitation that only repeats itself, as by an engine that idles, tells nothing new however long it lasts.
+"""Excitation that only repeats itself, as by an engine that idles, adds no information however long it lasts.
 
 A line of one frequency determines two numbers per direction, and its misfit (a delay, an angle) is the same every time: it does
-not scatter, so it looks exact, and half an hour of it replaces what a road has taught. It differs from a road by the correlation
-of the last seconds with those before them at the best shift: one for what is periodic, small for what is random.
+not scatter, so it appears exact, and half an hour of it replaces what a road has taught. It differs from a road by the
+correlation of the last seconds with those before them at the best shift: one for what is periodic, small for what is random.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: length of the stretch that is compared, and the longest shift beyond its own length [s]
-_STRETCH, _SHIFT = 2.0, 1.5
+#: length of the segment that is compared [s]
+_SEGMENT = 2.0
+#: longest shift beyond its own length [s]
+_SHIFT = 1.5
 #: samples per second that are compared: a line stays a line when it is sampled rarely
 _RATE = 50.0
-#: correlation from which on a stretch repeats what was before: nine tenths of its power
+#: correlation from which on a segment repeats what was before: nine tenths of its power
 _REPEATS = 0.9
 
 
@@ -32,7 +34,7 @@ class PeriodicExcitation:
         """Take the acceleration of the body, shape (K, 3), a tick apart [s]; return whether its last seconds repeat."""
         every = max(round(1.0 / (_RATE * dt)), 1)
         step = every * dt
-        own = round(_STRETCH / step)
+        own = round(_SEGMENT / step)
         longest = own + round(_SHIFT / step)
         self._past = np.vstack([self._past, accel[(-self._skipped) % every :: every]])[-(own + longest) :]
         self._skipped = (self._skipped + len(accel)) % every

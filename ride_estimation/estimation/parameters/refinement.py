@@ -32,12 +32,14 @@ _LARGEST_STEP = 0.5
 _SETTLED = 1e-3
 #: improvement of the squared error that moves the parameters in a review, in units of its scatter
 _CLEARLY = 6.0
-#: what preparing the response and learning an interval cost, in passes over a chunk
-_PREPARE, _LEARN = 4, 6
+#: what preparing the response costs, in passes over a chunk
+_PREPARE = 4
+#: the same of learning an interval
+_LEARN = 6
 
 
 class Refinement:
-    """What parameters fit a stretch of the force balance best.
+    """What parameters fit a segment of the force balance best.
 
     Parameters
     ----------
@@ -74,7 +76,7 @@ class Refinement:
         regression = yield from self.least_squares(chunks)
         memory = self._fresh(theta).memory
         best = theta
-        # with sensors far better than the model the first answer overrides the prior in all it cannot tell
+        # with sensors far better than the model the first answer overrides the prior in all that it cannot observe
         for _ in range(2):
             lowest = np.inf
             for start in (regression, theta):
@@ -88,7 +90,7 @@ class Refinement:
         return (yield from self._learned(kept, best, weights))
 
     def review(self, kept: list[Kept], theta: Array, weights: Array, inflation: float) -> Steps[ParameterFilter | None]:
-        """Return a new filter where other parameters fit the stretch as a whole clearly better than ``theta``, else None.
+        """Return a new filter where other parameters fit the segment as a whole clearly better than ``theta``, else None.
 
         Parameters
         ----------
@@ -106,7 +108,7 @@ class Refinement:
         return (yield from self._learned(kept, found, weights))
 
     def _learned(self, kept: list[Kept], centre: Array, weights: Array) -> Steps[ParameterFilter]:
-        """Return a new filter that learned the stretch, linearised at one point, up to the newest chunk."""
+        """Return a new filter that learned the segment, linearised at one point, up to the newest chunk."""
         new = self._fresh(centre)
         done = len(kept)
         intervals = yield from self.passed(tuple(kept), centre, weights)
@@ -148,7 +150,17 @@ class Refinement:
         return interval
 
     def passed(self, chunks: Sequence[Kept], theta: Array, weights: Array) -> Steps[list[Interval]]:
-        """Run the response over chunks with given parameters, the first chunk only to let the start fade."""
+        """Run the response over chunks and return their intervals; the first chunk only lets the start fade.
+
+        Parameters
+        ----------
+        chunks
+            With the parameters that each was filtered with.
+        theta
+            Parameters of the run, shape (N,).
+        weights
+            Whitening of the innovations, shape (6, 6).
+        """
         self.model.prepare(theta, chunks[0][0].step)
         self.model.response.reset()
         yield _PREPARE
@@ -181,7 +193,7 @@ class Refinement:
         Parameters
         ----------
         chunks
-            The stretch.
+            The segment.
         start
             Shape (N,).
         weights

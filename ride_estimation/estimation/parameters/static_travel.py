@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
@@ -32,10 +33,16 @@ _STATIC_STIFFNESS_STD = 0.1
 _RECTIFIED_STD = 0.15
 #: relative standard deviation of the mean vertical reading of the body
 _READING_STD = 0.003
-#: memory [s], and time before anything is stated [s]
-_MEMORY, _LEAST_TIME = 10.0, 5.0
-#: standard deviations and share of the mass from which on it is a load; share of both below which it no longer is one
-_CLEAR, _WORTH, _STAYS = 4.0, 0.02, 0.5
+#: memory [s]
+_MEMORY = 10.0
+#: time before anything is stated [s]
+_LEAST_TIME = 5.0
+#: standard deviations from which on it is a load
+_CLEAR = 4.0
+#: share of the mass from which on it is a load
+_WORTH = 0.02
+#: share of both below which it no longer is one
+_STAYS = 0.5
 #: standard deviations beyond which a load is excluded
 _EXCLUDED = 3.0
 #: smallest ratio of masses that a load can make, either way: beyond it the zeros are not those of rest
@@ -101,8 +108,8 @@ class StaticTravel:
         self._rectified = self._rectified + share * (np.abs(rate).mean(axis=0) - self._rectified)
 
     @property
-    def tells(self) -> bool:
-        """Return whether it has been looked at for long enough."""
+    def decided(self) -> bool:
+        """Return whether it has been observed for long enough."""
         return self.possible and self._time >= _LEAST_TIME
 
     def _ratio(self) -> tuple[float, float]:
@@ -115,7 +122,7 @@ class StaticTravel:
     def excludes(self, share: float) -> bool:
         """Return whether a load of at least this share of the mass would show."""
         ratio, std = self._ratio()
-        return self.tells and ratio - _EXCLUDED * std > 1.0 - share
+        return self.decided and ratio - _EXCLUDED * std > 1.0 - share
 
     def found(self) -> Load | None:
         """Return the load, None while the means agree with the file."""
@@ -135,10 +142,8 @@ class StaticTravel:
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
-        return {"mean": self._mean.tolist(), "rectified": self._rectified.tolist(), "time": self._time, "loaded": self._loaded}
+        return fields_of(self, ("_mean", "_rectified", "_time", "_loaded"))
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._mean = np.array(saved["mean"], dtype=float).reshape(6)
-        self._rectified = np.array(saved["rectified"], dtype=float).reshape(self._rectified.shape)
-        self._time, self._loaded = float(saved["time"]), bool(saved["loaded"])
+        take_fields(self, ("_mean", "_rectified", "_time", "_loaded"), saved)

@@ -1,9 +1,9 @@
 # Copyright 2026 ride_estimation contributors
-"""Horizontal axes on which a mount or its base sensor is wrong and nothing tells which of the two.
+"""Horizontal axes on which a mount or its base sensor is wrong and neither can be isolated.
 
-The vertical balance of the body tells a changed mount from a faulty base sensor. In the plane nothing does: frames that bend and
-brackets that tilt look like a wrong gain of one axis. What such a gain does is plain, though: the stiffness of its mount falls or
-rises and the others make up for it, at once or, where it is there from the start, far from the file.
+The vertical balance of the body distinguishes a changed mount from a faulty base sensor. In the plane nothing does: frames that
+bend and brackets that tilt resemble a wrong gain of one axis. What such a gain does is plain, though: the stiffness of its
+mount falls or rises and the others make up for it, at once or, where it is there from the start, far from the file.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
-#: distance from the file, and from what was before a sudden change, in standard deviations of the difference, that is no chance
-_FAR, _MOVED = 3.5, 3.0
+#: distance from the file that is no chance, in standard deviations of the difference
+_FAR = 3.5
+#: the same from what was before a sudden change
+_MOVED = 3.0
 
 
 def suspect_axes(

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""The force balance where displacement transducers, and no accelerometers on the bases, tell the vertical deflections.
+"""The force balance where displacement transducers, and no accelerometers on the bases, measure the vertical deflections.
 
 Vertical, roll and pitch equations only: ``m f - G_h F_h = -G_z (k x + c v)`` with the horizontal forces F_h shared by
 stiffness from the wrench the body needs (three of its equations fix their sums). Deflections are measured here, not

@@ -13,15 +13,15 @@ epsilon is what the installation of the sensor states (standard deviation s) and
 is lean, with the standard deviation ``s sqrt(1 - w)``. In the sum is how far the mean of M base sensors leans against that of B
 sensors of the body: by ``epsilon sqrt(1 / M + 1 / B)`` or, where that is more, by what gravity shows.
 
-Of the vertical stiffnesses rigid motion tells six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three or
-four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation tells, with gains and
-angles of the sensors as epsilon.
+Of the vertical stiffnesses rigid motion determines six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three
+or four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation shows, with gains
+and angles of the sensors as epsilon.
 
 A sensor whose gain is off by g, at the body or at a base, makes an error of g of force or deflection that no averaging removes
 either. Motion of a base has any phase to the deflection: the stiffness is off by g, the damping by
 ``g sqrt(1 + (k d / c d')^2)``; where body and base move far more than the mount between them gives, as much more.
 
-Of what looks like deformation, noise is a share lambda, and of a split that noise alone tells nothing is known: ``lambda`` times
+Of what looks like deformation, noise is a share lambda, and a split that noise alone shows is not observable: ``lambda`` times
 the standard deviation of the vehicle file.
 """
 
@@ -33,11 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry, plate_fit
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.sensors.installation import Installation, pooled
 
 Array = NDArray[np.float64]
 
-#: pattern of vertical stiffnesses that rigid motion tells this little of, share of what it tells of equal ones
+#: pattern of vertical stiffnesses of which rigid motion determines this little, share of what it determines of equal ones
 _UNOBSERVABLE = 0.25
 #: independent values of the motion on the mounts per second: a resonance of one to two hertz, as wide as it is damped
 _PER_SECOND = 2.0
@@ -46,6 +47,8 @@ _LEAST = 1e-6
 #: variance of deflection and rate over s^2 dt / w^3 and s^2 dt / w, from white relative acceleration of variance s^2 through
 #: six sections s / (s + w): B(9/2, 3/2) / 2 pi and B(11/2, 1/2) / 2 pi
 _NOISE = (0.013672, 0.123046)
+#: attributes that are part of a saved state
+_SAVED = ("_square", "_noisy", "_along", "_time", "_relative", "_weighed", "_vertical", "_lifted")
 
 
 class InstallationUncertainty:
@@ -76,7 +79,7 @@ class InstallationUncertainty:
         self._noise = np.array([share / corner**power for share, power in zip(_NOISE, (3, 1))])[:, None, None] * (
             variance[:, None] * split
         )
-        #: share of every vertical stiffness in the splits that only the deformation tells, shape (M,)
+        #: share of every vertical stiffness in the splits that only the deformation shows, shape (M,)
         self._open = _unobservable_share(plate_fit(geometry.mounts)[0])
         self._time = 0.0
         #: sums of squares of deflection and rate (first index): whole, rigid and deforming part (second), shape (2, 3, M, 3)
@@ -91,7 +94,7 @@ class InstallationUncertainty:
         self._relative, self._weighed = np.zeros((self._count, 2)), 0.0
 
     def observe(self, deflection: Array, rate: Array, dt: float) -> None:
-        """Add ticks of ``dt`` [s], shape (K, 3 M) each."""
+        """Add deflections [m] and rates [m/s] of the mounts, shape (K, 3 M) each, at ticks of ``dt`` [s]."""
         for role, signal in enumerate((deflection, rate)):
             rigid = signal @ self._rigid.T
             for part, values in enumerate((signal, rigid, signal - rigid)):
@@ -102,7 +105,7 @@ class InstallationUncertainty:
         self._time += len(deflection) * dt
 
     def weigh(self, relative: Array, vertical: Array, dt: float) -> None:
-        """Add ticks of relative acceleration of body and bases, (K, M, 3), and of the vertical acceleration of the body, (K,)."""
+        """Add accelerations of the body against the bases (K, M, 3) and along z (K,) [m/s^2] at ticks of ``dt`` [s]."""
         self._vertical += dt * np.sum(relative[:, :, 2] ** 2, axis=0)
         self._lifted += dt * float(vertical @ vertical)
         self._relative += dt * relative[:, :, :2].sum(axis=0)
@@ -132,7 +135,7 @@ class InstallationUncertainty:
         for role in range(2):
             error = np.full((self._count, 2), total[role, 0, 2])
             if total[role, 0, 2] <= 0.0:
-                # no motion seen yet: what only it tells is as uncertain as in the file
+                # no motion seen yet: what only it shows is as uncertain as in the file
                 out[role, :, :2], out[role, :, 2] = prior[role, :, :2], self._open * prior[role, :, 2]
                 continue
             if role == 1:
@@ -170,21 +173,11 @@ class InstallationUncertainty:
 
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists."""
-        return {
-            "square": self._square.tolist(), "noisy": self._noisy.tolist(), "along": self._along.tolist(), "time": self._time,
-            "relative": self._relative.tolist(), "weighed": self._weighed, "vertical": self._vertical.tolist(),
-            "lifted": self._lifted,
-        }  # fmt: skip
+        return fields_of(self, _SAVED)
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
-        self._square = np.array(saved["square"], dtype=float).reshape(self._square.shape)
-        self._noisy = np.array(saved["noisy"], dtype=float).reshape(self._noisy.shape)
-        self._along = np.array(saved["along"], dtype=float).reshape(self._along.shape)
-        self._time, self._weighed = float(saved["time"]), float(saved["weighed"])
-        self._vertical = np.array(saved["vertical"], dtype=float).reshape(self._count)
-        self._lifted = float(saved["lifted"])
-        self._relative = np.array(saved["relative"], dtype=float).reshape(self._relative.shape)
+        take_fields(self, _SAVED, saved)
 
 
 def lean_square(lean: Array, installation: Installation, gravity: float) -> Array:
@@ -205,7 +198,7 @@ def lean_square(lean: Array, installation: Installation, gravity: float) -> Arra
 
 
 def _unobservable_share(place: Array) -> Array:
-    """Return the share of each mount in the patterns of vertical stiffness that rigid motion does not tell, shape (M,).
+    """Return the share of each mount in the patterns of vertical stiffness that are not observable by rigid motion, shape (M,).
 
     Parameters
     ----------

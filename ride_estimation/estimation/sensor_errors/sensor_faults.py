@@ -1,11 +1,11 @@
 # Copyright 2026 ride_estimation contributors
 """Small lasting faults of body sensors: gain, mounting angle, place and delay, found from what sensors in good order differ by.
 
-The spare equations of the rigid body are ``z = Z (y - omega x (omega x r))`` with ``Z H = 0`` and ``Z R Z^T = I`` (H rows of B, R
-stated noise). A sensor whose errors are ``b`` (in units of their tolerance) shows ``G b`` in them, and every column of G follows
-from the fitted motion at its place: gain its own specific force, mounting angle the cross axes, place ``alpha x dr + omega x
-(omega x dr)``, delay the derivative; a constant bias is a nuisance. Averages over short stretches keep these equations exact and
-make the noise one of low frequency, whose level is estimated from the data.
+The redundant equations of the rigid body are ``z = Z (y - omega x (omega x r))`` with ``Z H = 0`` and ``Z R Z^T = I`` (H rows
+of B, R stated noise). A sensor whose errors are ``b`` (in units of their tolerance) shows ``G b`` in them, and every column of
+G follows from the fitted motion at its place: gain its own specific force, mounting angle the cross axes, place ``alpha x dr +
+omega x (omega x dr)``, delay the derivative; a constant bias is a nuisance. Averages over 20 ms keep these equations
+exact and make the noise one of low frequency, whose level is estimated from the data.
 
 Sensors in good order have ``b ~ N(0, I)``. With ``A = G^T G``, ``c = G^T z`` and noise variance q, ``K = (q I + A)^-1 A`` and
 ``u = (q I + A)^-1 c``, the columns g of one kind of error of one sensor are judged by the score test ``u_g^T K_gg^+ u_g ~ chi^2``
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ride_estimation.estimation.common.block_math import average_ticks
+from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -40,16 +41,24 @@ _COLUMNS = sum(_ERRORS.values())
 FALSE_ALARM = 1e-3
 #: a sensor is a rival when its fault is not this many times less likely than that of the best
 _RIVAL = 1000.0
-#: length of one average [s], averages handled together, their memory [s]
-_AVERAGE, _BATCH, _MEMORY = 0.02, 50, 120.0
-#: batches before errors of prediction count for the noise, largest squared error in units of what is expected
-_SETTLE, _OUTLIER = 3, 9.0
+#: length of one average [s]
+_AVERAGE = 0.02
+#: averages handled together
+_BATCH = 50
+#: memory of the sums [s]
+_MEMORY = 120.0
+#: batches before errors of prediction count for the noise
+_SETTLE = 3
+#: largest squared error of prediction in units of what is expected
+_OUTLIER = 9.0
 #: averages needed before anything is judged
 _LEAST = 4 * _BATCH
 #: relative error of an integrated angular rate
 _RATE_SHARE = 0.1
 #: directions of less information than this share count as not observable
 _RANK = 1e-6
+#: attributes that are part of a saved state
+_SAVED = ("_information", "_score", "_square", "_count", "_scatter", "_batches")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +68,7 @@ class Fault:
     Attributes
     ----------
     sensor
-        The sensor that explains the spare equations best.
+        The sensor that explains the redundant equations best.
     kind
         One of :data:`KINDS`.
     amount
@@ -131,7 +140,7 @@ class FaultTest:
 
     @property
     def possible(self) -> bool:
-        """Return whether there are spare equations."""
+        """Return whether there are redundant equations."""
         return len(self._whitening) > 0
 
     def set_variance(self, variance: Array) -> None:
@@ -205,7 +214,7 @@ class FaultTest:
         self._found = None
 
     def _equations(self, averages: Array) -> tuple[Array, Array]:
-        """Return columns (N, 13 S) and deviations (N,) of the spare equations of all averages but the first and last."""
+        """Return columns (N, 13 S) and deviations (N,) of the redundant equations of all averages but the first and last."""
         channels = len(self._rows)
         inner = averages[1:-1]
         motion, products = inner[:, channels : channels + 6], inner[:, channels + 6 : channels + 12]
@@ -226,9 +235,9 @@ class FaultTest:
         errors[..., 9:12] = np.einsum("sij,kil->ksjl", self._rotation, spin)
         errors[..., 12] = -np.einsum("sij,ksi->ksj", self._rotation, change)
         errors *= self._unit[:, None]
-        spare = len(self._whitening)
-        parts = self._whitening.reshape(spare, count, 3).transpose(1, 0, 2)
-        columns = np.matmul(parts, errors).transpose(0, 2, 1, 3).reshape(ticks * spare, self._size)
+        redundant = len(self._whitening)
+        parts = self._whitening.reshape(redundant, count, 3).transpose(1, 0, 2)
+        columns = np.matmul(parts, errors).transpose(0, 2, 1, 3).reshape(ticks * redundant, self._size)
         steady = np.einsum("sij,kil,sl->ksj", self._rotation, turning, self._points).reshape(ticks, channels)
         deviations = (inner[:, :channels] - steady) @ self._whitening.T
         return columns, deviations.ravel()
@@ -243,7 +252,7 @@ class FaultTest:
         if self._rate_std <= 0.0:
             return table, float(len(table))
         rate = averages[1:-1, len(self._rows) + 12 : len(self._rows) + 15]
-        ticks, count, spare = len(rate), len(self._names), len(self._whitening)
+        ticks, count, redundant = len(rate), len(self._names), len(self._whitening)
         spin, arms = _skew(rate), _skew(self._points)
         # d x (omega x r) = -skew(omega x r) d,  omega x (d x r) = -skew(omega) skew(r) d
         shown = -_skew(np.einsum("kij,sj->ksi", spin, self._points)) - np.einsum("kij,sjl->ksil", spin, arms)
@@ -254,7 +263,7 @@ class FaultTest:
         turned -= turned.mean(axis=0) + time * (time * turned).sum(axis=0) / max(float((time * time).sum()), 1e-30)
         turned *= np.sqrt((rate**2).sum(axis=0) / np.maximum((turned**2).sum(axis=0), 1e-30))
         sizes = (np.full((1, 3), self._rate_std), self._rate_std * time, _RATE_SHARE * rate, _RATE_SHARE * turned)
-        errors = np.concatenate([seen * size[:, None] for size in sizes], axis=2).reshape(ticks * spare, -1)
+        errors = np.concatenate([seen * size[:, None] for size in sizes], axis=2).reshape(ticks * redundant, -1)
         gram = errors.T @ errors
         gain = np.linalg.solve(gram + self._noise_share * np.eye(len(gram)), np.column_stack([errors.T @ table, gram]))
         used = gain[:, : table.shape[1]]
@@ -393,21 +402,15 @@ class FaultTest:
 
     def save(self) -> dict[str, Any]:
         """Return the sums as plain lists; averages not yet added are dropped."""
-        return {
-            "information": self._information.tolist(), "score": self._score.tolist(), "square": self._square,
-            "count": self._count, "scatter": self._scatter.tolist(), "batches": self._batches, "unit": self._unit.tolist(),
-        }  # fmt: skip
+        return fields_of(self, (*_SAVED, "_unit"))
 
     def load(self, saved: dict[str, Any]) -> None:
         """Continue from :meth:`save`."""
         self._progress[:] = 0
         # sums are in units of the tolerances, which a delay that was found changes
         unit = (self._unit / np.array(saved["unit"], dtype=float).reshape(self._unit.shape)).ravel()
-        self._information = np.outer(unit, unit) * np.array(saved["information"], dtype=float).reshape(self._size, self._size)
-        self._score = unit * np.array(saved["score"], dtype=float).reshape(self._size)
-        self._square, self._count = float(saved["square"]), float(saved["count"])
-        self._scatter = np.array(saved["scatter"], dtype=float).reshape(2, len(KINDS))
-        self._batches = int(saved["batches"])
+        take_fields(self, _SAVED, saved)
+        self._information, self._score = np.outer(unit, unit) * self._information, unit * self._score
         self._found = None
 
 

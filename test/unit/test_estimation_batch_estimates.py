@@ -44,7 +44,7 @@ def first_valid_at(pipeline, events, keep=lambda time: True):
     return np.inf
 
 
-def test_no_call_does_more_of_a_look_than_its_share(monkeypatch):
+def test_no_call_does_more_of_a_batch_estimate_than_its_share(monkeypatch):
     """The last seven seconds are passed many times in a look (27 chunks each); of that a block may do its share of the pace."""
     events, vehicle, cab = world()
     passes = [0]
@@ -83,7 +83,7 @@ def test_result_does_not_depend_on_the_pace(monkeypatch):
     assert np.all(np.abs(values[0] - values[1]) < stds[1])
 
 
-def test_a_gap_drops_a_look():
+def test_a_gap_drops_a_batch_estimate():
     """The look that would end at t is interrupted just before; it needs as much motion again, after the filters settled."""
     events, vehicle, _ = world()
     undisturbed = first_valid_at(Pipeline(vehicle), events)
@@ -95,7 +95,7 @@ def test_a_gap_drops_a_look():
 
 
 @pytest.mark.parametrize("stop", [0.1, 0.4])
-def test_a_stop_of_the_vehicle_does_not_lose_the_look(stop):
+def test_a_stop_of_the_vehicle_does_not_lose_the_batch_estimate(stop):
     """Motion ends while the look is under way (sensors go on reading rest): the estimate of what was seen still comes out."""
     events, vehicle, _ = world()
     end = first_valid_at(Pipeline(vehicle), events) - stop

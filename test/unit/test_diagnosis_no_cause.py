@@ -26,7 +26,7 @@ def test_the_error_of_a_small_difference_refers_to_what_it_is_the_difference_of(
     np.testing.assert_allclose(found[:, 2], 1.0)  # a transducer
 
 
-def test_an_error_at_the_edge_of_the_tolerances_is_told_and_what_is_unknown_or_named_is_not():
+def test_an_error_at_the_edge_of_the_tolerances_is_reported_and_what_is_unknown_or_named_is_not():
     items = [
         Adjustable("misalignment", "roof", "y", 0.004, offset=-0.004),  # 0.004 are in the plant already
         Adjustable("misalignment", "floor", "y", 0.004),

@@ -45,12 +45,12 @@ def missed(course: tuple[tuple[str, float, float, float], ...], seed: int) -> fl
 
 
 @pytest.mark.parametrize(("course", "limit"), [(BRAKES, 0.012), (SLOPES, 0.006)], ids=["brakes", "slopes"])
-def test_a_leaning_body_is_predicted_in_the_band(course: tuple[tuple[str, float, float, float], ...], limit: float):
+def test_a_tilted_body_is_predicted_in_the_band(course: tuple[tuple[str, float, float, float], ...], limit: float):
     # with bodies that stand upright below the band 3.9 % (brakes) and 1.0 % (slopes) are missed
     assert missed(course, 2) < limit
 
 
-def test_a_law_sees_where_a_leaning_mount_is():
+def test_a_law_sees_the_slow_deflection_of_its_mount():
     run, data, state = driven(BRAKES, 2)
     view = RunView(data, state)
     inner = (data.time_s > 3.0) & (data.time_s < data.time_s[-1] - 3.0)

@@ -50,7 +50,7 @@ def measurement_of(run):
 
 
 @pytest.mark.parametrize(("sensor", "factor"), [("body", 1.3), ("base", 1.3), ("base", 0.8)])
-def test_a_gain_is_found_whatever_it_bent_before_it_was_named(sensor, factor):
+def test_a_gain_is_found_whatever_it_biased_before_it_was_named(sensor, factor):
     calibrated, found = selected(misread(sensor, factor), sensor)
     bent = calibrated.view.plant.reading_errors[("gain", "base", "z")]
     assert abs(bent) > 0.0085  # at the limit of the tolerance, which holds the gain of the other sensor alike
