@@ -328,8 +328,8 @@ def test_exchanged_topics_are_named(case: Case, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("change", "words", "size", "unit"), [
-    ({"position_m": [0.75, 0.55, -0.35]}, "by its place", 50.0, "mm"),
-    ({"rotation_deg": [0.0, 2.0, 0.0]}, "by its mounting angle", 2.0, "deg"),
+    ({"position_m": [0.75, 0.55, -0.35]}, "by its position", 50.0, "mm"),
+    ({"rotation_deg": [0.0, 2.0, 0.0]}, "by its misalignment", 2.0, "deg"),
 ])  # fmt: skip
 def test_a_sensor_beside_its_place_or_turned_is_named_with_the_size_of_the_error(
     change: dict[str, Any], words: str, size: float, unit: str, tmp_path: Path

@@ -63,7 +63,7 @@ def any_vehicle():
     ("fault", "delay"),
     [
         (None, (0.008, 0.0002, True)),
-        (dataclasses.replace(LATE, kind="place"), (0.008, 0.0002, True)),
+        (dataclasses.replace(LATE, kind="position"), (0.008, 0.0002, True)),
         (dataclasses.replace(LATE, rivals=("cab_front_right",)), (0.008, 0.0002, True)),
         (dataclasses.replace(LATE, explained=0.7), (0.008, 0.0002, True)),
         (LATE, None),

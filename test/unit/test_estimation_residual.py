@@ -75,10 +75,10 @@ def test_ordinary_sensors_are_no_reason_to_worry(seed):
 def faults(sensor):
     turned = {axis: sensor.rotation @ rotation_of_degrees(2.0 * np.eye(3)["xz".index(axis) * 2]) for axis in "xz"}
     return {
-        "50 mm sideways": ({"true_position": sensor.position + np.array([0.0, 0.03, 0.04])}, "place"),
-        "50 mm ahead": ({"true_position": sensor.position + np.array([0.05, 0.0, 0.0])}, "place"),
-        "2 deg about x": ({"true_rotation": turned["x"]}, "mounting angle"),
-        "2 deg about z": ({"true_rotation": turned["z"]}, "mounting angle"),
+        "50 mm sideways": ({"true_position": sensor.position + np.array([0.0, 0.03, 0.04])}, "position"),
+        "50 mm ahead": ({"true_position": sensor.position + np.array([0.05, 0.0, 0.0])}, "position"),
+        "2 deg about x": ({"true_rotation": turned["x"]}, "misalignment"),
+        "2 deg about z": ({"true_rotation": turned["z"]}, "misalignment"),
         "gain 3 %": ({"gain": 1.03}, "gain"),
         "vertical gain 3 %": ({"gain": np.array([1.0, 1.0, 1.03])}, "gain"),
         "2 ms late": ({"delay_s": 0.002}, "delay"),
@@ -101,7 +101,7 @@ def test_one_wrong_sensor_is_found_and_named_with_its_error(seed, what):
     assert CULPRIT in text
     words = test.fault.amount.replace("misaligned by ", "").replace("gain of", "").split()
     value, std = (float(words[words.index("+-") + k]) for k in (-1, 1))
-    true = {"place": 50.0, "mounting angle": 2.0, "gain": 3.0, "delay": float(what.split()[0]) if kind == "delay" else 0.0}[kind]
+    true = {"position": 50.0, "misalignment": 2.0, "gain": 3.0, "delay": float(what.split()[0]) if kind == "delay" else 0.0}[kind]
     assert abs(value - true) < 4.0 * std
 
 

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Lasting faults of base sensors, also from the very start: wrong gain, sign, axes, mounting angle, delay.
+"""Lasting faults of base sensors, also from the very start: wrong gain, sign, axes, misalignment, delay.
 
 The readings at the bases belong to one frame: six rigid accelerations and, with four bases or more, its twist ``W x y``. What is
 left is judged by the score test of :mod:`sensor_faults` between 2 Hz, above which tilting brackets no longer turn gravity into
@@ -225,8 +225,9 @@ class BaseFaults(BaseSensorTest):
             self.refused[mixed[0]] = mixed[1]
             return
         fault = self.test.judge()
-        if fault is not None and (fault.kind == "place" or (len(self._sensors) < _TWISTING and fault.log_probability > _GROSS)):
-            fault = None  # a place that is off reads what a bracket on a bending frame does
+        few = len(self._sensors) < _TWISTING
+        if fault is not None and (fault.kind == "position" or (few and fault.log_probability > _GROSS)):
+            fault = None  # a position that is off reads what a bracket on a bending frame does
         if self._chunks < _SETTLED and (fault is None or fault.log_probability > _GROSS):
             return
         if fault is not None and not fault.rivals:

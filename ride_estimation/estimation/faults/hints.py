@@ -19,8 +19,8 @@ from ride_estimation.frames import AXES
 
 #: kind of fault -> cause of the diagnosis, words for its columns, unit
 _CAUSES = {
-    "gain": ("sensor_gain", AXES, "-"), "mounting angle": ("sensor_misalignment", ("roll", "pitch", "yaw"), "rad"),
-    "place": ("wrong_sensor_position", AXES, "m"), "delay": ("sensor_delay", ("",), "s"),
+    "gain": ("sensor_gain", AXES, "-"), "misalignment": ("sensor_misalignment", ("roll", "pitch", "yaw"), "rad"),
+    "position": ("wrong_sensor_position", AXES, "m"), "delay": ("sensor_delay", ("",), "s"),
 }  # fmt: skip
 
 

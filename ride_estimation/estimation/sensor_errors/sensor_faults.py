@@ -1,9 +1,9 @@
 # Copyright 2026 ride_estimation contributors
-"""Small lasting faults of body sensors: gain, mounting angle, place and delay, found from what sensors in good order differ by.
+"""Small lasting faults of the sensors of a body or of its bases: gain, misalignment, position and delay, by their score test.
 
 The redundant equations of the rigid body are ``z = Z (y - omega x (omega x r))`` with ``Z H = 0`` and ``Z R Z^T = I`` (H rows
 of B, R stated noise). A sensor whose errors are ``b`` (in units of their tolerance) shows ``G b`` in them, and every column of
-G follows from the fitted motion at its place: gain its own specific force, mounting angle the cross axes, place ``alpha x dr +
+G follows from the fitted motion at its place: gain its own specific force, misalignment the cross axes, position ``alpha x dr +
 omega x (omega x dr)``, delay the derivative; a constant bias is a nuisance. Averages over 20 ms keep these equations
 exact and make the noise one of low frequency, whose level is estimated from the data.
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -30,13 +31,17 @@ from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-#: kinds of installation error whose columns are tested, and how many columns each has
-_ERRORS = {"bias": 3, "gain": 3, "misalignment": 3, "position": 3, "delay": 1}
-#: standard deviation of the errors of a sensor that is wrong, same order: what happens on vehicles
-_WRONG = (0.5, 0.2, 0.2, 0.2, 0.02)
-#: parts of the errors of one sensor: name -> columns
-KINDS = {"gain": slice(3, 6), "mounting angle": slice(6, 9), "place": slice(9, 12), "delay": slice(12, 13)}
-_COLUMNS = sum(_ERRORS.values())
+#: kinds of error of an installation: number of columns, and standard deviation of the error of a sensor that is wrong, as it
+#: happens on vehicles [m/s^2, -, rad, m, s]
+_ERRORS = {"bias": (3, 0.5), "gain": (3, 0.2), "misalignment": (3, 0.2), "position": (3, 0.2), "delay": (1, 0.02)}
+_COUNTS = tuple(count for count, _ in _ERRORS.values())
+_COLUMNS = sum(_COUNTS)
+#: columns of every kind that is named among those of a sensor; a bias is a nuisance
+KINDS = {
+    kind: slice(end - count, end)
+    for kind, count, end in zip(_ERRORS, _COUNTS, itertools.accumulate(_COUNTS))
+    if kind != "bias"
+}
 #: probability that anything is called faulty where all sensors are within tolerance
 FALSE_ALARM = 1e-3
 #: a sensor is a rival when its fault is not this many times less likely than that of the best
@@ -107,7 +112,7 @@ class FaultTest:
     rate_std
         Standard deviation of slow errors of the angular rate [rad/s], 0 where gyros measure it.
     further
-        Standard deviations of bias, gain, mounting angle, place and delay beyond those of the installation.
+        Standard deviations of bias, gain, misalignment, position and delay beyond those of the installation.
     least
         Averages needed before anything is judged.
     """
@@ -121,11 +126,10 @@ class FaultTest:
         self._rows, self._points, self._rate_std = rows, points, rate_std
         self._size, self._least = _COLUMNS * len(self._names), least
         self._further_delay = float(further[-1])
-        counts = tuple(_ERRORS.values())
         own = [[getattr(s.tolerated_installation, kind) for kind in _ERRORS] for s in sensors]
         #: standard deviation of the errors of every sensor in good order, shape (S, 13)
-        self._unit = np.repeat(np.hypot(np.reshape(own, (len(own), len(_ERRORS))), further), counts, axis=1)
-        self._weight = (self._unit / np.repeat(_WRONG, counts)) ** 2
+        self._unit = np.repeat(np.hypot(np.reshape(own, (len(own), len(_ERRORS))), further), _COUNTS, axis=1)
+        self._weight = (self._unit / np.repeat([wrong for _, wrong in _ERRORS.values()], _COUNTS)) ** 2
         self._whitening = np.zeros((0, len(rows)))
         self._information = np.zeros((self._size, self._size))
         self._score = np.zeros(self._size)
@@ -296,14 +300,14 @@ class FaultTest:
         return self._found[0]
 
     def errors(self, sensor: int) -> tuple[Array, Array]:
-        """Return what the readings of one sensor look like: errors of gain and mounting angle [rad], shapes (3,).
+        """Return what the readings of one sensor look like: errors of gain and misalignment [rad], shapes (3,).
 
         Zero where nothing is seen; others are taken to be within tolerance, no prior draws the numbers to zero.
         """
         if self._count == 0.0:
             return np.zeros(3), np.zeros(3)
         both = self._solved(self._noise())
-        parts = (KINDS["gain"], KINDS["mounting angle"])
+        parts = (KINDS["gain"], KINDS["misalignment"])
         tests = (self._score_test(*both, _COLUMNS * sensor + np.arange(p.start, p.stop)) for p in parts)
         gain, angle = (value * self._unit[sensor, p] for (_, (value, _)), p in zip(tests, parts, strict=True))
         return gain, angle
@@ -447,6 +451,6 @@ def _words(kind: str, value: Array, std: Array) -> str:
         return f"{1e3 * value[0]:+.1f} +- {1e3 * std[0]:.1f} ms late"
     size = float(np.linalg.norm(value))
     spread = float(np.sqrt(np.sum((value * std) ** 2))) / max(size, 1e-12)
-    if kind == "place":
+    if kind == "position":
         return f"{1e3 * size:.0f} +- {1e3 * spread:.0f} mm off its position"
     return f"misaligned by {np.degrees(size):.1f} +- {np.degrees(spread):.1f} deg"
