@@ -211,9 +211,6 @@ def _mechanisms() -> dict[str, Mechanism]:
         "periodic excitation": Mechanism(
             "parameters.periodic_excitation", "PeriodicExcitation.observe", returns(False), "an engine that idles teaches nothing"
         ),
-        "limit of rotation": Mechanism(
-            "parameters.parameter_estimator", "_LARGEST_ROTATION", np.inf, "nothing is learned at large rotations"
-        ),
         "contradicting intervals": Mechanism(
             "parameters.parameter_filter", "ParameterFilter._follow", returns(None), "follows slow changes of parameters"
         ),

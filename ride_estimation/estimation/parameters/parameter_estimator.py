@@ -45,7 +45,7 @@ from ride_estimation.estimation.parameters.suspect_axes import suspect_axes
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
 from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
 from ride_estimation.frames import AXES
-from ride_estimation.sensors.installation import USUAL, pooled
+from ride_estimation.sensors.installation import pooled
 
 Array = NDArray[np.float64]
 
@@ -59,9 +59,6 @@ _SETTLE = 9.0
 _SETTLE_DEFLECTION = 16.0
 #: time in which a simulated body that begins where the measured one is forgets that beginning [s]
 _FADE = 1.0
-#: rotation against the brackets from which on nothing is learned [rad]: the balance is that of small rotations, and half
-#: their square, which it leaves out, exceeds what good sensors read wrongly
-_LARGEST_ROTATION = float(np.sqrt(2.0 * USUAL.cross_sensitivity))
 #: excited time gathered before the first estimate [s]
 _FIRST = 2.5
 #: length of the segment of a batch estimate [s]
@@ -176,7 +173,6 @@ class ParameterEstimator:
         self._blocks: list[BalanceInput] = []
         self._pending_ticks = 0
         self._settled = self._followed = 0.0
-        self._upright = 0.0
         self._begin_interval()
         self._kept: list[Kept] = []
         self._periodic = PeriodicExcitation()
@@ -424,8 +420,6 @@ class ParameterEstimator:
 
     def _filtered(self, dt: float) -> BalanceChunk:
         joined = BalanceInput.join(self._blocks)
-        leans = bool(np.abs(joined.turn).max() > _LARGEST_ROTATION)
-        self._upright = 0.0 if leans else self._upright + len(joined.support) * dt
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         self._settled += len(joined.support) * dt
@@ -443,8 +437,7 @@ class ParameterEstimator:
         noise = np.sqrt(np.trace(covariance[:3, :3]))
         size = float(np.sqrt(np.mean(np.sum(chunk.measured[:, :3] ** 2, axis=1))))
         repeats = self._periodic.observe(chunk.measured[:, :3], chunk.step)
-        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise))
-        self.excited = self.excited and not repeats and self._upright >= _SETTLE / self._model.balance.corner
+        self.excited = size > max(self.settings.excitation_accel, 3.0 * float(noise)) and not repeats
         weights = self._weights(covariance + self._unseen)
         duration = len(chunk.measured) * chunk.step
         self._keep(chunk)
