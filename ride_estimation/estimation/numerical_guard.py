@@ -107,14 +107,15 @@ class NumericalGuard:
             block.cg_accel, block.cg_accel_covariance, block.angular_rate, block.tilt, block.inertial_load, block.support_load,
             block.mount_force, block.mount_force_std, block.mount_deflection, block.mount_rate, block.mount_deflection_std,
         )  # fmt: skip
-        if not all(np.isfinite(part).all() for part in numbers):
+        if not np.isfinite(np.concatenate([part.ravel() for part in numbers])).all():
             self.count("estimates are not finite")
             return False
-        loads = np.abs(np.hstack([block.inertial_load[:, :3], block.mount_force.reshape(len(block.valid), -1)]))
-        if loads[block.valid].max(initial=0.0) > self.largest:
+        valid = slice(None) if block.valid.all() else block.valid
+        loads = (block.inertial_load[valid, :3], block.mount_force[valid])
+        if max(np.abs(load).max(initial=0.0) for load in loads) > self.largest:
             self.count(f"a load beyond {self.largest:.3g} N, which the vehicle cannot carry")
             return False
-        moved = block.mount_deflection[block.valid]
+        moved = block.mount_deflection[valid]
         if ((moved < self.travel[..., 0]) | (moved > self.travel[..., 1])).any():
             self.count("a mount beyond the travel at which its law takes the largest load")
             return False

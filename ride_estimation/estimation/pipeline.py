@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.block_math import mean_of_ticks
 from ride_estimation.estimation.common.channel_layout import ChannelLayout
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.common.geometry import geometry_of
@@ -280,7 +281,7 @@ class Pipeline:
         there = np.take(block.valid, layout.body_streams, axis=1)
         self._motion.inconsistent = bool(verdict.suspects)
         motion = self._widened(self._motion.observe(measured, gyro, there, dt, layout.speed_of(block)), verdict, ticks * dt)
-        self._rate, self._force = motion.rate[-1], motion.motion[:, :3].mean(axis=0)
+        self._rate, self._force = motion.rate[-1], mean_of_ticks(motion.motion[:, :3])
         accel, accel_covariance = self._motion.accelerate(motion)
         support = self._loads.load(motion.motion, motion.rate)
         support = self._carried.added_to(support, motion.motion, motion.rate, self._factor, dt)

@@ -60,7 +60,7 @@ def all_finite(state: Any) -> bool:
     if isinstance(state, Mapping):
         return all(all_finite(value) for value in state.values())
     if isinstance(state, (list, tuple)):
-        return all(all_finite(value) for value in state)
+        return all(math.isfinite(value) if type(value) is float else all_finite(value) for value in state)
     return not isinstance(state, float) or math.isfinite(state)
 
 

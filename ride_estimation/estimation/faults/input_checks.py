@@ -74,6 +74,11 @@ class InputChecks:
         self._noise = BaseNoise(base)
         #: readings of base sensors and transducers of the last block, None where one of them is not fit
         self._readings: tuple[Array, Array] | None = None
+        #: columns of the base sensors and of the transducers, and their streams
+        self._read = (
+            (layout.base_arrays[1][:, None] + np.arange(3)).ravel(), [column for _, _, _, column in layout.transducers],
+            np.array([*base_streams, *(stream for _, _, stream, _ in layout.transducers)], dtype=np.int64),
+        )  # fmt: skip
         #: stream -> reason -> ticks at which a base sensor was left out against the others
         self._lost: dict[int, Counter[str]] = {}
 
@@ -174,10 +179,7 @@ class InputChecks:
 
     def _keep_readings(self, block: Block, verdict: GateVerdict) -> None:
         # sensors that only disagree with others are weighed on: that may be the fault of one of those
-        layout = self._layout
-        columns = (layout.base_arrays[1][:, None] + np.arange(3)).ravel()
-        displaced = [column for _, _, _, column in layout.transducers]
-        streams = [*layout.base_arrays[0].tolist(), *(stream for _, _, stream, _ in layout.transducers)]
+        columns, displaced, streams = self._read
         fit = bool(verdict.valid[:, streams].all()) and not verdict.suspects
         self._readings = (np.take(block.values, columns, axis=1), np.take(block.values, displaced, axis=1)) if fit else None
         if self._readings is None:

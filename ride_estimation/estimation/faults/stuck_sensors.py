@@ -153,7 +153,7 @@ class StuckSensors:
         if self._next <= 0 and not first:
             self._next = round(_EVERY / dt)
             self._find_rests(self._free * dt > _RESTS_IN)
-        for a, c in np.argwhere(self._saturated).tolist():
+        for a, c in np.argwhere(self._saturated).tolist() if self._saturated.any() else ():
             found.setdefault(a, SATURATED[c])
         return found
 

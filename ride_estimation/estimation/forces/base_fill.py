@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.common.block_math import follow_scatter, follow_squares
+from ride_estimation.estimation.common.block_math import follow_scatter, follow_squares, mean_of_ticks
 from ride_estimation.estimation.common.geometry import Geometry, base_transport
 from ride_estimation.estimation.forces.mount_forces import ForceBlock
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
@@ -79,6 +79,7 @@ class BaseFill:
         self._shift = np.zeros((count, 3))
         #: for how long every sensor is away, and is back; sum of its readings since over what was made up for it
         self._away, self._back, self._excess = np.zeros(count), np.full(count, math.inf), np.zeros((count, 3))
+        self._quiet = False
         #: mounts whose sensor is used again since the last block, after a long absence
         self.returned: tuple[int, ...] = ()
         self.restart()
@@ -164,7 +165,7 @@ class BaseFill:
     def _hear(self, base: Array, duration: float) -> None:
         """Follow the means of the sensors, all of which speak."""
         self._heard += duration
-        self._sum += duration * base.mean(axis=0)
+        self._sum += duration * mean_of_ticks(base)
         if self._heard >= _MEAN:
             self._mean, self._next = self._next, self._sum / self._heard
             self._sum, self._heard = np.zeros_like(self._sum), 0.0
@@ -179,6 +180,9 @@ class BaseFill:
 
     def _settling(self, gone: BoolArray, duration: float) -> BoolArray:
         """Return which sensors are back from a long absence and still compared with what is made up for them, shape (M,)."""
+        if self._quiet and not gone.any():
+            self.returned = ()
+            return gone
         long = self._away >= _LONG
         self._away = np.where(gone, self._away + duration, 0.0)
         self._back = np.where(gone, np.inf, self._back)
@@ -190,6 +194,7 @@ class BaseFill:
         self._back[over] = np.inf
         settling: BoolArray = np.isfinite(self._back)
         self._back[settling] += duration
+        self._quiet = not (gone.any() or settling.any())
         return settling
 
     def suspect(self) -> None:

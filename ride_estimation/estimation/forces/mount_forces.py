@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.block_math import mean_of_ticks
 from ride_estimation.estimation.common.geometry import Geometry, weight_at
 from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.forces.force_kernel import balanced_forces, follow_scaled, turned_motion, with_deformation
@@ -276,6 +277,7 @@ class MountForceEstimator:
         nothing = np.zeros((0, 0))
         #: wrench, gain, mass and what :meth:`shared` made of them last
         self._shared: tuple[Array, Array, float, Array] = (nothing, nothing, 0.0, nothing)
+        self._weighed: tuple[float, Array, Array] = (0.0, nothing, nothing)
         #: stiffness, mass, CG and load the static forces are those of
         self._static_of: tuple[Array | None, float, Array, bool] = (None, 0.0, self.cg_offset, False)
         self._update_static()
@@ -348,7 +350,7 @@ class MountForceEstimator:
             self._gain_slow, 1.0 - math.exp(-_SLOW_CORNER * dt), self._slow, self._square, self.missing, force,
         )  # fmt: skip
         self._count_square += int(np.count_nonzero(measured))
-        std, spread = np.broadcast_to(self._std[:, None], (3, ticks, count, 3)), deflection.std
+        std, spread = np.repeat(self._std[:, None], ticks, axis=1), deflection.std
         if not self._all_known:
             x = np.where(self.known, x, -(force - self.static_force) / np.maximum(self._stiffness.reshape(count, 3), 1.0))
             spread = np.where(self.known, spread, np.sqrt(self._elastic_square))
@@ -378,7 +380,11 @@ class MountForceEstimator:
 
     def _weight(self) -> Array:
         """Return the wrench that carries the body at rest and what it carries, shape (6,); all masses scale together."""
-        return self.mass / self.geometry.body.mass.value * weight_at(self.geometry, self.cg_offset)
+        mass, offset, found = self._weighed
+        if mass != self.mass or offset is not self.cg_offset:
+            found = self.mass / self.geometry.body.mass.value * weight_at(self.geometry, self.cg_offset)
+            self._weighed = self.mass, self.cg_offset, found
+        return found
 
     def shared(self, support: Array) -> Array:
         """Return the dynamic part of a wrench shared among the mounts by stiffness, shape (K, M, 3) [N]."""
@@ -397,7 +403,7 @@ class MountForceEstimator:
         if not (bool(self.known[:, 2].all()) and len(self.missing)):
             return None
         stiffness = self._stiffness.reshape(self._count, 3)
-        force = self._gain_slow @ self.missing.mean(axis=0)
+        force = self._gain_slow @ mean_of_ticks(self.missing)
         missing = np.asarray(-(force / self._stiffness).reshape(self._count, 3))
         return Equilibrium(-self.shared(support) / stiffness, self.law.damping / stiffness, missing)
 

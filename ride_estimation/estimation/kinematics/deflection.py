@@ -262,8 +262,8 @@ class DeflectionEstimator:
             return np.zeros((ticks, self._count, 3)), lag
         late = ticks * dt + equilibrium.lag
         if whole and bool((noise[:, :, 0] * late**4 <= _FED_BACK**4 * noise[:, :, 2]).all()):
-            target = (self._rigid @ self._state[0].ravel()).reshape(self._count, 3) + equilibrium.missing
-            return np.ascontiguousarray(np.broadcast_to(target, (ticks, self._count, 3))), lag
+            target = (self._rigid @ self._state[0].ravel()).reshape(1, self._count, 3) + equilibrium.missing
+            return np.repeat(target, ticks, axis=0), lag
         return np.ascontiguousarray(equilibrium.now), equilibrium.lag
 
     def _follow_size(self, square: Array, duration: float) -> None:

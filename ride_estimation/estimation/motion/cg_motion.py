@@ -293,10 +293,9 @@ class CgMotionEstimator:
             self._state = before
         pitch = self._p_pitch if self._speed[3] > 0.0 else self._p_tilt
         variances = [float(p[0, 0]) if self._observed_tilt else 0.0 for p in (self._p_tilt, pitch)]
-        return dataclasses.replace(
-            out, covariance=covariance, roll_variance=variances[0], pitch_variance=variances[1],
-            rate_variance=self._rate_variance,
-        )  # fmt: skip
+        return MotionBlock(
+            out.motion, covariance, out.rate, out.tilt, variances[0], out.predicted, out.valid, self._rate_variance, variances[1]
+        )
 
     def body_rates(self, gyro: Array) -> Array:
         """Return gyro rates in body axes, shape (K, G, 3)."""

@@ -91,11 +91,11 @@ class InertialLoads:
             [m/s^2].
         """
         weight = np.array([0.0, 0.0, self.mass * gravity])
-        jacobians = (
-            np.vstack([np.zeros((3, 3)), -skew(weight)]),
-            np.vstack([self.mass * skew(motion[3:]), -skew(self.mass * motion[:3] - weight)]),
-        )
-        still, moving = ((j * self.cg_std**2) @ j.T for j in jacobians)
+        jacobians = np.zeros((2, 6, 3))
+        jacobians[0, 3:] = -skew(weight)
+        jacobians[1, :3], jacobians[1, 3:] = self.mass * skew(motion[3:]), -skew(self.mass * motion[:3] - weight)
+        variance = self.cg_std**2
+        still, moving = ((j * variance) @ j.T for j in jacobians)
         return still, moving
 
     def covariance(self, accel_covariance: Array, accel: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from ride_estimation.estimation.common.block_math import mean_of_ticks
 from ride_estimation.estimation.motion.motion_kernel import add_residuals
 from ride_estimation.estimation.sensor_errors.isolation import Redundancy, ambiguity_group
 from ride_estimation.estimation.sensor_errors.sensor_faults import Fault
@@ -119,7 +120,7 @@ class ResidualSums:
         self.turn_square, self.count = float(sums[0]), float(sums[1])
         self.slope_square *= keep
         if len(samples) > 1:
-            self.slope_square += len(samples) * np.mean(np.diff(samples, axis=0) ** 2, axis=0) / dt**2
+            self.slope_square += len(samples) * mean_of_ticks((samples[1:] - samples[:-1]) ** 2) / dt**2
 
     def noise_ratio(self, stated: Array) -> float:
         """Return the sum over the channels of the mean squared residual over the stated variance, shape (C,)."""

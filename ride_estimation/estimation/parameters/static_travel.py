@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.estimation.common.block_math import mean_of_ticks
 from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
@@ -104,8 +105,8 @@ class StaticTravel:
         """
         self._time += duration
         share = max(duration / self._time, 1.0 - math.exp(-duration / _MEMORY))
-        self._mean = self._mean + share * (missing.mean(axis=0) - self._mean)
-        self._rectified = self._rectified + share * (np.abs(rate).mean(axis=0) - self._rectified)
+        self._mean = self._mean + share * (mean_of_ticks(missing) - self._mean)
+        self._rectified = self._rectified + share * (mean_of_ticks(np.abs(rate)) - self._rectified)
 
     @property
     def decided(self) -> bool:
