@@ -7,19 +7,21 @@ Each is a column of the whitened regression with a prior standard deviation. A c
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+import itertools
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.frame import tilt_spectrum
-from ride_estimation.diagnosis.plant import Plant, Signal
+from ride_estimation.diagnosis.plant import Signal
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+SingleArray = NDArray[np.float32]
 
 
 #: a frame is rigid or rests on a rig that only translates; what its members do in a twist is anybody's guess
@@ -123,33 +125,13 @@ def static_means(view: RunView, table: MeanTable, shift: Array) -> dict[int, flo
     }
 
 
-class ColumnSet:
-    """Columns under construction: output spectra and mean rows."""
-
-    def __init__(self, view: RunView, table: MeanTable) -> None:
-        self._view, self._table = view, table
-        self.adjustables: list[Adjustable] = []
-        self._spectra: list[ComplexArray] = []
-        self._means: list[Array] = []
-
-    def add(self, item: Adjustable, spectrum: ComplexArray | None, means: dict[int, float] | None = None) -> None:
-        """Append one column."""
-        shape = (len(self._view.grid.omega), len(self._view.plant.outputs))
-        row = np.zeros(len(self._table.signals))
-        for index, value in (means or {}).items():
-            row[index] = value / self._table.std[index]
-        self.adjustables.append(item)
-        self._spectra.append(np.zeros(shape, dtype=complex) if spectrum is None else spectrum)
-        self._means.append(row)
-
-    def finish(self) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
-        """Return adjustables, their output spectra (F, ny) and mean rows (K, p)."""
-        return tuple(self.adjustables), self._spectra, np.stack(self._means, axis=1)
+#: an adjustable, its output spectrum (F, ny), and what it adds to mean readings, row -> value
+_Column = tuple[Adjustable, ComplexArray, dict[int, float]]
 
 
 def baseline_columns(
     view: RunView, table: MeanTable, prior: tuple[Array, Array]
-) -> tuple[tuple[Adjustable, ...], Array, Array]:
+) -> tuple[tuple[Adjustable, ...], SingleArray, Array]:
     """Return the adjustables of a view with their whitened rows (B, R, p) and mean rows (K, p).
 
     Parameters
@@ -161,51 +143,50 @@ def baseline_columns(
     prior
         Stiffness and damping of the vehicle file, shape (P,) each.
     """
-    adjustables, spectra, means = baseline_spectra(view, table, prior)
-    rows = np.empty((*view.residual.shape, len(adjustables)), dtype=np.float32)
-    while spectra:
-        done = len(adjustables) - len(spectra)
-        rows[:, :, done : done + _BATCH] = view.rows(np.stack(spectra[:_BATCH], axis=2), single=True)
-        del spectra[:_BATCH]
-    return adjustables, rows, means
+    adjustables: list[Adjustable] = []
+    parts, means = [], []
+    columns = baseline_spectra(view, table, prior)
+    # spectra of all columns at once take a hundred megabytes
+    while batch := [*itertools.islice(columns, _BATCH)]:
+        adjustables += [item for item, _, _ in batch]
+        parts.append(view.rows(np.stack([spectrum for _, spectrum, _ in batch], axis=2), single=True))
+        means.append(np.zeros((len(table.signals), len(batch))))
+        for number, (_, _, own) in enumerate(batch):
+            means[-1][[*own], number] = np.array([*own.values()]) / table.std[[*own]]
+    return tuple(adjustables), np.concatenate(parts, axis=2), np.concatenate(means, axis=1)
 
 
-def baseline_spectra(
-    view: RunView, table: MeanTable, prior: tuple[Array, Array]
-) -> tuple[tuple[Adjustable, ...], list[ComplexArray], Array]:
-    """Return the adjustables of a view, their output spectra (F, ny) and mean rows (K, p)."""
-    columns = ColumnSet(view, table)
+def baseline_spectra(view: RunView, table: MeanTable, prior: tuple[Array, Array]) -> Iterator[_Column]:
+    """Yield the adjustables of a view, their output spectra (F, ny) and what they add to mean readings, row -> value."""
     moving = {name: body_spectra(view, name)[1] for name in dict.fromkeys(b for b, _ in view.plant.coordinates)}
-    for item, spectrum in (*port_adjustables(view, prior), *body_adjustables(view, moving)):
-        columns.add(item, spectrum)
-    _axes_columns(view, columns)
-    _tilt_columns(view, columns)
-    _sensor_columns(view, columns, table)
-    _attitude_columns(view.plant, columns, table)
-    return columns.finish()
+    from_port = view.response.output_from_port
+    for item, p, force in _port_adjustables(view, prior):
+        yield item, from_port[:, :, p] * force[:, None], {}
+    for item, spectrum in (*body_adjustables(view, moving), *_axes_columns(view), *_tilt_columns(view)):
+        yield item, spectrum, {}
+    yield from _sensor_columns(view, table)
+    yield from _attitude_columns(view, table)
 
 
-def port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Adjustable, ComplexArray]]:
-    """Return the logarithms of stiffness and damping of every port with their output spectra (F, ny)."""
-    iw, from_port = 1j * view.grid.omega, view.response.output_from_port
-    out: list[tuple[Adjustable, ComplexArray]] = []
+def _port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Adjustable, int, ComplexArray]]:
+    """Return the logarithms of stiffness and damping of every port, the port and its force spectrum (F,)."""
+    out = []
     for p, port in enumerate(view.plant.ports):
-        transfer = from_port[:, :, p]
         x = view.deflection_spectrum[:, p]
         for kind, value, reference, std, signal in (
             ("stiffness", view.state.stiffness[p], prior[0][p], port.stiffness_log_std, x),
-            ("damping", view.state.damping[p], prior[1][p], port.damping_log_std, iw * x),
+            ("damping", view.state.damping[p], prior[1][p], port.damping_log_std, 1j * view.grid.omega * x),
         ):
             if value > 0.0:
                 item = Adjustable(kind, port.mount, port.axis, std, float(np.log(reference / value)))
-                out.append((item, transfer * (value * signal)[:, None]))
+                out.append((item, p, value * signal))
     return out
 
 
 def port_columns(view: RunView, prior: tuple[Array, Array]) -> tuple[tuple[Adjustable, ...], Array]:
     """Return the port adjustables of a view and their whitened rows (B, R, p)."""
-    pairs = port_adjustables(view, prior)
-    return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2), single=True)
+    adjustables, ports, forces = zip(*_port_adjustables(view, prior))
+    return adjustables, view.port_rows(ports, np.stack(forces, axis=1))
 
 
 def body_spectra(view: RunView, body: str) -> tuple[ComplexArray, ComplexArray]:
@@ -283,21 +264,21 @@ def balanced_columns(view: RunView, bodies: Collection[str]) -> tuple[tuple[Adju
     return tuple(a for a, _ in pairs), view.rows(np.stack([s for _, s in pairs], axis=2), single=True)
 
 
-def _axes_columns(view: RunView, columns: ColumnSet) -> None:
-    """Add what changes when the mount axes turn with the body, or with nothing, instead of with the base."""
+def _axes_columns(view: RunView) -> Iterator[tuple[Adjustable, ComplexArray]]:
+    """Yield what changes when the mount axes turn with the body, or with nothing, instead of with the base."""
     base = view.rotation_wrench("base")
     for axes in ("body", "world"):
         change = view.grid.spectrum(view.data.tapered(view.rotation_wrench(axes) - base))
         output = np.einsum("fij,fj->fi", view.response.output_from_wrench, change)
-        columns.add(Adjustable("mount_axes", axes, "", 0.5), output)
+        yield Adjustable("mount_axes", axes, "", 0.5), output
 
 
-def _tilt_columns(view: RunView, columns: ColumnSet) -> None:
-    """Add how much of every possible tilt the brackets really follow, all of it where nothing speaks against."""
+def _tilt_columns(view: RunView) -> Iterator[tuple[Adjustable, ComplexArray]]:
+    """Yield how much of every possible tilt the brackets really follow, all of it where nothing speaks against."""
     plant = view.plant
     for tilt, share in zip(plant.tilts, plant.tilt_share):
         item = Adjustable(tilt.kind, tilt.place, tilt.axis, _TILT_STD[tilt.kind], 1.0 - float(share))
-        columns.add(item, tilt_spectrum(plant, view.response, tilt.slope, view.data.input_spectrum))
+        yield item, tilt_spectrum(plant, view.response, tilt.slope, view.data.input_spectrum)
 
 
 def sensor_error_spectra(
@@ -394,7 +375,7 @@ def sensor_error_means(table: MeanTable, sensor: str, kind: str, component: int)
     return {row: float(change[c]) for c, row in rows.items() if row is not None and change[c] != 0.0}
 
 
-def _sensor_columns(view: RunView, columns: ColumnSet, table: MeanTable) -> None:
+def _sensor_columns(view: RunView, table: MeanTable) -> Iterator[_Column]:
     tolerances = view.settings.tolerances
     for sensor in view.plant.sensors:
         installed = tolerances.of(view.plant.vehicle.sensors[sensor])
@@ -414,11 +395,12 @@ def _sensor_columns(view: RunView, columns: ColumnSet, table: MeanTable) -> None
                 axis = "" if kind in ("delay", "bandwidth") else AXES[component]
                 means = {} if displacement else sensor_error_means(table, sensor, kind, component)
                 known = view.plant.reading_errors.get((kind, sensor, axis), 0.0) if is_input else 0.0
-                columns.add(Adjustable(kind, sensor, axis, std, -known), error_outputs(view, errors, is_input), means)
+                yield Adjustable(kind, sensor, axis, std, -known), error_outputs(view, errors, is_input), means
 
 
-def _attitude_columns(plant: Plant, columns: ColumnSet, table: MeanTable) -> None:
-    """Add the unknown mean attitude of every body that carries accelerometers."""
+def _attitude_columns(view: RunView, table: MeanTable) -> Iterator[_Column]:
+    """Yield the unknown mean attitude of every body that carries accelerometers."""
+    plant = view.plant
     bodies = dict.fromkeys(plant.vehicle.sensors[s.sensor].body for s in table.signals)
     for body in bodies:
         for axis in (0, 1):
@@ -428,4 +410,4 @@ def _attitude_columns(plant: Plant, columns: ColumnSet, table: MeanTable) -> Non
                 if sensor.body == body:
                     turned = sensor.rotation.T @ (-skew(np.eye(3)[axis]) @ np.array([0.0, 0.0, plant.vehicle.gravity]))
                     means[i] = float(turned[s.component])
-            columns.add(Adjustable("attitude", body, COORDINATES[3 + axis], 0.3), None, means)
+            yield Adjustable("attitude", body, COORDINATES[3 + axis], 0.3), error_outputs(view, {}, False), means

@@ -39,13 +39,10 @@ class Injector:
         """Return the whitened transfer function from an entry point, shape (F, ny, number of entries)."""
         found = self._known.get((where, single))
         if found is None:
-            if single:
-                found = self.transfer(where, False).astype(np.complex64)
-            elif where is Where.OUTPUT:
-                found = self._whitener
-            else:
-                found = self._whitener @ getattr(self._response, _TRANSFERS[where])
-            self._known[where, single] = found
+            found = self._whitener
+            if where is not Where.OUTPUT:
+                found = found @ getattr(self._response, _TRANSFERS[where])
+            self._known[where, single] = found = found.astype(np.complex64) if single else found
         return found
 
     def whitened(self, columns: Sequence[Column], single: bool = False) -> NDArray[Any]:

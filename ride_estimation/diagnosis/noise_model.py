@@ -28,7 +28,7 @@ ComplexArray = NDArray[np.complex128]
 class NoiseModel:
     """The noise of a run as one model propagates it; models that are compared share the one of the first of them.
 
-    What is asked for is made when it is: a prediction needs the filter alone.
+    What is asked for is made when it is, and what is large and asked for once is not kept: a prediction needs the filter alone.
 
     Parameters
     ----------
@@ -56,17 +56,17 @@ class NoiseModel:
             self._base, np.concatenate([plant.static_tilt() * r.twice_integrated, wrench], axis=2)
         )
 
-    @functools.cached_property
+    @property
     def output_transfer(self) -> ComplexArray:
         """Return how disturbances reach the outputs, static loads that turn with their bases included, shape (F, ny, d)."""
         return self._model.response.outputs(self._coordinates, self._base)
 
-    @functools.cached_property
+    @property
     def deflection_transfer(self) -> ComplexArray:
         """Return how disturbances reach the deflections, shape (F, P, d)."""
         return self._model.response.deflections(self._coordinates, self._base)
 
-    @functools.cached_property
+    @property
     def _gross(self) -> Array:
         data, model, n = self._data, self._model, self._data.grid.samples
         return gross_power(
@@ -89,11 +89,11 @@ class NoiseModel:
     @functools.cached_property
     def covariance(self) -> ComplexArray:
         """Return the covariance of the residual, shape (F, ny, ny)."""
-        data = self._data
+        data, gross = self._data, self._gross
         return residual_covariance(
             data.noise_scale * np.array([s.noise_std for s in data.plant.outputs]),
             self.output_transfer * self.disturbance[:, None, :],
-            over_band(self._gross, data.grid.band_weight) if data.settings.over_band else self._gross,
+            over_band(gross, data.grid.band_weight) if data.settings.over_band else gross,
             data.settings.adequacy,
         )
 

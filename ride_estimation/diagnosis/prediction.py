@@ -133,13 +133,11 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
         if blocks is not None:
             fitted = [_refitted(view, f, np.asarray(blocks, dtype=int)) for f in fitted]
         view, missed = _settled(view, state, fitted)
-    adjustables, spectra, _ = baseline_spectra(view, mean_table(view), file_parameters(plant))
     values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
-    weights = np.array([values.get(a.name, 0.0) for a in adjustables])
     adjusted = view.model.predicted_spectrum.copy()
-    for weight, spectrum in zip(weights, spectra):
-        if weight != 0.0:
-            adjusted += weight * spectrum
+    for a, spectrum, _ in baseline_spectra(view, mean_table(view), file_parameters(plant)):
+        if values.get(a.name, 0.0) != 0.0:
+            adjusted += values[a.name] * spectrum
     return Prediction(view, adjusted, missed < _GUESS, tuple(fitted))
 
 

@@ -91,7 +91,7 @@ class Regression:
     def __init__(
         self,
         residual: Array,
-        columns: Array,
+        columns: Array | SingleArray,
         mean_residual: Array,
         mean_columns: Array,
         prior_std: Array,

@@ -121,7 +121,7 @@ class RunView:
 
     def _missing_share(self) -> float:
         """Return the share of the power of the port forces that the model does not have, 0 to 1."""
-        white_from_port = self._injector.transfer(Where.PORT)
+        white_from_port = self._injector.transfer(Where.PORT, single=True)
         expected = float(np.sum(np.sum(np.abs(white_from_port) ** 2, axis=1) * self._force_power))
         degrees = float(np.sum(self.grid.band_weight**2)) * len(self.plant.outputs)
         excess = float(np.sum(np.abs(self._white_residual) ** 2)) / self.grid.samples - degrees
@@ -165,6 +165,11 @@ class RunView:
         """
         white: NDArray[Any] = self.noise.whitener @ output_spectrum
         return self._dealt(white.astype(np.complex64) if single else white)
+
+    def port_rows(self, ports: Sequence[int], forces: ComplexArray) -> Array:
+        """Return whitened rows of tensions in ports, one force spectrum (F, q) each, in single precision, see :meth:`rows`."""
+        transfer = self._injector.transfer(Where.PORT, single=True)[:, :, ports]
+        return self._dealt(transfer * forces.astype(np.complex64)[:, None, :])
 
     def _dealt(self, white: NDArray[Any]) -> Array:
         """Return whitened spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""

@@ -2,8 +2,8 @@
 """Whether the answer is the same on copies of the run that an engineer would call the same run.
 
 Four copies: one per cent more noise, ten per cent shorter, without a sensor that can be spared, another time base. On each the
-model is calibrated from where the run ended, and the named causes, their rivals and the model without them are fitted again from
-the numbers that were found: a comparison, no new search. What else the search could have found is not asked.
+model is calibrated from where the run ended, and the named causes, their near rivals and the model without them are fitted again
+from the numbers that were found: a comparison, no new search. What else the search could have found is not asked.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from ride_estimation.errors import InputDataError
 _NOISE, _SHORTER, _RESAMPLED = 0.01, 0.1, (9, 10)
 #: rivals that are fitted beside every named cause, and candidates where none was named
 _RIVALS = 2
+#: share of the evidence for a named cause that a rival is behind by at most; no copy lacks half of what the run tells
+_NEAR = 0.5
 #: passes of a fit that starts from the numbers of another
 _PASSES = 2
 #: misfit per degree of freedom from which a calibrated model still misses something
@@ -134,19 +136,27 @@ class _Copy:
         self._selector, self._significance = selector, work.settings.significance
         self._whole = len(calibrated.view.plant.outputs) == len(work.plant.outputs)
         self._built: dict[str, Sequence[Hypothesis]] = {}
+        self._named: FullFit | None = None
 
     def changed(self, accepted: FullFit, place: int, contest: Round) -> str:
         """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
         named = accepted.fitted[place]
-        rivals = [c for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis)][:_RIVALS]
-        others = [s for i, f in enumerate(accepted.fitted) if i != place and (s := self._start(f)) is not None]
-        own, *rest = (self._start(f) for f in (named, *(c.fit.fitted[c.contested] for c in rivals)))
-        if own is None:
+        first = contest.candidates[0]
+        near = _NEAR * (first.log_likelihood - contest.reference)
+        rivals = [
+            c for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis) and c.behind(first) < near
+        ][:_RIVALS]
+        starts = [self._start(f) for f in accepted.fitted]
+        if starts[place] is None:
             return f"no sensor left that shows {_name(named.hypothesis)}"
-        gaps = [0.0, *(c.elsewhere.gap for c, s in zip(rivals, rest) if s is not None)]
-        fits = [self._fit([*others, s]) for s in (own, *rest) if s is not None]
-        before = self._fit(others) if others else None
-        found = self._selector.compared(fits, len(others), before)
+        before, after = ([s for s in part if s is not None] for part in (starts[:place], starts[place + 1 :]))
+        rest = [(c.elsewhere.gap, s) for c in rivals if (s := self._start(c.fit.fitted[c.contested])) is not None]
+        if self._named is None:
+            self._named = self._fit([s for s in starts if s is not None])
+        gaps = [0.0, *(gap for gap, _ in rest)]
+        fits = [self._named, *(self._fit([*before, s, *after]) for _, s in rest)]
+        others = [*before, *after]
+        found = self._selector.compared(fits, len(before), self._fit(others) if others else None)
         # what validation runs say of rivals is no less true of a copy of the run
         elsewhere = {id(f): gap for f, gap in zip(fits, gaps)}
         best = max(found.candidates, key=lambda c: c.log_likelihood - elsewhere[id(c.fit)])
