@@ -113,6 +113,15 @@ def test_force_errors_are_those_of_the_files(finished: Path) -> None:
     assert row[5] == pytest.approx(100 * np.sqrt(np.mean(live**2)) / np.std(known), rel=0.01)
 
 
+def test_smoothed_horizontal_forces_are_nearer_than_live_ones_and_no_surer_than_they_are(finished: Path) -> None:
+    """The frame twists and its brackets tilt with it: how far they do, and k of left and right mounts, has to be learned."""
+    rows = [r for r in demo.Comparison.of(finished / "replay", shared_path("bags", "nominal")).force_rows() if r[1] != "z"]
+    for axis, error in (("x", 15.0), ("y", 10.0)):
+        found = [(float(str(r[2])), float(str(r[4])), float(str(r[5]))) for r in rows if r[1] == axis]
+        assert all(smoothed < 0.7 * live and smoothed < error for smoothed, _, live in found)
+        assert all(inside > 80.0 for _, inside, _ in found)
+
+
 def test_true_parameters_are_those_the_run_was_made_with(finished: Path) -> None:
     rows = {row[0]: row for row in demo.Comparison.of(finished / "replay", shared_path("bags", "nominal")).parameter_rows()}
     # recipe.yaml: factor 1.18 on the vehicle file's 52000 N/m

@@ -15,9 +15,11 @@ from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.model import segments
+from ride_estimation.estimation.model.bracket_shares import learn_shares
 from ride_estimation.estimation.model.dynamics import dynamics
 from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.plant import Plant
+from ride_estimation.estimation.model.second_order import second_order, slopes_of_laws
 from ride_estimation.estimation.model.spectral import Lines, response
 from ride_estimation.estimation.model.states import SlowStates
 from ride_estimation.sensors.installation import Installation
@@ -67,8 +69,12 @@ def linear_readings(vehicle: Vehicle, seed: int, duration: float, size: float) -
     return linear_run(vehicle, seed, duration, size)[:3]
 
 
-def linear_run(vehicle: Vehicle, seed: int, duration: float, size: float) -> tuple[Plant, np.ndarray, np.ndarray, np.ndarray]:
+def linear_run(
+    vehicle: Vehicle, seed: int, duration: float, size: float, height: float | None = None
+) -> tuple[Plant, np.ndarray, np.ndarray, np.ndarray]:
     """Return plant, readings of its linear model with errors drawn from the priors, the true slow states, forces of the mounts.
+
+    ``height`` [m]: the base only twists, about an axis so far below its mounts.
 
     The base moves in bands that the estimate does not know; integrated at eight times the rate. The motion is so small, and
     the noise with it, that second-order kinematics do not count.
@@ -88,6 +94,12 @@ def linear_run(vehicle: Vehicle, seed: int, duration: float, size: float) -> tup
     bands = [(0.4, 12.0)] * 6 + [(1.2, 20.0)] * (inputs - 6)
     drive = np.column_stack([shaped(rng, count, *band) for band in bands]) * size
     drive[:, 6:] *= 0.2
+    if height is not None:
+        moves = np.zeros((len(plant.mounts), 3))
+        moves[:, 1:] = [(-height * m.position[0], m.position[0] * m.position[1]) for m in plant.mounts]
+        # a frame returns: acceleration of a twist that begins at rest
+        twist = shaped(rng, count, 0.4, 6.0) * np.minimum(np.arange(count) * DT, 1.0) ** 3
+        drive[:, 6:] = np.outer(1e-2 * size * np.gradient(np.gradient(twist, DT), DT), moves.ravel() @ plant.patterns)
     smooth = signal.resample_poly(drive, fine, 1, axis=0)
     A, states = model.dynamics.A, plant.states.motion.stop
     step = linalg.expm(DT / fine * np.block([[A], [np.zeros((inputs, states + inputs))]]))
@@ -208,7 +220,7 @@ def test_the_gradient_is_the_derivative_of_the_cost(vehicle: Vehicle, monkeypatc
     plant, readings, theta = linear_readings(vehicle, 4, 20.0, 1e-4)
     joint = JointEstimate(plant, [readings], DT)
     joint.theta = theta.copy()
-    segment, offset = joint._segments[0], joint._offset
+    segment, offset = joint.segments[0], joint._offset
     white = offset(joint.model(), segment)[0]
     p = segments.project(joint.model(), segment)
     ends = segments.ends_std(plant, p.basis, p.root, p.seen, segment.lines)
@@ -233,6 +245,45 @@ def test_the_gradient_is_the_derivative_of_the_cost(vehicle: Vehicle, monkeypatc
         assert gradient[at] == pytest.approx((values[0] - values[1]) / (2 * h), rel=0.05, abs=2.0 * size), i
 
 
+def test_slopes_of_the_second_order_are_its_derivative(vehicle: Vehicle) -> None:
+    plant = Plant(vehicle)
+    slow, rng = plant.slow, np.random.default_rng(3)
+    v = rng.normal(size=(7, plant.states.size)) * 0.01
+    base_rate = rng.normal(size=(7, 3)) * 0.1
+    m = plant.constants(slow.mean)
+
+    def accel(law: str, place: int, step: float) -> np.ndarray:
+        values = getattr(m, law).copy()
+        values[place] *= np.exp(step)
+        other = dataclasses.replace(m, **{law: values})
+        return second_order(plant, other, dynamics(plant, other), slow.mean, v, base_rate).accel
+
+    found = slopes_of_laws(plant, m, dynamics(plant, m), v)
+    for place in range(12):
+        for law, column in (("stiffness", place), ("damping", 12 + place)):
+            slope = (accel(law, place, 1e-3) - accel(law, place, -1e-3)) / 2e-3
+            np.testing.assert_allclose(found[:, :, column], slope, atol=1e-5 * np.abs(found).max())
+
+
+def test_shares_of_bracket_tilt_are_learned_from_a_frame_that_twists_about_another_height(vehicle: Vehicle) -> None:
+    learned = []
+    for seed in range(6, 18):
+        plant, readings, theta, _ = linear_run(vehicle, seed, 30.0, 1e-2, height=0.3)
+        joint = JointEstimate(plant, [readings], DT)
+        slow, shares = plant.slow, plant.slow.tilt_shares
+        # the shares as uncertain as before the run, all else known
+        joint.theta, std = theta.copy(), 1e-6 * slow.std
+        joint.theta[shares], std[shares] = slow.mean[shares], slow.std[shares]
+        joint.covariance = np.diag(std**2)
+        joint.renew()
+        learn_shares(joint)
+        found = np.sqrt(np.diag(joint.covariance)[shares])
+        assert np.all(found[::2] < 0.7 * slow.std[shares][::2])
+        assert np.all(found < slow.std[shares])
+        learned.append((theta[shares] - joint.theta[shares]) / found)
+    assert 0.5 < np.sqrt(np.mean(np.square(learned))) < 1.5
+
+
 def test_whitening_leaves_unit_covariance_where_brackets_lean_by_their_own_motion() -> None:
     rng = np.random.default_rng(3)
     std, lean, wandering = rng.uniform(0.5, 2.0, (2, 6)), rng.normal(size=(6, 4)), np.array([0.0, 0.7])
@@ -252,7 +303,7 @@ def test_own_motion_of_the_mounts_is_measured_and_counts_as_noise(linear: tuple[
     joint = JointEstimate(plant, [readings], DT)
     joint.theta = theta.copy()
     joint.renew()
-    segment = joint._segments[0]
+    segment = joint.segments[0]
     p = segments.project(joint.model(), segment)
     raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), p.seen[:, :, None]))[:, 6:, 0]
     moved = np.abs(raw / segment.lines.laplace[:, None] ** 2) ** 2
@@ -266,7 +317,7 @@ def test_inputs_that_are_noise_are_shrunk_to_nothing(linear: tuple[Plant, np.nda
     noise = np.repeat([s.noise_std for s in plant.sensors], 3)
     joint = JointEstimate(plant, [noise * rng.normal(size=readings.shape)], DT)
     joint.theta = theta.copy()
-    segment, model = joint._segments[0], joint.model()
+    segment, model = joint.segments[0], joint.model()
     p = segments.project(model, segment)
     raw = np.linalg.solve(p.root, np.matmul(p.basis.conj().transpose(0, 2, 1), p.seen[:, :, None]))[:, :, 0]
     states, _ = segments.states_of(model, segment, p)

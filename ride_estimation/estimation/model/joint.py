@@ -7,7 +7,8 @@ inputs: ``sum |(1 - T T^+)(y - G b)|^2`` is minimised together with the priors o
 assumed, so none can be wrong. Derivatives are taken at the estimate of w that is shrunk by its signal-to-noise ratio: a function
 of ``T^+ y``, it is independent of what is left over, so the score has mean zero and the covariance that is stated (conditional
 score, Stefanski and Carroll, Biometrika 74, 1987). Second-order terms are renewed from the states between the steps, and so is
-the factor on the noise, per frequency, of what the model does not describe.
+the factor on the noise, per frequency, of what the model does not describe. How the second order changes with k and c is in the
+Jacobian: it alone tells a stiff mount on the left from one on the right, and steps that took it for given ran away.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class JointEstimate:
     def __init__(self, plant: Plant, segments: Sequence[Array], dt: float) -> None:
         self.plant, self.dt = plant, dt
         self._raw = [part for s in segments for part in np.array_split(s, max(1, round(len(s) * dt / _LONGEST_S)))]
-        self._segments = [Segment.of(s, dt, plant.states) for s in self._raw]
+        self.segments = [Segment.of(s, dt, plant) for s in self._raw]
         delays = np.unique(plant.delay_of)
         self._delays = delays if np.all(plant.slow.std[delays] > 0.0) else np.zeros(0, dtype=np.int64)
         self.theta = plant.slow.mean.copy()
@@ -105,13 +106,13 @@ class JointEstimate:
             raise InputDataError(_UNFIT) from error
 
     def _fit(self) -> None:
-        whole = self._segments
-        self._segments = [Segment.of(liveliest(self._raw, round(_FIRST_S / self.dt)), self.dt, self.plant.states)]
+        whole = self.segments
+        self.segments = [Segment.of(liveliest(self._raw, round(_FIRST_S / self.dt)), self.dt, self.plant)]
         for _ in range(_FAULTY):
             self._iterate()
             if not self._widen():
                 break
-        self._segments = whole
+        self.segments = whole
         for _ in range(RENEWALS):
             self.renew()
         self._iterate()
@@ -195,11 +196,11 @@ class JointEstimate:
         self._renew(model, self._projected(model))
 
     def _renew(self, model: Model, projected: Sequence[Projected]) -> None:
-        for segment, p in zip(self._segments, projected):
+        for segment, p in zip(self.segments, projected):
             renew(model, segment, p)
 
     def _projected(self, model: Model) -> list[Projected]:
-        return [project(model, segment) for segment in self._segments]
+        return [project(model, segment) for segment in self.segments]
 
     def cost(self, model: Model, projected: Sequence[Projected] = ()) -> float:
         """Return the negative logarithm of likelihood times prior, up to a constant, at the present second order and noise.
@@ -214,7 +215,7 @@ class JointEstimate:
         slow = self.plant.slow
         free = slow.free
         total = 0.5 * float(np.sum(((self.theta - slow.mean)[free] / slow.std[free]) ** 2))
-        for segment, p in zip(self._segments, projected or self._projected(model)):
+        for segment, p in zip(self.segments, projected or self._projected(model)):
             white, offset = self._offset(model, segment)
             total += p.cost + 0.5 * float(np.sum((white @ offset) ** 2))
         return total
@@ -261,7 +262,7 @@ class JointEstimate:
         information = np.diag(slow.std[free] ** -2.0)
         gradient = (self.theta - slow.mean)[free] / slow.std[free] ** 2
         squares, counts = np.zeros((2, 1))
-        for segment, p in zip(self._segments, projected or self._projected(model)):
+        for segment, p in zip(self.segments, projected or self._projected(model)):
             v, _ = states_of(model, segment, p)
             own, cross, score = self._jacobian(sensitivity, segment, p, v)
             information += 2.0 * (own - cross @ np.linalg.solve(p.ends_information, cross.T))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import interpolate, signal
 
 from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.model.bracket_shares import learn_shares
 from ride_estimation.estimation.model.joint import LARGEST_NIS, JointEstimate, liveliest
 from ride_estimation.estimation.model.run_readings import run_readings
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
@@ -106,6 +107,7 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
         part = liveliest(found.segments, round(_LONGEST_S / found.dt))
         joint = JointEstimate(found.plant, [part], found.dt)
         joint.fit()
+        learn_shares(joint)
     except RideEstimationError as error:
         return str(error)
     if joint.largest_nis > LARGEST_NIS:

@@ -89,6 +89,30 @@ def force_of_second_order(plant: Plant, m: Constants, d: Dynamics, v: Array) -> 
     return np.asarray(extra - m.stiffness.reshape(-1, 3) * arc - m.damping.reshape(-1, 3) * arc_rate)
 
 
+def slopes_of_laws(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
+    """Return the derivative of ``SecondOrder.accel`` with ln k and ln c at given states and inputs v (T, V).
+
+    What a stiff mount carries more than its neighbour along a track that turns is told by the second order alone.
+
+    Returns
+    -------
+    array
+        Shape (T, 6 + Q, 6 M): all stiffnesses, then all dampings.
+    """
+    count, speed = len(plant.mounts), v[:, plant.states.relative_rate] @ m.points.T
+    speed = speed + v[:, plant.states.deformation_rate] @ plant.patterns.T
+    turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 1, 3)
+    turned = np.cross(turn, np.eye(3))
+    turned = 0.5 * np.cross(turn, turned) - turned
+    to_accel = (m.points @ m.mobility[:6]).reshape(count, 3, -1)
+    both = np.matmul(turned, to_accel)
+    found = []
+    for law, moved, arc in zip((m.stiffness, m.damping), (v @ d.deflection.T, speed), _arcs(plant, m, v)):
+        shape = (len(v), count, 3, 1)
+        found.append(-law.reshape(count, 3, 1) * (moved.reshape(shape) * both + arc[..., None] * to_accel))
+    return np.concatenate([f.reshape(len(v), 3 * count, -1) for f in found], axis=1).transpose(0, 2, 1)
+
+
 def _arcs(plant: Plant, m: Constants, v: Array) -> tuple[Array, Array]:
     """Return deflection and rate that a finite rotation adds, the mount moves along an arc: shape (T, M, 3)."""
     angle, speed = v[:, plant.states.relative][:, 3:], v[:, plant.states.relative_rate][:, 3:]

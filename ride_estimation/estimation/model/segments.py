@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.model.dynamics import Dynamics, dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
 from ride_estimation.estimation.model.readings import readings
-from ride_estimation.estimation.model.second_order import second_order
+from ride_estimation.estimation.model.second_order import second_order, slopes_of_laws
 from ride_estimation.estimation.model.spectral import Lines, Response, response
 from ride_estimation.estimation.model.states import FastStates
 from ride_estimation.frames import point_motion_matrix
@@ -123,6 +123,8 @@ class Segment:
         Of the readings: mean (C,), transform (F, C).
     second_mean, second_readings, second_accel
         Second-order kinematics: its mean (C,) and transform (F, C) in the readings, its effect on the accelerations (F, 6 + Q).
+    second_slopes
+        Derivative of ``second_accel`` with ln k and ln c, shape (F, 6 + Q, 6 M).
     factor
         On the variance of the noise, shape (F,).
     wandering
@@ -141,6 +143,7 @@ class Segment:
     second_mean: Array
     second_readings: Complex
     second_accel: Complex
+    second_slopes: Complex
     factor: Array
     wandering: Array
     twisting: Array
@@ -148,14 +151,15 @@ class Segment:
     deformation: float
 
     @classmethod
-    def of(cls, readings: Array, dt: float, states: FastStates) -> Segment:
+    def of(cls, readings: Array, dt: float, plant: Plant) -> Segment:
         """Return a segment of readings (N, C), nothing known beside them."""
         lines = Lines.of(len(readings), dt)
         count, channels = len(lines.frequency), readings.shape[1]
-        inputs, accelerated = (part.stop - part.start for part in (states.drive, states.accelerated))
+        inputs, accelerated = (part.stop - part.start for part in (plant.states.drive, plant.states.accelerated))
         nothing, still = (np.zeros((count, size), dtype=np.complex128) for size in (channels, accelerated))
+        slopes = np.zeros((count, accelerated, 6 * len(plant.mounts)), dtype=np.complex128)
         return cls(
-            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, still, np.ones(count),
+            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, still, slopes, np.ones(count),
             np.zeros(count), np.ones(count), np.full(inputs, _FIRST_SIZE), _FIRST_DEFORMATION,
         )  # fmt: skip
 
@@ -360,6 +364,8 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     excess = np.mean(np.abs(p.left) ** 2, axis=1) * segment.factor
     segment.second_mean = found.readings.mean(axis=0)
     segment.second_readings, segment.second_accel = lines.transform(found.readings), lines.transform(found.accel)
+    slopes = slopes_of_laws(plant, model.constants, model.dynamics, both[:, :-3])
+    segment.second_slopes = lines.transform(slopes.reshape(lines.count, -1)).reshape(len(lines.frequency), *slopes.shape[1:])
     segment.factor = np.maximum(lines.smooth(excess), 1.0)
     # the twist of a frame is one pattern and known to tilt brackets: the median pattern is what mounts do by themselves
     own = np.median(power[:, 6:], axis=1) / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8)

@@ -33,6 +33,8 @@ class Sensitivity:
         Of rows and constant part of the readings, shape (P, C, V) and (P, C).
     force, still
         Of the rows of the forces and of the forces that do not move, shape (P, 3 M, V) and (P, 3 M).
+    laws
+        Which of the P are a ln k or ln c, and which of those 6 M they are.
     """
 
     model: Model
@@ -41,6 +43,7 @@ class Sensitivity:
     constants: Array
     force: Array
     still: Array
+    laws: tuple[NDArray[np.int64], NDArray[np.int64]]
 
     @classmethod
     def of(cls, model: Model) -> Sensitivity:
@@ -70,17 +73,24 @@ class Sensitivity:
                 rows[n], constants[n] = (other.rows - model.rows) / _STEP, (other.constant - model.constant) / _STEP
                 force[n] = (other.dynamics.force - model.dynamics.force) / _STEP
                 still[n] = (other.still - model.still) / _STEP
-        return cls(model, accel, rows, constants, force, still)
+        laws = np.flatnonzero(free < slow.log_damping.stop)
+        return cls(model, accel, rows, constants, force, still, (laws, free[laws] - slow.log_stiffness.start))
 
     def pushes(self, segment: Segment, v: Complex, at: slice) -> Complex:
-        """Return the derivative of the accelerations at given states and inputs v (F, V), lines ``at``: (L, 6 + Q, P)."""
-        return self._shared(self._applied(self.accel, v[at]), segment, at)
+        """Return the derivative of the accelerations at given states and inputs v (F, V), lines ``at``: (L, 6 + Q, P).
+
+        With stiffness and damping that of the second order too.
+        """
+        found = self._shared(self._applied(self.accel, v[at]), segment, at)
+        found[:, :, self.laws[0]] += segment.second_slopes[at][:, :, self.laws[1]]
+        return found
 
     def readings(self, segment: Segment, p: Projected, v: Complex, at: slice) -> Complex:
         """Return the derivative of the readings at given inputs, lines ``at``, shape (L, C, P)."""
         plant, x = self.model.plant, v[at]
         effect = np.matmul(self.model.rows[:, plant.states.motion], p.response.accel[at])
         found = np.matmul(effect, self.pushes(segment, v, at)) + self._shared(self._applied(self.rows, x), segment, at)
+        found[:, :, self.laws[0]] += np.matmul(self.model.direct, segment.second_slopes[at][:, :, self.laws[1]])
         moving = x @ self.model.rows.T
         for channel, place in enumerate(plant.delay_of):
             if plant.slow.std[place] > 0.0:

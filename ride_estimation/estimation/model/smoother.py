@@ -70,7 +70,7 @@ def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
         Of the segment, shape (N, C), in the order of the plant's sensors.
     """
     plant, model = joint.plant, joint.model()
-    segment = Segment.of(readings, joint.dt, plant.states)
+    segment = Segment.of(readings, joint.dt, plant)
     for _ in range(RENEWALS):
         renew(model, segment, project(model, segment))
     p = project(model, segment)
