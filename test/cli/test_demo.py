@@ -116,7 +116,7 @@ def test_force_errors_are_those_of_the_files(finished: Path) -> None:
 def test_smoothed_horizontal_forces_are_nearer_than_live_ones_and_no_surer_than_they_are(finished: Path) -> None:
     """The frame twists and its brackets tilt with it: how far they do, and k of left and right mounts, has to be learned."""
     rows = [r for r in demo.Comparison.of(finished / "replay", shared_path("bags", "nominal")).force_rows() if r[1] != "z"]
-    for axis, error in (("x", 15.0), ("y", 10.0)):
+    for axis, error in (("x", 17.0), ("y", 12.0)):
         found = [(float(str(r[2])), float(str(r[4])), float(str(r[5]))) for r in rows if r[1] == axis]
         assert all(smoothed < 0.7 * live and smoothed < error for smoothed, _, live in found)
         assert all(inside > 80.0 for _, inside, _ in found)
