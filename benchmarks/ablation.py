@@ -149,6 +149,13 @@ def _mechanisms() -> dict[str, Mechanism]:
         "model of the whole run": Mechanism(
             "offline", "run_forces", returns("switched off"), "smoothed forces by the model, with the sensors' errors estimated"
         ),
+        "force beside a law": Mechanism(
+            "model.joint", "JointEstimate._free_force", returns(False),
+            "the model estimates the force of a mount whose law is not linear as an input",
+        ),
+        "load in the model": Mechanism(
+            "model.joint", "JointEstimate._load", returns(False), "mass, CG and inertia of a load from the start are states"
+        ),
         # deflections and forces
         "deformation of the base": Mechanism(
             "forces.mount_forces", "MountForceEstimator.__init__", _without_frame(MountForceEstimator.__init__),

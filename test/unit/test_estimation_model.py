@@ -201,10 +201,9 @@ def at_truth(linear: tuple[Plant, np.ndarray, np.ndarray]) -> tuple[JointEstimat
     joint.theta = theta.copy()
     information, gradient = joint.normal_equations(joint.model())
     slow = plant.slow
-    prior = slow.std[slow.free] ** -2.0
-    gradient = gradient - (theta - slow.mean)[slow.free] * prior
+    gradient = gradient - slow.precision @ (theta - slow.mean)[slow.free]
     inverse = np.linalg.inv(information)
-    spread = inverse @ (information - np.diag(prior)) @ inverse
+    spread = inverse @ (information - slow.precision) @ inverse
     return joint, inverse @ gradient / np.sqrt(np.diag(spread))
 
 

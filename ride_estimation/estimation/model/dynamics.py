@@ -2,10 +2,10 @@
 """Equations of motion: Newton-Euler of the body on its mounts, driven by the acceleration of the base.
 
 ``D = P q + U z`` deflections of the mounts (q rigid relative motion, z deformation of the base), force on the body in its axes
-``F = F0 - K D - C D' + F0 x turn(D)`` (mount axes follow the brackets), specific force at the CG ``f = M^-1 P^T (F - F0)``, with
-carried bodies (:mod:`carried`) solved for together with theirs.
+``F = F0 - K D - C D' + F0 x turn(D) + m e`` (mount axes follow the brackets; e free forces), specific
+force at the CG ``f = M^-1 P^T (F - F0)``, with carried bodies (:mod:`carried`) solved for together with theirs.
 A point of the body and its bracket share gravity up to the rotation between them, ``Gamma D`` = g (turn_y, -turn_x, 0), so
-``q'' = f + P^+ Gamma D - r`` with r the rigid specific force of the base, and ``z'' = u``. Nothing is assumed of r and u.
+``q'' = f + P^+ Gamma D - r`` with r the rigid specific force of the base, and ``z'' = u``. Nothing is assumed of r, u and e.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ class Dynamics:
 
     Attributes
     ----------
+    constants
+        What it was made of.
     A
         Shape (X, V).
     deflection
@@ -41,6 +43,7 @@ class Dynamics:
         Angular acceleration of the brackets, shape (3 M, V) [rad/s^2].
     """
 
+    constants: Constants
     A: Array
     deflection: Array
     force: Array
@@ -58,6 +61,7 @@ def dynamics(plant: Plant, m: Constants) -> Dynamics:
     rate[:, s.relative_rate], rate[:, s.deformation_rate] = m.points, patterns
     turned = np.vstack([skew(m.static[i]) @ m.tilt[3 * i : 3 * i + 3] for i in range(count // 3)])
     force = (turned - np.diag(m.stiffness)) @ deflection - m.damping[:, None] * rate
+    force[list(plant.freed), range(s.free_force.start, s.free_force.stop)] = m.mass
     parts, bodies = m.carried, 6 + plant.carried.count
     wrench = np.zeros((bodies, s.size))
     wrench[:6] = m.points.T @ force
@@ -81,4 +85,4 @@ def dynamics(plant: Plant, m: Constants) -> Dynamics:
     base = patterns @ (patterns.T @ lean - A[s.deformation_rate])
     base[:, s.base_accel] += m.points
     spin = np.tile(accel[3:], (count // 3, 1)) - m.tilt @ relative
-    return Dynamics(A, deflection, force, accel, base, spin)
+    return Dynamics(m, A, deflection, force, accel, base, spin)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.plant import Plant
-from ride_estimation.estimation.model.segments import ENDS_HZ, Model, Projected, Segment, project, renew, states_of
+from ride_estimation.estimation.model.segments import ENDS_HZ, Model, Projected, Segment, force_scores, project, renew, states_of
 from ride_estimation.estimation.model.sensitivity import Sensitivity
 
 Array = NDArray[np.float64]
@@ -38,9 +38,17 @@ _STEPS, _CONVERGED, RENEWALS = 12, 0.1, 3
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
 #: share of the mean second-order reading that higher orders change (drawn cabs on roads of pitch up to 1.2 degrees rms: 0.08)
 _HIGHER_ORDER = 0.1
-#: standard deviations of its prior from which an error is a fault of the sensor, and how often faults are looked for at most
-#: (a bias of 0.25 m/s^2 of one sensor on a cab left 14 % of the horizontal forces wrong, freed 4 %: foreign run cab_12)
-_FAULT, _FAULTY = 4.0, 3
+#: standard deviations of its prior from which an error is a fault of the sensor (a bias of 0.25 m/s^2 of one sensor on a cab left
+#: 14 % of the horizontal forces wrong, freed 4 %: foreign run cab_12)
+_FAULT = 4.0
+#: standard deviations from which a force beside the law of a mount shows (healthy foreign runs up to 8.5; play of a damper that a
+#: linear law hides, cab_14, 78)
+_SHOWN = 12.0
+#: logarithm of the odds from which there is a load
+_LOADED = 3.0
+#: how often causes of what is left over are looked for at most
+_CAUSES = 6
+_DIVERGES = "the motion is too large: kinematics of second order are larger than those of first"
 _UNFIT = "the errors of the sensors cannot be estimated: the vehicle file does not fit this drive"
 #: an error is determined where its standard deviation fell below this share of the prior
 DETERMINED = 0.5
@@ -67,6 +75,9 @@ class JointEstimate:
         Readings without gaps, one array (T, C) each, in the order of the plant's sensors.
     dt
         Sample [s].
+    as_driven
+        Whether the vehicle may differ from its file: carry a load, which then also shows in the mean travel of its mounts, or
+        have mounts whose law is not linear. Where it may not, such runs are not explained.
 
     Attributes
     ----------
@@ -77,14 +88,14 @@ class JointEstimate:
         noise are right.
     """
 
-    def __init__(self, plant: Plant, segments: Sequence[Array], dt: float) -> None:
-        self.plant, self.dt = plant, dt
+    def __init__(self, plant: Plant, segments: Sequence[Array], dt: float, as_driven: bool = False) -> None:
+        self.plant, self.dt, self._as_driven = plant, dt, as_driven
         self._raw = [part for s in segments for part in np.array_split(s, max(1, round(len(s) * dt / _LONGEST_S)))]
         self.segments = [Segment.of(s, dt, plant) for s in self._raw]
         delays = np.unique(plant.delay_of)
         self._delays = delays if np.all(plant.slow.std[delays] > 0.0) else np.zeros(0, dtype=np.int64)
         self.theta = plant.slow.mean.copy()
-        self.covariance = np.diag(plant.slow.std**2)
+        self.covariance = plant.slow.covariance
         self.nis = self.largest_nis = np.nan
 
     def model(self, theta: Array | None = None) -> Model:
@@ -106,13 +117,15 @@ class JointEstimate:
             raise InputDataError(_UNFIT) from error
 
     def _fit(self) -> None:
-        whole = self.segments
-        self.segments = [Segment.of(liveliest(self._raw, round(_FIRST_S / self.dt)), self.dt, self.plant)]
-        for _ in range(_FAULTY):
+        first = liveliest(self._raw, round(_FIRST_S / self.dt))
+        for _ in range(_CAUSES):
+            self.segments = [Segment.of(first, self.dt, self.plant)]
             self._iterate()
-            if not self._widen():
+            if any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments):
+                raise InputDataError(_DIVERGES)
+            if not ((self._as_driven and (self._free_force() or self._load())) or self._widen()):
                 break
-        self.segments = whole
+        self.segments = [Segment.of(s, self.dt, self.plant) for s in self._raw]
         for _ in range(RENEWALS):
             self.renew()
         self._iterate()
@@ -122,18 +135,72 @@ class JointEstimate:
         out[np.ix_(free, free)] = self._inverse(information)
         self.covariance = self._relative(out)
 
+    def _free_force(self) -> bool:
+        """Give the mount that explains most of what is left a force beside its law; return whether one does."""
+        model = self.model()
+        projected = self._projected(model)
+        scores, spreads = (sum(x) for x in zip(*(force_scores(model, s, p) for s, p in zip(self.segments, projected))))
+        possible = [place for place in np.argsort(scores)[::-1].tolist() if self.plant.may_free(place)]
+        if not possible or scores[possible[0]] < max(_SHOWN * np.sqrt(spreads), self._fault_score()):
+            return False
+        self.plant = self.plant.with_free_force(possible[0])
+        self.theta = self.plant.slow.mean.copy()
+        return True
+
+    def _fault_score(self) -> float:
+        """Return how much less errors of sensors beyond all priors would leave, were they free."""
+        slow, faulty = self.plant.slow, np.flatnonzero(self._faulty())
+        if not len(faulty):
+            return 0.0
+        free = slow.free
+        information, gradient = self.normal_equations(self.model())
+        at = np.searchsorted(free, faulty)
+        pulled = slow.precision[np.ix_(at, at)] @ self.theta[faulty]
+        information[np.ix_(at, at)] -= (1.0 - 1.0 / _FAULT**2) * slow.precision[np.ix_(at, at)]
+        gradient[at] -= pulled
+        unit = slow.std[free]
+        return 0.5 * float((unit * gradient) @ np.linalg.solve(unit[:, None] * information * unit, unit * gradient))
+
+    def _load(self) -> bool:
+        """Let the body carry a load where that is more probable than none; return whether it is new."""
+        slow = self.plant.slow
+        if slow.std[slow.load][0] > 0.0 or self._load_evidence() < _LOADED:
+            return False
+        self.plant = self.plant.with_load()
+        self.theta = self.plant.slow.mean.copy()
+        return True
+
+    def _load_evidence(self) -> float:
+        """Return the logarithm of the odds that the body carries a load that the vehicle file does not contain.
+
+        Evidence of two normal distributions (Laplace): what the load lowers the cost by, less what its prior costs.
+        """
+        plant, found = self.plant, []
+        for self.plant in (plant, plant.with_load()):
+            information, gradient = self.normal_equations(self.model())
+            unit = self.plant.slow.std[self.plant.slow.free]
+            scaled, pull = unit[:, None] * information * unit, unit * gradient
+            found.append(0.5 * float(pull @ np.linalg.solve(scaled, pull) - np.linalg.slogdet(scaled)[1]))
+        self.plant = plant
+        return found[1] - found[0]
+
     def _widen(self) -> bool:
         """Give errors of sensors beyond all priors a prior of their size; return whether there are some.
 
         A faulty sensor does not err by a normal distribution: held to it, it bends what it is read together with.
         """
-        slow = self.plant.slow
-        errors = slice(slow.mean_accel.stop, None)
-        std, found = slow.std.copy(), np.zeros(len(slow.std), dtype=bool)
-        found[errors] = np.abs(self.theta[errors]) > _FAULT * std[errors]
+        slow, found = self.plant.slow, self._faulty()
+        std = slow.std.copy()
         std[found] = np.abs(self.theta[found])
         self.plant.slow = dataclasses.replace(slow, std=std)
         return bool(found.any())
+
+    def _faulty(self) -> NDArray[np.bool_]:
+        """Return which errors of sensors are beyond all priors, shape (P,)."""
+        slow, found = self.plant.slow, np.zeros(len(self.theta), dtype=bool)
+        errors = slice(slow.mean_accel.stop, None)
+        found[errors] = np.abs(self.theta[errors]) > _FAULT * slow.std[errors]
+        return found
 
     def conflicts(self) -> tuple[str, ...]:
         """Return errors of sensors that moved although the run hardly determines them: the model misses what they explain."""
@@ -214,7 +281,8 @@ class JointEstimate:
         """
         slow = self.plant.slow
         free = slow.free
-        total = 0.5 * float(np.sum(((self.theta - slow.mean)[free] / slow.std[free]) ** 2))
+        off = (self.theta - slow.mean)[free]
+        total = 0.5 * float(off @ slow.precision @ off)
         for segment, p in zip(self.segments, projected or self._projected(model)):
             white, offset = self._offset(model, segment)
             total += p.cost + 0.5 * float(np.sum((white @ offset) ** 2))
@@ -226,13 +294,17 @@ class JointEstimate:
         Means of a segment are not zero: those of accelerations are changes of velocity over its duration, the deformation
         wanders, and the body follows both. The mean of a travel depends on the load and tells nothing of the transducer.
         """
-        at, lines = ~self.plant.travels, segment.lines
+        at, lines = self._means(segment), segment.lines
         offset = (segment.mean - model.constant - segment.second_mean)[at]
         rows, std = self._slow_motion(model, segment)
         higher = _HIGHER_ORDER * np.std(segment.second_mean[at])
-        covariance = np.diag(segment.factor[0] * self.plant.noise[at] ** 2 / lines.count + higher**2)
+        covariance = np.diag(segment.factor[0] * segment.noise[at] ** 2 / lines.count + higher**2)
         covariance += (rows[at] * std**2) @ rows[at].T
         return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance))), offset
+
+    def _means(self, segment: Segment) -> NDArray[np.bool_]:
+        """Return the readings whose mean counts, shape (C,)."""
+        return np.isfinite(segment.noise) & (self._as_driven | ~self.plant.travels)
 
     def _slow_motion(self, model: Model, segment: Segment) -> tuple[Array, Array]:
         """Return rows of the mean readings over independent causes, shape (C, K), and their standard deviations."""
@@ -243,6 +315,8 @@ class JointEstimate:
         follows = model.rows - answer @ A[relative]
         duration, slow = segment.lines.count * segment.lines.dt, 2.0 * np.pi * ENDS_HZ
         change = np.sqrt(2.0) * segment.size / slow / duration
+        free = slice(s.free_force.start - s.drive.start, None)
+        change[free] = segment.size[free]
         rows = np.hstack([follows[:, s.drive], follows[:, s.deformation], answer])
         patterns = s.deformation.stop - s.deformation.start
         moves = np.append(change[:6], np.full(self.plant.carried.count, change[:6].max()))
@@ -259,8 +333,8 @@ class JointEstimate:
         """
         slow, free = self.plant.slow, self.plant.slow.free
         sensitivity = Sensitivity.of(model)
-        information = np.diag(slow.std[free] ** -2.0)
-        gradient = (self.theta - slow.mean)[free] / slow.std[free] ** 2
+        information = slow.precision
+        gradient = information @ (self.theta - slow.mean)[free]
         squares, counts = np.zeros((2, 1))
         for segment, p in zip(self.segments, projected or self._projected(model)):
             v, _ = states_of(model, segment, p)
@@ -268,7 +342,7 @@ class JointEstimate:
             information += 2.0 * (own - cross @ np.linalg.solve(p.ends_information, cross.T))
             gradient -= 2.0 * score
             white, offset = self._offset(model, segment)
-            slope = white @ sensitivity.constants[:, ~self.plant.travels].T
+            slope = white @ sensitivity.constants[:, self._means(segment)].T
             information += slope.T @ slope
             gradient -= slope.T @ (white @ offset)
             own_squares, own_counts = p.squares(segment)

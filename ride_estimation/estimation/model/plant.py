@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -23,15 +24,28 @@ Array = NDArray[np.float64]
 
 #: standard deviation of shares and shifts of bracket tilt [-, m]: brackets follow the twist of a frame about half way
 _SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
+#: triaxial accelerometers on a body that its motion needs
+_LEAST_SENSORS = 3
 #: length of a projected unit vector below which it depends on those before
 _DEPENDENT = 1e-6
 #: standard deviation of ln k and ln c where the vehicle file states none
 _STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
+#: share of that variance that mounts of one model, of which the file states the same value, have in common: hardness of a batch
+_OF_ONE_MODEL = 0.5
 #: standard deviation of the CG [m] and of the inertia where the vehicle file states none
 _CG_STD, _INERTIA_STD = 0.01, 0.05
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
 #: take from gravity, g theta^2 / 2
 _MEAN_STD = np.array([0.3, 0.3, 0.01])
+
+#: standard deviation of a load over the mass of the body: a driver, a box, a tank; it lies about as far from the CG as the mounts
+_LOAD_STD = 0.2
+#: load over the mass of the body below which its place tells nothing
+_LEAST_LOAD = 0.01
+
+#: smallest singular value of the wrenches of forces beside their laws, above which motion tells them apart: of four vertical ones
+#: at a rectangle of mounts it is 0
+_TOLD_APART = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +59,7 @@ class Constants:
     tilt
         T, shape (3 M, 3 M): from the stacked deflections to the rotation of the body against each bracket.
     mass, cg, inertia
-        Of the body alone: [kg], [m] shape (3,), [kg m^2] shape (3, 3).
+        Of the body and its load: [kg], [m] shape (3,), [kg m^2] shape (3, 3).
     carried
         What it carries.
     points
@@ -54,6 +68,8 @@ class Constants:
         Force of the mounts on the body at rest, shape (M, 3) [N], and what equilibrium leaves of its covariance, (3 M, 3 M).
     mean
         Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
+    deflected, settled
+        Mean deflection of the mounts by that mean, and under a load, shape (3 M,) [m].
     """
 
     stiffness: Array
@@ -67,6 +83,13 @@ class Constants:
     static: Array
     static_covariance: Array
     mean: Array
+    deflected: Array
+    settled: Array
+
+    @property
+    def rest(self) -> Array:
+        """Return the mean deflection of the mounts, shape (3 M,) [m]."""
+        return self.deflected + self.settled
 
     @property
     def mobility(self) -> Array:
@@ -97,8 +120,11 @@ class Plant:
         Accelerometers of the body, of the bases, displacement transducers: the order of the readings.
     base_of
         Name of a base sensor -> index of its mount.
+    freed, freed_std
+        Places of the mounts' axes whose force is not its law's alone, among the 3 M, and standard deviation of ln k there.
     noise, travels, delay_of
-        Per reading, shape (C,): standard deviation of the noise, whether it is a displacement, place of its delay in theta.
+        Per reading, shape (C,): standard deviation of the noise, infinite along axes that are not measured, whether it is a
+        displacement, place of its delay in theta.
 
     Raises
     ------
@@ -125,10 +151,13 @@ class Plant:
         #: relative standard deviation of the mass: all forces have it in common, also where the mass is held
         self.mass_std = (a.body.mass.std or 0.0) / a.body.mass.value
         self.carried = Carried(a)
+        self.freed: tuple[int, ...] = ()
+        self.freed_std: tuple[float, ...] = ()
         self.states = FastStates.of(self.patterns.shape[1], self.carried.count)
         self.slow = self._slow()
         widths = [reading_width(s) for s in self.sensors]
-        self.noise = np.repeat([s.noise_std for s in self.sensors], widths)
+        measured = np.concatenate([s.measured[:width] for s, width in zip(self.sensors, widths)])
+        self.noise = np.where(measured, np.repeat([s.noise_std for s in self.sensors], widths), np.inf)
         self.travels = np.repeat([s.kind == "displacement" for s in self.sensors], widths)
         self.delay_of = np.repeat([self.slow.sensors[s.name]["delay"].start for s in self.sensors], widths)
 
@@ -144,15 +173,22 @@ class Plant:
         mass_std = 0.0 if known else self.mass_std
         cg_std = np.full(3, _CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         spread = _INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
-        return slow_states(
+        prior = slow_states(
             [
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
                 (np.array([np.log(body.mass.value)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
                 (np.zeros(3), np.full(3, spread)), (np.zeros(len(self.carried.std)), self.carried.std),
-                (np.zeros(3), _MEAN_STD),
+                (np.zeros(1), np.zeros(1)), (np.zeros(3), np.zeros(3)), (np.zeros(3), _MEAN_STD),
             ],
             self.sensors,
         )  # fmt: skip
+        for laws in (prior.log_stiffness, prior.log_damping):
+            values = prior.mean[laws].reshape(-1, len(AXES))
+            same = values[:, None] == values
+            for place in range(len(AXES)):
+                at = np.arange(laws.start + place, laws.stop, len(AXES))
+                prior.correlation[np.ix_(at, at)] += _OF_ONE_MODEL * (same[..., place] - np.eye(len(at)))
+        return prior
 
     def points(self, cg: Array) -> Array:
         """Return the map from rigid motion at a CG to the motion of the mounts, shape (3 M, 6)."""
@@ -164,16 +200,70 @@ class Plant:
         Every mount carries its share of the weight as vertical springs share it, or what the vehicle file states, in equilibrium.
         """
         s, body = self.slow, self.geometry.body
-        k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
+        k, mass = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0]))
         root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
         inertia = root @ body.inertia @ root * mass / body.mass.value
+        load, moment = float(theta[s.load][0]), theta[s.load_moment]
+        cg = theta[s.cg] + moment / (1.0 + load)
+        squares = moment @ moment * np.eye(3) - np.outer(moment, moment)
+        inertia = inertia + mass * load / ((load**2 + _LEAST_LOAD**2) * (1.0 + load)) * squares
         points, carried = self.points(cg), self.carried.parts(theta[s.log_carried], cg)
-        weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0]) + carried.weight
+        upright = mass * self.gravity * np.array([0.0, 0.0, 1.0])
+        heavier = np.append(load * upright, np.cross(moment / (1.0 + load), upright))
+        weight = np.append(upright, np.zeros(3)) + carried.weight
+        weight[3:] -= heavier[3:]
         static, left = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
+        mass *= 1.0 + load
+        yielding = points @ np.linalg.inv(points.T @ (k[:, None] * points))
+        settled, deflected = -yielding @ heavier, -yielding @ np.append(mass * theta[s.mean_accel], np.zeros(3))
+        static = static - (k * settled).reshape(static.shape)
         tilt = self.untwisted + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
         left = left + self._leaning(points, k, static)
         c = np.exp(theta[s.log_damping])
-        return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel])
+        return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel], deflected, settled)
+
+    def with_free_force(self, place: int) -> Plant:
+        """Return the plant with a force beside its law at one axis of a mount.
+
+        The law is held: what it is wrong by moves that force, and only what the force carries at rest hangs on it.
+        """
+        found, slow = copy.copy(self), self.slow
+        std = slow.std.copy()
+        found.freed, found.freed_std = (*self.freed, place), (*self.freed_std, float(std[slow.log_stiffness][place]))
+        std[[slow.log_stiffness.start + place, slow.log_damping.start + place]] = 0.0
+        found.slow = dataclasses.replace(slow, std=std)
+        found.states = FastStates.of(self.patterns.shape[1], self.carried.count, len(found.freed))
+        return found
+
+    def may_free(self, place: int) -> bool:
+        """Return whether the motion of the body tells one more force beside its law from those there are."""
+        arms = self.points(np.mean([p.position for p in self.mounts], axis=0))[[*self.freed, place]]
+        size = np.sqrt(np.mean(np.sum(arms[:, 3:] ** 2, axis=1)))
+        arms[:, 3:] /= size
+        return bool(np.linalg.svd(arms, compute_uv=False)[-1] > _TOLD_APART)
+
+    def enough_without(self, sensor: str) -> bool:
+        """Return whether the motion of the body is measured without one of the sensors."""
+        return sum(s.triaxial and s.name != sensor for s in self.geometry.body_sensors) >= _LEAST_SENSORS
+
+    def with_load(self) -> Plant:
+        """Return the plant with a load that the vehicle file does not know of."""
+        found, std = copy.copy(self), self.slow.std.copy()
+        arms = np.array([p.position for p in self.mounts]) - self.geometry.body.cg
+        std[self.slow.load], std[self.slow.load_moment] = _LOAD_STD, _LOAD_STD * np.sqrt(np.mean(arms**2, axis=0))
+        found.slow = dataclasses.replace(self.slow, std=std)
+        return found
+
+    def findings(self, theta: Array, covariance: Array) -> tuple[str, ...]:
+        """Return in words how the vehicle at slow states differs from its file."""
+        words, mass = [], self.geometry.body.mass.value
+        places = [f"{self.mounts[i // 3].name} {AXES[i % 3]}" for i in sorted(self.freed)]
+        if places:
+            words.append(f"the force is not that of a linear law at {', '.join(places)}")
+        if self.slow.std[self.slow.load][0] > 0.0:
+            load, std = theta[self.slow.load][0], np.sqrt(covariance[self.slow.load, self.slow.load][0, 0])
+            words.append(f"a load of {mass * load:.0f} +- {mass * std:.0f} kg that the vehicle file does not contain")
+        return tuple(words)
 
     def _leaning(self, points: Array, stiffness: Array, static: Array) -> Array:
         """Return the covariance of the horizontal static forces, (3 M, 3 M): brackets lean at rest as their sensors do."""
@@ -221,10 +311,11 @@ def _check(a: Geometry) -> None:
     short = [m.name for m in a.mounts if any(axis not in m.elements for axis in AXES)]
     if short:
         problems.append(f"mounts without a force element along x, y and z: {', '.join(short)}")
-    bare = [m.name for m, s in zip(a.mounts, a.base_sensors) if s is None]
+    bare = [m.name for m, s in zip(a.mounts, a.base_sensors) if s is None or not s.triaxial]
     if bare:
-        problems.append(f"mounts without an accelerometer on their base: {', '.join(bare)}")
-    if len(a.body_sensors) < 3:
-        problems.append(f"body {a.body.name!r} has {len(a.body_sensors)} triaxial accelerometers; at least 3 are needed")
+        problems.append(f"mounts without a triaxial accelerometer on their base: {', '.join(bare)}")
+    count = sum(s.triaxial for s in a.body_sensors)
+    if count < _LEAST_SENSORS:
+        problems.append(f"body {a.body.name!r} has {count} triaxial accelerometers; at least {_LEAST_SENSORS} are needed")
     if problems:
         raise ConfigurationError(problems, where=a.vehicle.name or "vehicle")

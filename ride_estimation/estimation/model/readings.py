@@ -22,17 +22,18 @@ from ride_estimation.sensors.sensor import Sensor
 Array = NDArray[np.float64]
 
 
-def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array, cg: Array) -> tuple[Array, Array]:
+def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array) -> tuple[Array, Array]:
     """Return rows (C, V) and constant part (C,) of one sensor's reading, without its delay."""
     error = {kind: theta[part] for kind, part in plant.slow.sensors[sensor.name].items()}
     if sensor.kind == "displacement":
         mount = next(i for i, m in enumerate(plant.mounts) if m.name == sensor.mount)
-        rows = d.deflection[3 * mount + AXES.index(sensor.axis)][None]
-        still = np.zeros(1)
+        place = 3 * mount + AXES.index(sensor.axis)
+        rows = d.deflection[place][None]
+        still = d.constants.rest[place : place + 1]
         turn = np.eye(1)
     else:
-        rows = point_rows(plant, d, sensor, cg) - skew(error["position"]) @ _spin(plant, d, sensor)
-        still = np.array([0.0, 0.0, plant.gravity]) + theta[plant.slow.mean_accel]
+        rows = point_rows(plant, d, sensor, d.constants.cg) - skew(error["position"]) @ _spin(plant, d, sensor)
+        still = np.array([0.0, 0.0, plant.gravity]) + theta[plant.slow.mean_accel] + _leaning(plant, d, sensor)
         turn = axes(sensor, error["misalignment"]).T
     scale = 1.0 + error["gain"]
     return scale[:, None] * (turn @ rows), scale * (turn @ still) + error["bias"]
@@ -40,7 +41,7 @@ def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array, cg: Array) 
 
 def readings(plant: Plant, d: Dynamics, theta: Array) -> tuple[Array, Array]:
     """Return rows (C, V) and constant part (C,) of all readings."""
-    parts = [reading(plant, d, s, theta, theta[plant.slow.cg]) for s in plant.sensors]
+    parts = [reading(plant, d, s, theta) for s in plant.sensors]
     return np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
@@ -61,6 +62,15 @@ def axes(sensor: Sensor, misalignment: Array) -> Array:
 @functools.lru_cache(maxsize=256)  # most slow states leave it as it is
 def _rotation(x: float, y: float, z: float) -> Array:
     return np.asarray(Rotation.from_rotvec([x, y, z]).as_matrix())
+
+
+def _leaning(plant: Plant, d: Dynamics, sensor: Sensor) -> Array:
+    """Return what gravity adds at a bracket, against which the body leans at rest, shape (3,)."""
+    i = plant.base_of.get(sensor.name)
+    if i is None:
+        return np.zeros(3)
+    turn = d.constants.tilt[3 * i : 3 * i + 3] @ d.constants.rest
+    return np.asarray(plant.gravity * np.array([turn[1], -turn[0], 0.0]))
 
 
 def _spin(plant: Plant, d: Dynamics, sensor: Sensor) -> Array:

@@ -40,14 +40,15 @@ class RunForces:
         First stamp [ns] and forces of every segment.
     dt
         Sample [s].
+    findings
+        Sentences: how the vehicle differs from its file.
     """
 
     segments: tuple[tuple[int, SmoothedSegment], ...]
     dt: float
+    findings: tuple[str, ...] = ()
 
-    def fade_in(
-        self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array, axes: int = 3
-    ) -> float:
+    def fade_in(self, stamp_ns: NDArray[np.int64], force: Array, std: Array, deflection: Array) -> float:
         """Replace forces, standard deviations and deflections at stamps by those of the model, in place.
 
         What is faster than the model stays.
@@ -56,12 +57,8 @@ class RunForces:
         ----------
         stamp_ns
             Shape (N,), equally spaced.
-        trusted
-            How far the run is one the model describes, 0 to 1, shape (N,).
         force, std, deflection
             Shape (N, M, 3).
-        axes
-            How many axes are replaced: x and y, or all.
 
         Returns
         -------
@@ -78,15 +75,15 @@ class RunForces:
             at = np.flatnonzero((time >= 0.0) & (time <= own[-1]))
             if len(at) < 2:
                 continue
-            weight = (trusted * inside)[at, None, None]
+            weight = inside[at, None, None]
             share[at] += weight[:, 0, 0] * (1.0 - share[at])
-            for values, found in ((force, segment.force[..., :axes]), (deflection, segment.deflection[..., :axes])):
-                before = values[at, :, :axes]
+            for values, found in ((force, segment.force), (deflection, segment.deflection)):
+                before = values[at]
                 slow = before if low_pass is None else signal.sosfiltfilt(low_pass, before, axis=0, padlen=min(len(at) - 1, 200))
-                values[at, :, :axes] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
-            square = interpolate.make_interp_spline(own, segment.std[..., :axes] ** 2, k=1)(time[at])
-            first = std[at, :, :axes] ** 2
-            std[at, :, :axes] = np.sqrt(first + weight * (square - first))
+                values[at] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
+            square = interpolate.make_interp_spline(own, segment.std**2, k=1)(time[at])
+            first = std[at] ** 2
+            std[at] = np.sqrt(first + weight * (square - first))
         return float(share.mean())
 
 
@@ -100,12 +97,14 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
     vehicle
         Its sensors are taken to be installed as the file states; what the run tells of them is used.
     """
+    silent = [n for n, s in vehicle.sensors.items() if n not in recording.channels or not len(recording.channels[n].stamp_ns)]
+    heard = dataclasses.replace(vehicle, sensors={n: s for n, s in vehicle.sensors.items() if n not in silent})
     try:
-        found = run_readings(recording, vehicle)
+        found = run_readings(recording, heard)
         if sum(len(s) for s in found.segments) * found.dt < _SHORTEST_S:
             return f"less than {_SHORTEST_S:g} s in which every sensor has data without a gap"
         part = liveliest(found.segments, round(_LONGEST_S / found.dt))
-        joint = JointEstimate(found.plant, [part], found.dt)
+        joint = JointEstimate(found.plant, [part], found.dt, as_driven=True)
         joint.fit()
         learn_shares(joint)
     except RideEstimationError as error:
@@ -115,15 +114,28 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
     if joint.conflicts():
         return f"the model misses what the errors {', '.join(joint.conflicts()[:3])} would explain"
     smoothed = []
+    # where there are both, what needs no bridge comes last and counts
+    for bridge in found.bridges:
+        if bridge.sensor not in joint.plant.base_of and joint.plant.enough_without(bridge.sensor):
+            smoothed += _smoothed(joint, bridge.start_ns, bridge.readings, bridge.silent)
     for start, readings in zip(found.start_ns, found.segments):
-        for first, stop in _parts(len(readings), round(_LONGEST_S / found.dt), round(2.0 * _FULLY_S / found.dt)):
-            try:
-                segment = smooth(joint, readings[first:stop])
-            except np.linalg.LinAlgError:
-                continue
-            if segment.nis <= LARGEST_NIS and all(np.isfinite(x).all() for x in (segment.force, segment.std)):
-                smoothed.append((start + round(1e9 * first * found.dt), segment))
-    return RunForces(tuple(smoothed), found.dt)
+        smoothed += _smoothed(joint, start, readings)
+    return RunForces(tuple(smoothed), found.dt, joint.plant.findings(joint.theta, joint.covariance))
+
+
+def _smoothed(
+    joint: JointEstimate, start_ns: int, readings: Array, silent: NDArray[np.bool_] | None = None
+) -> list[tuple[int, SmoothedSegment]]:
+    """Return first stamps and forces of the parts of a segment that the model explains."""
+    out, dt = [], joint.dt
+    for first, stop in _parts(len(readings), round(_LONGEST_S / dt), round(2.0 * _FULLY_S / dt)):
+        try:
+            segment = smooth(joint, readings[first:stop], silent)
+        except np.linalg.LinAlgError:
+            continue
+        if segment.nis <= LARGEST_NIS and all(np.isfinite(x).all() for x in (segment.force, segment.std)):
+            out.append((start_ns + round(1e9 * first * dt), segment))
+    return out
 
 
 def _parts(count: int, longest: int, overlap: int) -> list[tuple[int, int]]:

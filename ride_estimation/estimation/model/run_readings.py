@@ -23,10 +23,32 @@ Array = NDArray[np.float64]
 
 #: shortest part without a gap that is used [s]
 SHORTEST_SEGMENT_S = 5.0
+#: how far what bridges a gap reaches beyond it [s]: ends of a part are worth little
+_AROUND_GAP_S = 8.0
 #: highest rate of the model [Hz]: mounts and cabs move below 40 Hz
 _RATE = 125.0
 #: degree of the interpolating splines, longest step that is interpolated [periods]
 _SPLINE, _GAP_PERIODS = 7, 3.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Bridge:
+    """Part of a run in which one sensor has a gap.
+
+    Attributes
+    ----------
+    sensor
+        Its name.
+    start_ns, readings
+        As in :class:`RunReadings`.
+    silent
+        Which readings are its, shape (C,).
+    """
+
+    sensor: str
+    start_ns: int
+    readings: Array
+    silent: NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +63,8 @@ class RunReadings:
         Parts without a gap, readings of shape (T, C) in the order of the plant's sensors.
     start_ns
         Stamp of the first sample of every part [ns].
+    bridges
+        Parts around gaps of one sensor, with all the others.
     dt
         Sample [s].
     """
@@ -48,6 +72,7 @@ class RunReadings:
     plant: Plant
     segments: tuple[Array, ...]
     start_ns: tuple[int, ...]
+    bridges: tuple[Bridge, ...]
     dt: float
 
 
@@ -79,8 +104,8 @@ def run_readings(recording: Recording, vehicle: Vehicle) -> RunReadings:
         n: dataclasses.replace(s, noise_std=s.noise_std * math.sqrt(rate / tracks[n].rate)) if n in tracks else s
         for n, s in vehicle.sensors.items()
     }
-    starts, segments = _segments(tracks, rate)
-    return RunReadings(Plant(dataclasses.replace(vehicle, sensors=quiet)), segments, starts, 1.0 / rate)
+    starts, segments, bridges = _segments(tracks, rate)
+    return RunReadings(Plant(dataclasses.replace(vehicle, sensors=quiet)), segments, starts, bridges, 1.0 / rate)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,33 +132,63 @@ def _track(name: str, channel: Channel, sensor: Sensor) -> _Track:
     return _Track(time, values, 1.0 / period, tuple(itertools.pairwise(edges)))
 
 
-def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[tuple[int, ...], tuple[Array, ...]]:
-    """Return first stamps [ns] and readings of all sensors on one time base, where none has a gap.
+def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[tuple[int, ...], tuple[Array, ...], tuple[Bridge, ...]]:
+    """Return first stamps [ns] and readings of all sensors on one time base, where none has a gap, and where one has.
 
     Splines of high degree through the samples: a cubic through four takes 0.4 % of a signal at a tenth of the sample rate, more
     than the gains that are looked for. They are taken at a multiple of the rate that no sensor exceeds, so that no noise is
     aliased, and low-passed.
     """
     fine = max(2, *(math.ceil(t.rate / rate - 1e-3) for t in tracks.values()))
-    begin = max(t.time[0] for t in tracks.values())
-    count = int((min(t.time[-1] for t in tracks.values()) - begin) * fine * rate)
+    begin = min(t.time[0] for t in tracks.values())
+    count = int((max(t.time[-1] for t in tracks.values()) - begin) * fine * rate)
     if count < 2:
-        return (), ()
+        return (), (), ()
     grid = begin + np.arange(count) / (fine * rate)
-    columns, good = [], np.ones(count, dtype=bool)
-    for track in tracks.values():
-        out, there = np.zeros((count, track.values.shape[1])), np.zeros(count, dtype=bool)
+    columns, present = [], np.zeros((len(tracks), count), dtype=bool)
+    for n, track in enumerate(tracks.values()):
+        out = np.zeros((count, track.values.shape[1]))
         for first, stop in track.parts:
             if stop - first > _SPLINE:
                 inside = (grid >= track.time[first]) & (grid <= track.time[stop - 1])
                 start = track.time[first]
                 spline = interpolate.make_interp_spline(track.time[first:stop] - start, track.values[first:stop], k=_SPLINE)
-                out[inside], there = spline(grid[inside] - start), there | inside
+                out[inside] = spline(grid[inside] - start)
+                present[n] |= inside
         columns.append(out)
-        good &= there
     values = np.hstack(columns)
     fir = signal.firwin(20 * fine + 1, 1.0 / fine, window=("kaiser", 8.0))
-    edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
-    parts = [(a, b) for a, b in zip(edges[::2], edges[1::2]) if (b - a) / (fine * rate) >= SHORTEST_SEGMENT_S]
-    starts = tuple(round(1e9 * float(grid[a])) for a, _ in parts)
-    return starts, tuple(signal.resample_poly(values[a:b], 1, fine, axis=0, padtype="line", window=fir) for a, b in parts)
+    least = round(SHORTEST_SEGMENT_S * fine * rate)
+
+    def part(first: int, stop: int) -> tuple[int, Array]:
+        found = signal.resample_poly(values[first:stop], 1, fine, axis=0, padtype="line", window=fir)
+        return round(1e9 * float(grid[first])), np.asarray(found)
+
+    good = np.asarray(present.all(axis=0))
+    whole = [part(a, b) for a, b in _stretches(good) if b - a >= least]
+    edges = np.cumsum([0, *(c.shape[1] for c in columns)])
+    bridges = []
+    around = round(_AROUND_GAP_S * fine * rate)
+    for n, name in enumerate(tracks):
+        others = np.delete(present, n, axis=0).all(axis=0)
+        silent = (np.arange(edges[-1]) >= edges[n]) & (np.arange(edges[-1]) < edges[n + 1])
+        for a, b in _stretches(_near(others & ~present[n], around) & others):
+            if b - a >= least and np.any(~present[n, a + around // 4 : b - around // 4]):
+                start, readings = part(a, b)
+                bridges.append(Bridge(name, start, np.where(silent, 0.0, readings), silent))
+    return tuple(s for s, _ in whole), tuple(r for _, r in whole), tuple(bridges)
+
+
+def _near(there: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Return what is at most so many samples from a true value."""
+    change = np.zeros(len(there) + 1, dtype=np.int64)
+    for first, stop in _stretches(there):
+        change[max(first - reach, 0)] += 1
+        change[min(stop + reach, len(there))] -= 1
+    return np.asarray(np.cumsum(change)[:-1] > 0)
+
+
+def _stretches(good: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return begin and end of every run of true values."""
+    edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2]))

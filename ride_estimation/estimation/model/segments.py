@@ -36,6 +36,8 @@ _FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
 _RATE_HZ = 0.2
 #: octaves in which the residual is judged: begin of the first [Hz], which contains what is slower, and how many
 _FIRST_OCTAVE_HZ, _OCTAVES = 0.5, 12
+#: highest frequency at which a force beside the law of a mount is looked for [Hz]: cabs move below
+_LAWS_HZ = 25.0
 #: share of the variance of a reading below which what mounts move by themselves is left out
 _NO_SHARE = 1e-3
 
@@ -69,17 +71,10 @@ class Model:
         rows, constant = readings(plant, d, theta)
         return cls(plant, theta, m, d, rows, constant)
 
-    @functools.cached_property
-    def deflected(self) -> Array:
-        """Mean deflection of the mounts, which the mean acceleration causes, shape (3 M,) [m]."""
-        m = self.constants
-        load = np.append(m.mass * m.mean, np.zeros(3))
-        return np.asarray(-m.points @ np.linalg.solve(m.points.T @ (m.stiffness[:, None] * m.points), load))
-
     @property
     def still(self) -> Array:
         """Mean force of the mounts, shape (3 M,) [N]."""
-        return np.asarray(self.constants.static.ravel() - self.constants.stiffness * self.deflected)
+        return np.asarray(self.constants.static.ravel() - self.constants.stiffness * self.constants.deflected)
 
     @functools.cached_property
     def direct(self) -> Array:
@@ -119,6 +114,8 @@ class Segment:
     ----------
     lines
         Frequencies, F of them.
+    noise
+        Standard deviation of the noise of the readings, shape (C,), infinite where there are none.
     mean, moving
         Of the readings: mean (C,), transform (F, C).
     second_mean, second_readings, second_accel
@@ -138,6 +135,7 @@ class Segment:
     """
 
     lines: Lines
+    noise: Array
     mean: Array
     moving: Complex
     second_mean: Array
@@ -151,17 +149,23 @@ class Segment:
     deformation: float
 
     @classmethod
-    def of(cls, readings: Array, dt: float, plant: Plant) -> Segment:
-        """Return a segment of readings (N, C), nothing known beside them."""
-        lines = Lines.of(len(readings), dt)
+    def of(cls, readings: Array, dt: float, plant: Plant, silent: NDArray[np.bool_] | None = None) -> Segment:
+        """Return a segment of readings (N, C), nothing known beside them; ``silent`` ones, shape (C,), are none."""
+        lines, states = Lines.of(len(readings), dt), plant.states
+        noise = plant.noise if silent is None else np.where(silent, np.inf, plant.noise)
         count, channels = len(lines.frequency), readings.shape[1]
-        inputs, accelerated = (part.stop - part.start for part in (plant.states.drive, plant.states.accelerated))
+        inputs, accelerated = (part.stop - part.start for part in (states.drive, states.accelerated))
         nothing, still = (np.zeros((count, size), dtype=np.complex128) for size in (channels, accelerated))
         slopes = np.zeros((count, accelerated, 6 * len(plant.mounts)), dtype=np.complex128)
         return cls(
-            lines, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, still, slopes, np.ones(count),
-            np.zeros(count), np.ones(count), np.full(inputs, _FIRST_SIZE), _FIRST_DEFORMATION,
+            lines, noise, readings.mean(axis=0), lines.transform(readings), np.zeros(channels), nothing, still, slopes,
+            np.ones(count), np.zeros(count), np.ones(count), np.full(inputs, _FIRST_SIZE), _FIRST_DEFORMATION,
         )  # fmt: skip
+
+    @property
+    def silent(self) -> int:
+        """Return how many readings are none."""
+        return int(np.sum(~np.isfinite(self.noise)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,7 +214,8 @@ class Projected:
         lines = segment.lines.frequency
         octave = np.maximum(np.floor(np.log2(lines / _FIRST_OCTAVE_HZ)), 0.0).astype(np.int64)
         squares = np.sum(np.abs(self.left) ** 2, axis=1) * segment.factor
-        found = np.bincount(octave, squares, _OCTAVES), np.bincount(octave, minlength=_OCTAVES) * float(self.left.shape[1])
+        each = float(self.left.shape[1] - segment.silent)
+        found = np.bincount(octave, squares, _OCTAVES), np.bincount(octave, minlength=_OCTAVES) * each
         return np.asarray(found[0]), np.asarray(found[1])
 
     def inverse(self) -> Complex:
@@ -274,7 +279,7 @@ def project(model: Model, segment: Segment) -> Projected:
     late = np.exp(-lines.laplace[:, None] * model.theta[plant.delay_of])
     pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
     known = segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T
-    white = Whitening.of(np.sqrt(segment.factor)[:, None] * plant.noise, segment.wandering, model.lean)
+    white = Whitening.of(np.sqrt(segment.factor)[:, None] * segment.noise, segment.wandering, model.lean)
     seen = white.whiten((segment.moving - late * known)[:, :, None])[:, :, 0]
     inputs = np.matmul(rows, found.drive) + model.rows[:, plant.states.drive]
     inputs -= (1.0 - segment.twisting)[:, None, None] * _applied(model.twist[1], found.drive)
@@ -307,12 +312,28 @@ def _applied(matrix: Array, drive: Complex) -> Complex:
     return np.asarray(np.matmul(matrix[:, :states], drive) + matrix[:, states:])
 
 
+def force_scores(model: Model, segment: Segment, p: Projected) -> tuple[Array, float]:
+    """Return how much less a force beside its law, at each axis of a mount, would leave of the normalised squares, (3 M,).
+
+    Beyond its share where the direction of the residual is random: of what is left at a frequency, one part in as many as there
+    are. So the stated noise does not matter. And the variance of these sums where it is random.
+    """
+    m, states = model.constants, model.plant.states
+    push = m.mass * m.mobility[:, :6] @ m.points.T
+    effect = np.matmul(model.rows[:, states.motion], p.response.accel) + model.direct
+    columns = np.matmul(p.free, p.late[:, :, None] * (effect @ push))
+    shown = np.abs(np.einsum("frj,fr->fj", columns.conj(), p.left)) ** 2 / np.sum(np.abs(columns) ** 2, axis=1)
+    inside = segment.lines.frequency < _LAWS_HZ
+    size = np.sum(np.abs(p.left) ** 2, axis=1)[:, None] / (p.left.shape[1] - segment.silent)
+    return np.asarray(np.sum((shown / size - 1.0)[inside], axis=0)), float(inside.sum())
+
+
 def ends_std(plant: Plant, basis: Complex, root: Complex, seen: Complex, lines: Lines) -> Array:
     """Return the standard deviation of the difference of the states between both ends, shape (X,), as transforms count it."""
     raw = np.linalg.solve(root, np.matmul(basis.conj().transpose(0, 2, 1), seen[:, :, None]))[:, :, 0]
     rms = np.sqrt(2.0 * np.sum(np.abs(raw[lines.frequency > ENDS_HZ]) ** 2, axis=0) / lines.count)
     slow = 2.0 * np.pi * ENDS_HZ
-    rigid, patterns = np.append(rms[:6], np.full(plant.carried.count, rms[:6].max())), rms[6:]
+    rigid, patterns = np.append(rms[:6], np.full(plant.carried.count, rms[:6].max())), rms[plant.states.deforming]
     size = np.concatenate([rigid / slow**2, rigid / slow, patterns / slow**2, patterns / slow])
     return np.asarray(np.sqrt(2.0 / lines.count) * size)
 
@@ -361,16 +382,17 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     rate = v[:, states.base_accel][:, 3:] * (fast / lines.laplace)[:, None]
     both = lines.back(np.hstack([v, rate]))
     found = second_order(plant, model.constants, model.dynamics, model.theta, both[:, :-3], both[:, -3:])
-    excess = np.mean(np.abs(p.left) ** 2, axis=1) * segment.factor
+    excess = np.sum(np.abs(p.left) ** 2, axis=1) / (p.left.shape[1] - segment.silent) * segment.factor
     segment.second_mean = found.readings.mean(axis=0)
     segment.second_readings, segment.second_accel = lines.transform(found.readings), lines.transform(found.accel)
     slopes = slopes_of_laws(plant, model.constants, model.dynamics, both[:, :-3])
     segment.second_slopes = lines.transform(slopes.reshape(lines.count, -1)).reshape(len(lines.frequency), *slopes.shape[1:])
     segment.factor = np.maximum(lines.smooth(excess), 1.0)
     # the twist of a frame is one pattern and known to tilt brackets: the median pattern is what mounts do by themselves
-    own = np.median(power[:, 6:], axis=1) / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8)
+    deforming = power[:, states.deforming]
+    own = np.median(deforming, axis=1) / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8)
     segment.wandering = own / np.abs(lines.laplace) ** 4
-    segment.twisting = _twisting(plant, power[:, 6:])
+    segment.twisting = _twisting(plant, deforming)
     segment.size = np.sqrt(2.0 * power.sum(axis=0) / lines.count)
     segment.deformation = float(np.sqrt(np.mean(both[:, states.deformation] ** 2)))
 

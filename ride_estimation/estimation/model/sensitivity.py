@@ -65,7 +65,7 @@ class Sensitivity:
             if i in owners:
                 sensor = owners[i]
                 at = slice(first[sensor.name], first[sensor.name] + reading_width(sensor))
-                own, constant = reading(plant, model.dynamics, sensor, theta, theta[slow.cg])
+                own, constant = reading(plant, model.dynamics, sensor, theta)
                 rows[n, at], constants[n, at] = (own - model.rows[at]) / _STEP, (constant - model.constant[at]) / _STEP
             else:
                 other = Model.of(plant, theta)

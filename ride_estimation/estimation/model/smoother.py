@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
 from ride_estimation.estimation.model.joint import RENEWALS, JointEstimate, largest
 from ride_estimation.estimation.model.second_order import force_of_second_order
 from ride_estimation.estimation.model.segments import (
@@ -59,7 +60,7 @@ class SmoothedSegment:
     nis: float
 
 
-def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
+def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | None = None) -> SmoothedSegment:
     """Return the forces of a segment.
 
     Parameters
@@ -68,9 +69,11 @@ def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
         Slow states of the run, estimated.
     readings
         Of the segment, shape (N, C), in the order of the plant's sensors.
+    silent
+        Which of them are none, shape (C,).
     """
     plant, model = joint.plant, joint.model()
-    segment = Segment.of(readings, joint.dt, plant)
+    segment = Segment.of(readings, joint.dt, plant, silent)
     for _ in range(RENEWALS):
         renew(model, segment, project(model, segment))
     p = project(model, segment)
@@ -83,7 +86,7 @@ def smooth(joint: JointEstimate, readings: Array) -> SmoothedSegment:
     d = model.dynamics
     shape = (len(readings), len(plant.mounts), 3)
     force = model.still + moving @ d.force.T + force_of_second_order(plant, model.constants, d, moving).reshape(len(moving), -1)
-    deflection = moving @ d.deflection.T + model.deflected
+    deflection = moving @ d.deflection.T + model.constants.deflected
     nis = largest(*p.squares(segment))
     # stiffness, damping and mass are known up to a common factor: where the mass is held its error is that of every force
     variance += (held * force) ** 2
@@ -137,13 +140,14 @@ class _Errors:
         found = np.where(ratio < 5.0, std * stats.norm.pdf(ratio) + difference * stats.norm.cdf(ratio), difference)
         found = np.maximum(found, 0.0)
         for pattern in range(6, found.shape[1]):
+            order = 4.0 if pattern < self._model.plant.states.deforming.stop else 0.0
             hidden = np.flatnonzero((ratio[:, pattern] < _SHOWN) & (lines.frequency < _SLOW_HZ))
             first = max(int(hidden[-1]) + 1 if len(hidden) else 0, int(np.argmax(lines.frequency >= DEFORMS_HZ)))
             shown = slice(first, 2 * first + 2)
-            level = np.log(np.maximum(found[shown, pattern], 1e-300) / lines.frequency[shown] ** 4)
+            level = np.log(np.maximum(found[shown, pattern], 1e-300) / lines.frequency[shown] ** order)
             slope, size = np.polyfit(np.log(lines.frequency[shown] / lines.frequency[first]), level, 1)
             below = lines.frequency[:first] / lines.frequency[first]
-            expected = np.exp(size) * below ** max(slope, 0.0) * lines.frequency[:first] ** 4
+            expected = np.exp(size) * below ** max(slope, 0.0) * lines.frequency[:first] ** order
             found[:first, pattern] = np.minimum(found[:first, pattern], expected)
         return found
 
@@ -155,8 +159,8 @@ class _Errors:
     def variance(self, v: Complex) -> Array:
         """Return the variance of the forces at states and inputs v, shape (N, 3 M)."""
         model, lines, p = self._model, self._segment.lines, self._p
-        motion = model.plant.states.motion
-        force = np.matmul(model.dynamics.force[:, motion], p.response.drive)
+        motion, drive = model.plant.states.motion, model.plant.states.drive
+        force = np.matmul(model.dynamics.force[:, motion], p.response.drive) + model.dynamics.force[:, drive]
         weighted = np.matmul(force, self._weight)
         missed = force - weighted
         steady = np.einsum("fij,fj,fij->i", missed, self._power, missed.conj()).real
@@ -170,4 +174,17 @@ class _Errors:
         found = np.empty((lines.count, len(steady)))
         for i in range(len(steady)):
             found[:, i] = np.sum((lines.back(changes[:, i]) + still[i]) ** 2, axis=1)
-        return np.asarray(found + 2.0 / lines.count * steady + np.diag(model.constants.static_covariance))
+        means = np.diag(model.constants.static_covariance) + self._unknown_means(v)
+        return np.asarray(found + 2.0 / lines.count * steady + means)
+
+    def _unknown_means(self, v: Complex) -> Array:
+        """Return the variance by the means of forces beside their laws, shape (3 M,): no acceleration tells them.
+
+        They are about as large as these forces move; what the springs carry of the weight is as uncertain as they are.
+        """
+        m, plant = self._model.constants, self._model.plant
+        left = np.eye(len(m.points)) - share_by_stiffness(m.points.T, m.stiffness) @ m.points.T
+        square = 2.0 / self._segment.lines.count * np.sum(np.abs(v[:, plant.states.free_force]) ** 2, axis=0)
+        places = list(plant.freed)
+        weight = np.array(plant.freed_std) * m.static.ravel()[places]
+        return np.asarray(left[:, places] ** 2 @ (m.mass**2 * square + weight**2))

@@ -35,6 +35,8 @@ class FastStates:
         Specific force and angular acceleration of the rigid base at the CG, without gravity [m/s^2, rad/s^2].
     deformation_accel
         Acceleration of the deformation [m/s^2].
+    free_force
+        Force of mounts beside their linear law, over the mass of the body [m/s^2].
     accelerated
         ``relative_rate`` and ``carried_rate``: what a force on the body changes.
     motion, drive
@@ -51,18 +53,24 @@ class FastStates:
     deformation_rate: slice
     base_accel: slice
     deformation_accel: slice
+    free_force: slice
     accelerated: slice
     motion: slice
     drive: slice
     size: int
 
     @classmethod
-    def of(cls, patterns: int, carried: int) -> FastStates:
-        """Return the slices for a base that deforms in so many patterns and carried bodies of so many coordinates."""
-        lengths = [6, carried, 6, carried, patterns, patterns, 6, patterns]
-        q, seat, rate, seat_rate, z, z_rate, base, deforming = slices_of(lengths)
-        accelerated, motion, drive = slice(rate.start, seat_rate.stop), slice(0, base.start), slice(base.start, deforming.stop)
-        return cls(q, seat, rate, seat_rate, z, z_rate, base, deforming, accelerated, motion, drive, deforming.stop)
+    def of(cls, patterns: int, carried: int, free_forces: int = 0) -> FastStates:
+        """Return the slices for a base of so many patterns, carried bodies of so many coordinates and so many free forces."""
+        lengths = [6, carried, 6, carried, patterns, patterns, 6, patterns, free_forces]
+        q, seat, rate, seat_rate, z, z_rate, base, deforming, force = slices_of(lengths)
+        accelerated, motion, drive = slice(rate.start, seat_rate.stop), slice(0, base.start), slice(base.start, force.stop)
+        return cls(q, seat, rate, seat_rate, z, z_rate, base, deforming, force, accelerated, motion, drive, force.stop)
+
+    @property
+    def deforming(self) -> slice:
+        """Return the place of ``deformation_accel`` among the inputs."""
+        return slice(self.deformation_accel.start - self.drive.start, self.deformation_accel.stop - self.drive.start)
 
 
 #: errors of an accelerometer and of a displacement transducer, in the order of their columns: name -> number of values
@@ -84,12 +92,15 @@ class SlowStates:
         Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
     log_carried
         Logarithms of masses, then of stiffness and damping, of carried bodies over those of the vehicle file.
+    load, load_moment
+        Mass of what the file does not know of, over that of the body [-], and its first moment about the body's CG, over that
+        mass [m].
     mean_accel
         Mean specific force of base and body beyond gravity: slope of the road, correlation of motion and attitude [m/s^2].
     sensors
         Per sensor and kind of error its slice: bias [unit], gain [-], misalignment [rad], position [m], delay [s].
-    mean, std
-        Prior, shape (P,); a state of std 0 is held.
+    mean, std, correlation
+        Prior, shape (P,), (P,) and (P, P); a state of std 0 is held.
     """
 
     log_stiffness: slice
@@ -99,10 +110,13 @@ class SlowStates:
     cg: slice
     log_inertia: slice
     log_carried: slice
+    load: slice
+    load_moment: slice
     mean_accel: slice
     sensors: dict[str, dict[str, slice]]
     mean: Array
     std: Array
+    correlation: Array
 
     def names(self, sensor: str, kind: str) -> list[str]:
         """Return ``sensor.kind[.axis]`` of every value of one kind of error of a sensor."""
@@ -113,6 +127,17 @@ class SlowStates:
     def free(self) -> NDArray[np.int64]:
         """Return the indices of the states that are estimated."""
         return np.flatnonzero(self.std > 0.0)
+
+    @property
+    def covariance(self) -> Array:
+        """Return the covariance of the prior, shape (P, P)."""
+        return np.asarray(self.std[:, None] * self.correlation * self.std)
+
+    @property
+    def precision(self) -> Array:
+        """Return the information of the prior about the free states."""
+        std, free = self.std[self.free], np.ix_(self.free, self.free)
+        return np.asarray(np.linalg.inv(self.correlation[free]) / std[:, None] / std)
 
 
 def slow_states(mechanical: Sequence[tuple[Array, Array]], sensors: Sequence[Sensor]) -> SlowStates:
@@ -138,7 +163,7 @@ def slow_states(mechanical: Sequence[tuple[Array, Array]], sensors: Sequence[Sen
             stds.append(np.full(count, error_std(sensor.stated_installation, kind, travel)))
     named = dict(zip([field.name for field in dataclasses.fields(SlowStates)], parts))
     mean = np.concatenate([mean, np.zeros(at - len(mean))])
-    return SlowStates(sensors=errors, mean=mean, std=np.concatenate(stds), **named)
+    return SlowStates(sensors=errors, mean=mean, std=np.concatenate(stds), correlation=np.eye(len(mean)), **named)
 
 
 def reading_width(sensor: Sensor) -> int:
