@@ -297,8 +297,11 @@ class JointEstimate:
         at, lines = self._means(segment), segment.lines
         offset = (segment.mean - model.constant - segment.second_mean)[at]
         rows, std = self._slow_motion(model, segment)
-        higher = _HIGHER_ORDER * np.std(segment.second_mean[at])
-        covariance = np.diag(segment.factor[0] * segment.noise[at] ** 2 / lines.count + higher**2)
+        # accelerations and travels each by their own size
+        second = np.where(self.plant.travels, 0.0, np.std(segment.second_mean[~self.plant.travels]))
+        if np.any(self.plant.travels):
+            second[self.plant.travels] = np.std(segment.second_mean[self.plant.travels])
+        covariance = np.diag(segment.factor[0] * segment.noise[at] ** 2 / lines.count + (_HIGHER_ORDER * second[at]) ** 2)
         covariance += (rows[at] * std**2) @ rows[at].T
         return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance))), offset
 
