@@ -153,9 +153,6 @@ def _mechanisms() -> dict[str, Mechanism]:
             "model.joint", "JointEstimate._free_force", returns(False),
             "the model estimates the force of a mount whose law is not linear as an input",
         ),
-        "load in the model": Mechanism(
-            "model.joint", "JointEstimate._load", returns(False), "mass, CG and inertia of a load from the start are states"
-        ),
         # deflections and forces
         "deformation of the base": Mechanism(
             "forces.mount_forces", "MountForceEstimator.__init__", _without_frame(MountForceEstimator.__init__),

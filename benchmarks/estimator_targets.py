@@ -69,7 +69,7 @@ def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement
         recorder.take(block)
     signals = {name: joined(blocks, name) for name in SIGNALS}
     found = [
-        second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory, model)
+        second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory, model, pipeline.parameters())
         for model in (offline.run_forces(recording(data), pipeline.geometry.vehicle), "not wanted")
     ]
     for one in found:

@@ -154,11 +154,12 @@ class OfflineRun:
 
     def _model_in_words(self) -> str:
         assert not isinstance(self.smoothed, str)
-        share = self.smoothed.model_share
+        share, reason = self.smoothed.model_share, self.smoothed.not_modelled
         if not share:
-            return f"not by the model of the whole run: {self.smoothed.not_modelled or 'no part of the run is explained by it'}"
+            return f"not by the model of the whole run: {reason or 'sensors lost or suspect, or a load'}"
+        part = f"horizontal forces ({reason})" if reason else "forces"
         found = f" ({'; '.join(self.smoothed.findings)})" if self.smoothed.findings else ""
-        return f"{100.0 * share:.0f} % of the forces by one model with the sensors' errors estimated from the whole run{found}"
+        return f"{100.0 * share:.0f} % of the {part} by one model with the sensors' errors estimated from the whole run{found}"
 
     @property
     def time_s(self) -> Array:
@@ -210,8 +211,8 @@ def run_offline(
         The run is too short to give a single tick.
     """
     recorder = SmootherRecorder(pipeline.geometry, "" if smoothing else SWITCHED_OFF)
-    if not smoothing:
-        return _run(recording, pipeline, on_progress, recorder, lambda: SWITCHED_OFF, on_stage)
+    if recorder.reason:
+        return _run(recording, pipeline, on_progress, recorder, lambda: recorder.reason, on_stage)
     # beside the estimation: the model needs the recording only
     with futures.ThreadPoolExecutor(1) as pool:
         model = pool.submit(run_forces, recording, pipeline.geometry.vehicle)
@@ -326,7 +327,7 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
-        smoothed=second_pass(recorder, first_pass, pipeline.tilting, pipeline.settings.parameter_memory, model()),
+        smoothed=second_pass(recorder, first_pass, pipeline.tilting, pipeline.settings.parameter_memory, model(), parameters),
         blocks=views,
         reports=reports,
     )

@@ -201,9 +201,10 @@ def at_truth(linear: tuple[Plant, np.ndarray, np.ndarray]) -> tuple[JointEstimat
     joint.theta = theta.copy()
     information, gradient = joint.normal_equations(joint.model())
     slow = plant.slow
-    gradient = gradient - slow.precision @ (theta - slow.mean)[slow.free]
+    prior = slow.std[slow.free] ** -2.0
+    gradient = gradient - (theta - slow.mean)[slow.free] * prior
     inverse = np.linalg.inv(information)
-    spread = inverse @ (information - slow.precision) @ inverse
+    spread = inverse @ (information - np.diag(prior)) @ inverse
     return joint, inverse @ gradient / np.sqrt(np.diag(spread))
 
 

@@ -44,8 +44,6 @@ _FAULT = 4.0
 #: standard deviations from which a force beside the law of a mount shows (healthy foreign runs up to 8.5; play of a damper that a
 #: linear law hides, cab_14, 78)
 _SHOWN = 12.0
-#: logarithm of the odds from which there is a load
-_LOADED = 3.0
 #: how often causes of what is left over are looked for at most
 _CAUSES = 6
 _DIVERGES = "the motion is too large: kinematics of second order are larger than those of first"
@@ -75,9 +73,8 @@ class JointEstimate:
         Readings without gaps, one array (T, C) each, in the order of the plant's sensors.
     dt
         Sample [s].
-    as_driven
-        Whether the vehicle may differ from its file: carry a load, which then also shows in the mean travel of its mounts, or
-        have mounts whose law is not linear. Where it may not, such runs are not explained.
+    free_forces
+        Whether mounts may have a force beside their law. Where they may not, mounts that are not linear are not explained.
 
     Attributes
     ----------
@@ -88,14 +85,14 @@ class JointEstimate:
         noise are right.
     """
 
-    def __init__(self, plant: Plant, segments: Sequence[Array], dt: float, as_driven: bool = False) -> None:
-        self.plant, self.dt, self._as_driven = plant, dt, as_driven
+    def __init__(self, plant: Plant, segments: Sequence[Array], dt: float, free_forces: bool = False) -> None:
+        self.plant, self.dt, self._free_forces = plant, dt, free_forces
         self._raw = [part for s in segments for part in np.array_split(s, max(1, round(len(s) * dt / _LONGEST_S)))]
         self.segments = [Segment.of(s, dt, plant) for s in self._raw]
         delays = np.unique(plant.delay_of)
         self._delays = delays if np.all(plant.slow.std[delays] > 0.0) else np.zeros(0, dtype=np.int64)
         self.theta = plant.slow.mean.copy()
-        self.covariance = plant.slow.covariance
+        self.covariance = np.diag(plant.slow.std**2)
         self.nis = self.largest_nis = np.nan
 
     def model(self, theta: Array | None = None) -> Model:
@@ -123,7 +120,7 @@ class JointEstimate:
             self._iterate()
             if any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments):
                 raise InputDataError(_DIVERGES)
-            if not ((self._as_driven and (self._free_force() or self._load())) or self._widen()):
+            if not ((self._free_forces and self._free_force()) or self._widen()):
                 break
         self.segments = [Segment.of(s, self.dt, self.plant) for s in self._raw]
         for _ in range(RENEWALS):
@@ -155,34 +152,11 @@ class JointEstimate:
         free = slow.free
         information, gradient = self.normal_equations(self.model())
         at = np.searchsorted(free, faulty)
-        pulled = slow.precision[np.ix_(at, at)] @ self.theta[faulty]
-        information[np.ix_(at, at)] -= (1.0 - 1.0 / _FAULT**2) * slow.precision[np.ix_(at, at)]
-        gradient[at] -= pulled
+        prior = slow.std[faulty] ** -2.0
+        information[at, at] -= (1.0 - 1.0 / _FAULT**2) * prior
+        gradient[at] -= prior * self.theta[faulty]
         unit = slow.std[free]
         return 0.5 * float((unit * gradient) @ np.linalg.solve(unit[:, None] * information * unit, unit * gradient))
-
-    def _load(self) -> bool:
-        """Let the body carry a load where that is more probable than none; return whether it is new."""
-        slow = self.plant.slow
-        if slow.std[slow.load][0] > 0.0 or self._load_evidence() < _LOADED:
-            return False
-        self.plant = self.plant.with_load()
-        self.theta = self.plant.slow.mean.copy()
-        return True
-
-    def _load_evidence(self) -> float:
-        """Return the logarithm of the odds that the body carries a load that the vehicle file does not contain.
-
-        Evidence of two normal distributions (Laplace): what the load lowers the cost by, less what its prior costs.
-        """
-        plant, found = self.plant, []
-        for self.plant in (plant, plant.with_load()):
-            information, gradient = self.normal_equations(self.model())
-            unit = self.plant.slow.std[self.plant.slow.free]
-            scaled, pull = unit[:, None] * information * unit, unit * gradient
-            found.append(0.5 * float(pull @ np.linalg.solve(scaled, pull) - np.linalg.slogdet(scaled)[1]))
-        self.plant = plant
-        return found[1] - found[0]
 
     def _widen(self) -> bool:
         """Give errors of sensors beyond all priors a prior of their size; return whether there are some.
@@ -281,8 +255,7 @@ class JointEstimate:
         """
         slow = self.plant.slow
         free = slow.free
-        off = (self.theta - slow.mean)[free]
-        total = 0.5 * float(off @ slow.precision @ off)
+        total = 0.5 * float(np.sum(((self.theta - slow.mean)[free] / slow.std[free]) ** 2))
         for segment, p in zip(self.segments, projected or self._projected(model)):
             white, offset = self._offset(model, segment)
             total += p.cost + 0.5 * float(np.sum((white @ offset) ** 2))
@@ -297,17 +270,14 @@ class JointEstimate:
         at, lines = self._means(segment), segment.lines
         offset = (segment.mean - model.constant - segment.second_mean)[at]
         rows, std = self._slow_motion(model, segment)
-        # accelerations and travels each by their own size
-        second = np.where(self.plant.travels, 0.0, np.std(segment.second_mean[~self.plant.travels]))
-        if np.any(self.plant.travels):
-            second[self.plant.travels] = np.std(segment.second_mean[self.plant.travels])
-        covariance = np.diag(segment.factor[0] * segment.noise[at] ** 2 / lines.count + (_HIGHER_ORDER * second[at]) ** 2)
+        higher = _HIGHER_ORDER * np.std(segment.second_mean[at])
+        covariance = np.diag(segment.factor[0] * segment.noise[at] ** 2 / lines.count + higher**2)
         covariance += (rows[at] * std**2) @ rows[at].T
         return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance))), offset
 
     def _means(self, segment: Segment) -> NDArray[np.bool_]:
         """Return the readings whose mean counts, shape (C,)."""
-        return np.isfinite(segment.noise) & (self._as_driven | ~self.plant.travels)
+        return np.asarray(np.isfinite(segment.noise) & ~self.plant.travels)
 
     def _slow_motion(self, model: Model, segment: Segment) -> tuple[Array, Array]:
         """Return rows of the mean readings over independent causes, shape (C, K), and their standard deviations."""
@@ -336,8 +306,8 @@ class JointEstimate:
         """
         slow, free = self.plant.slow, self.plant.slow.free
         sensitivity = Sensitivity.of(model)
-        information = slow.precision
-        gradient = information @ (self.theta - slow.mean)[free]
+        information = np.diag(slow.std[free] ** -2.0)
+        gradient = (self.theta - slow.mean)[free] / slow.std[free] ** 2
         squares, counts = np.zeros((2, 1))
         for segment, p in zip(self.segments, projected or self._projected(model)):
             v, _ = states_of(model, segment, p)

@@ -30,19 +30,11 @@ _LEAST_SENSORS = 3
 _DEPENDENT = 1e-6
 #: standard deviation of ln k and ln c where the vehicle file states none
 _STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
-#: share of that variance that mounts of one model, of which the file states the same value, have in common: hardness of a batch
-_OF_ONE_MODEL = 0.5
 #: standard deviation of the CG [m] and of the inertia where the vehicle file states none
 _CG_STD, _INERTIA_STD = 0.01, 0.05
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
 #: take from gravity, g theta^2 / 2
 _MEAN_STD = np.array([0.3, 0.3, 0.01])
-
-#: standard deviation of a load over the mass of the body: a driver, a box, a tank; it lies about as far from the CG as the mounts
-_LOAD_STD = 0.2
-#: load over the mass of the body below which its place tells nothing
-_LEAST_LOAD = 0.01
-
 #: smallest singular value of the wrenches of forces beside their laws, above which motion tells them apart: of four vertical ones
 #: at a rectangle of mounts it is 0
 _TOLD_APART = 0.2
@@ -59,7 +51,7 @@ class Constants:
     tilt
         T, shape (3 M, 3 M): from the stacked deflections to the rotation of the body against each bracket.
     mass, cg, inertia
-        Of the body and its load: [kg], [m] shape (3,), [kg m^2] shape (3, 3).
+        Of the body alone: [kg], [m] shape (3,), [kg m^2] shape (3, 3).
     carried
         What it carries.
     points
@@ -68,8 +60,8 @@ class Constants:
         Force of the mounts on the body at rest, shape (M, 3) [N], and what equilibrium leaves of its covariance, (3 M, 3 M).
     mean
         Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
-    deflected, settled
-        Mean deflection of the mounts by that mean, and under a load, shape (3 M,) [m].
+    deflected
+        Mean deflection of the mounts by that mean, shape (3 M,) [m].
     """
 
     stiffness: Array
@@ -84,12 +76,6 @@ class Constants:
     static_covariance: Array
     mean: Array
     deflected: Array
-    settled: Array
-
-    @property
-    def rest(self) -> Array:
-        """Return the mean deflection of the mounts, shape (3 M,) [m]."""
-        return self.deflected + self.settled
 
     @property
     def mobility(self) -> Array:
@@ -173,22 +159,15 @@ class Plant:
         mass_std = 0.0 if known else self.mass_std
         cg_std = np.full(3, _CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         spread = _INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
-        prior = slow_states(
+        return slow_states(
             [
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
                 (np.array([np.log(body.mass.value)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
                 (np.zeros(3), np.full(3, spread)), (np.zeros(len(self.carried.std)), self.carried.std),
-                (np.zeros(1), np.zeros(1)), (np.zeros(3), np.zeros(3)), (np.zeros(3), _MEAN_STD),
+                (np.zeros(3), _MEAN_STD),
             ],
             self.sensors,
         )  # fmt: skip
-        for laws in (prior.log_stiffness, prior.log_damping):
-            values = prior.mean[laws].reshape(-1, len(AXES))
-            same = values[:, None] == values
-            for place in range(len(AXES)):
-                at = np.arange(laws.start + place, laws.stop, len(AXES))
-                prior.correlation[np.ix_(at, at)] += _OF_ONE_MODEL * (same[..., place] - np.eye(len(at)))
-        return prior
 
     def points(self, cg: Array) -> Array:
         """Return the map from rigid motion at a CG to the motion of the mounts, shape (3 M, 6)."""
@@ -200,27 +179,18 @@ class Plant:
         Every mount carries its share of the weight as vertical springs share it, or what the vehicle file states, in equilibrium.
         """
         s, body = self.slow, self.geometry.body
-        k, mass = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0]))
+        k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
         root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
         inertia = root @ body.inertia @ root * mass / body.mass.value
-        load, moment = float(theta[s.load][0]), theta[s.load_moment]
-        cg = theta[s.cg] + moment / (1.0 + load)
-        squares = moment @ moment * np.eye(3) - np.outer(moment, moment)
-        inertia = inertia + mass * load / ((load**2 + _LEAST_LOAD**2) * (1.0 + load)) * squares
         points, carried = self.points(cg), self.carried.parts(theta[s.log_carried], cg)
-        upright = mass * self.gravity * np.array([0.0, 0.0, 1.0])
-        heavier = np.append(load * upright, np.cross(moment / (1.0 + load), upright))
-        weight = np.append(upright, np.zeros(3)) + carried.weight
-        weight[3:] -= heavier[3:]
+        weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0]) + carried.weight
         static, left = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
-        mass *= 1.0 + load
-        yielding = points @ np.linalg.inv(points.T @ (k[:, None] * points))
-        settled, deflected = -yielding @ heavier, -yielding @ np.append(mass * theta[s.mean_accel], np.zeros(3))
-        static = static - (k * settled).reshape(static.shape)
+        load = np.append(mass * theta[s.mean_accel], np.zeros(3))
+        deflected = -points @ np.linalg.solve(points.T @ (k[:, None] * points), load)
         tilt = self.untwisted + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
         left = left + self._leaning(points, k, static)
         c = np.exp(theta[s.log_damping])
-        return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel], deflected, settled)
+        return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel], deflected)
 
     def with_free_force(self, place: int) -> Plant:
         """Return the plant with a force beside its law at one axis of a mount.
@@ -246,24 +216,11 @@ class Plant:
         """Return whether the motion of the body is measured without one of the sensors."""
         return sum(s.triaxial and s.name != sensor for s in self.geometry.body_sensors) >= _LEAST_SENSORS
 
-    def with_load(self) -> Plant:
-        """Return the plant with a load that the vehicle file does not know of."""
-        found, std = copy.copy(self), self.slow.std.copy()
-        arms = np.array([p.position for p in self.mounts]) - self.geometry.body.cg
-        std[self.slow.load], std[self.slow.load_moment] = _LOAD_STD, _LOAD_STD * np.sqrt(np.mean(arms**2, axis=0))
-        found.slow = dataclasses.replace(self.slow, std=std)
-        return found
-
-    def findings(self, theta: Array, covariance: Array) -> tuple[str, ...]:
-        """Return in words how the vehicle at slow states differs from its file."""
-        words, mass = [], self.geometry.body.mass.value
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """In words how the vehicle differs from its file."""
         places = [f"{self.mounts[i // 3].name} {AXES[i % 3]}" for i in sorted(self.freed)]
-        if places:
-            words.append(f"the force is not that of a linear law at {', '.join(places)}")
-        if self.slow.std[self.slow.load][0] > 0.0:
-            load, std = theta[self.slow.load][0], np.sqrt(covariance[self.slow.load, self.slow.load][0, 0])
-            words.append(f"a load of {mass * load:.0f} +- {mass * std:.0f} kg that the vehicle file does not contain")
-        return tuple(words)
+        return (f"the force is not that of a linear law at {', '.join(places)}",) if places else ()
 
     def _leaning(self, points: Array, stiffness: Array, static: Array) -> Array:
         """Return the covariance of the horizontal static forces, (3 M, 3 M): brackets lean at rest as their sensors do."""

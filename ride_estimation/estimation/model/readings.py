@@ -29,7 +29,7 @@ def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array) -> tuple[Ar
         mount = next(i for i, m in enumerate(plant.mounts) if m.name == sensor.mount)
         place = 3 * mount + AXES.index(sensor.axis)
         rows = d.deflection[place][None]
-        still = d.constants.rest[place : place + 1]
+        still = d.constants.deflected[place : place + 1]
         turn = np.eye(1)
     else:
         rows = point_rows(plant, d, sensor, d.constants.cg) - skew(error["position"]) @ _spin(plant, d, sensor)
@@ -69,7 +69,7 @@ def _leaning(plant: Plant, d: Dynamics, sensor: Sensor) -> Array:
     i = plant.base_of.get(sensor.name)
     if i is None:
         return np.zeros(3)
-    turn = d.constants.tilt[3 * i : 3 * i + 3] @ d.constants.rest
+    turn = d.constants.tilt[3 * i : 3 * i + 3] @ d.constants.deflected
     return np.asarray(plant.gravity * np.array([turn[1], -turn[0], 0.0]))
 
 

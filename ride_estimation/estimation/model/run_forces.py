@@ -48,7 +48,9 @@ class RunForces:
     dt: float
     findings: tuple[str, ...] = ()
 
-    def fade_in(self, stamp_ns: NDArray[np.int64], force: Array, std: Array, deflection: Array) -> float:
+    def fade_in(
+        self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array, axes: int = 3
+    ) -> float:
         """Replace forces, standard deviations and deflections at stamps by those of the model, in place.
 
         What is faster than the model stays.
@@ -57,8 +59,12 @@ class RunForces:
         ----------
         stamp_ns
             Shape (N,), equally spaced.
+        trusted
+            How far the run is one the model describes, 0 to 1, shape (N,).
         force, std, deflection
             Shape (N, M, 3).
+        axes
+            How many axes are replaced: x and y, or all.
 
         Returns
         -------
@@ -75,15 +81,15 @@ class RunForces:
             at = np.flatnonzero((time >= 0.0) & (time <= own[-1]))
             if len(at) < 2:
                 continue
-            weight = inside[at, None, None]
+            weight = (trusted * inside)[at, None, None]
             share[at] += weight[:, 0, 0] * (1.0 - share[at])
-            for values, found in ((force, segment.force), (deflection, segment.deflection)):
-                before = values[at]
+            for values, found in ((force, segment.force[..., :axes]), (deflection, segment.deflection[..., :axes])):
+                before = values[at, :, :axes]
                 slow = before if low_pass is None else signal.sosfiltfilt(low_pass, before, axis=0, padlen=min(len(at) - 1, 200))
-                values[at] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
-            square = interpolate.make_interp_spline(own, segment.std**2, k=1)(time[at])
-            first = std[at] ** 2
-            std[at] = np.sqrt(first + weight * (square - first))
+                values[at, :, :axes] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
+            square = interpolate.make_interp_spline(own, segment.std[..., :axes] ** 2, k=1)(time[at])
+            first = std[at, :, :axes] ** 2
+            std[at, :, :axes] = np.sqrt(first + weight * (square - first))
         return float(share.mean())
 
 
@@ -104,7 +110,7 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
         if sum(len(s) for s in found.segments) * found.dt < _SHORTEST_S:
             return f"less than {_SHORTEST_S:g} s in which every sensor has data without a gap"
         part = liveliest(found.segments, round(_LONGEST_S / found.dt))
-        joint = JointEstimate(found.plant, [part], found.dt, as_driven=True)
+        joint = JointEstimate(found.plant, [part], found.dt, free_forces=True)
         joint.fit()
         learn_shares(joint)
     except RideEstimationError as error:
@@ -120,7 +126,7 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
             smoothed += _smoothed(joint, bridge.start_ns, bridge.readings, bridge.silent)
     for start, readings in zip(found.start_ns, found.segments):
         smoothed += _smoothed(joint, start, readings)
-    return RunForces(tuple(smoothed), found.dt, joint.plant.findings(joint.theta, joint.covariance))
+    return RunForces(tuple(smoothed), found.dt, joint.plant.findings)
 
 
 def _smoothed(

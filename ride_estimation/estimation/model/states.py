@@ -92,15 +92,12 @@ class SlowStates:
         Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
     log_carried
         Logarithms of masses, then of stiffness and damping, of carried bodies over those of the vehicle file.
-    load, load_moment
-        Mass of what the file does not know of, over that of the body [-], and its first moment about the body's CG, over that
-        mass [m].
     mean_accel
         Mean specific force of base and body beyond gravity: slope of the road, correlation of motion and attitude [m/s^2].
     sensors
         Per sensor and kind of error its slice: bias [unit], gain [-], misalignment [rad], position [m], delay [s].
-    mean, std, correlation
-        Prior, shape (P,), (P,) and (P, P); a state of std 0 is held.
+    mean, std
+        Prior, shape (P,); a state of std 0 is held.
     """
 
     log_stiffness: slice
@@ -110,13 +107,10 @@ class SlowStates:
     cg: slice
     log_inertia: slice
     log_carried: slice
-    load: slice
-    load_moment: slice
     mean_accel: slice
     sensors: dict[str, dict[str, slice]]
     mean: Array
     std: Array
-    correlation: Array
 
     def names(self, sensor: str, kind: str) -> list[str]:
         """Return ``sensor.kind[.axis]`` of every value of one kind of error of a sensor."""
@@ -127,17 +121,6 @@ class SlowStates:
     def free(self) -> NDArray[np.int64]:
         """Return the indices of the states that are estimated."""
         return np.flatnonzero(self.std > 0.0)
-
-    @property
-    def covariance(self) -> Array:
-        """Return the covariance of the prior, shape (P, P)."""
-        return np.asarray(self.std[:, None] * self.correlation * self.std)
-
-    @property
-    def precision(self) -> Array:
-        """Return the information of the prior about the free states."""
-        std, free = self.std[self.free], np.ix_(self.free, self.free)
-        return np.asarray(np.linalg.inv(self.correlation[free]) / std[:, None] / std)
 
 
 def slow_states(mechanical: Sequence[tuple[Array, Array]], sensors: Sequence[Sensor]) -> SlowStates:
@@ -163,7 +146,7 @@ def slow_states(mechanical: Sequence[tuple[Array, Array]], sensors: Sequence[Sen
             stds.append(np.full(count, error_std(sensor.stated_installation, kind, travel)))
     named = dict(zip([field.name for field in dataclasses.fields(SlowStates)], parts))
     mean = np.concatenate([mean, np.zeros(at - len(mean))])
-    return SlowStates(sensors=errors, mean=mean, std=np.concatenate(stds), correlation=np.eye(len(mean)), **named)
+    return SlowStates(sensors=errors, mean=mean, std=np.concatenate(stds), **named)
 
 
 def reading_width(sensor: Sensor) -> int:
