@@ -2,7 +2,8 @@
 """The one place of numba: compiled kernels where it is installed, the same plain Python where it is not.
 
 Compiled code is cached on disk, below ``RIDE_ESTIMATION_CACHE`` or the user's cache folder, in a folder named after the
-sources of all kernels: numba compares only the file a kernel stands in, and a kernel has those of other files built in.
+sources of all kernels: numba compares only the file a kernel stands in, and a kernel has those of other files built in. Where the
+package is installed does not matter: what a workspace and a virtual environment have in common is compiled once.
 
 Set ``RIDE_ESTIMATION_DISABLE_JIT=1`` to force plain Python.
 """
@@ -17,6 +18,7 @@ import os
 import re
 import shutil
 import stat
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -82,6 +84,7 @@ class _Kernel:
         from numba.core import config
 
         _watch_compiler()
+        _share_among_installations()
         before = config.CACHE_DIR
         config.CACHE_DIR = str(cache_folder(_folder_of(self._function)))
         try:
@@ -120,6 +123,36 @@ def _watch_compiler() -> None:
             _compiled_now.pop()
 
     events.register("numba:compile", Watch())
+
+
+@functools.cache
+def _share_among_installations() -> None:
+    """Have numba keep the code of this package by the names of its sources, not by where they lie.
+
+    The folder that :func:`cache_folder` returns stands for the sources; with the path in it, every further installation of the
+    same sources would compile everything again. Without the names that are used here numba goes on as it does.
+    """
+    caching = _numba("core.caching")
+    usual: Any = getattr(caching, "UserProvidedCacheLocator", None) or getattr(caching, "_UserProvidedCacheLocator", None)
+    cache: Any = getattr(caching, "CompileResultCacheImpl", None)
+    if usual is None or not hasattr(cache, "_locator_classes"):
+        return
+    package = os.path.dirname(os.path.abspath(__file__))
+
+    class OfThePackage(usual):  # type: ignore[misc]  # numba has no types
+        @classmethod
+        def from_function(cls, function: Callable[..., Any], file: str) -> Any:
+            inside = os.path.abspath(file).startswith(package + os.sep)
+            return super().from_function(function, file) if inside else None
+
+        @classmethod
+        def get_suitable_cache_subpath(cls, file: str) -> str:
+            return os.path.relpath(os.path.dirname(os.path.abspath(file)), package)
+
+        def get_source_stamp(self) -> str:
+            return ""  # the folder is of exactly these sources
+
+    cache._locator_classes = [OfThePackage, *cache._locator_classes]
 
 
 def _compile(function: F, **options: Any) -> F:
@@ -201,17 +234,17 @@ def in_shares(sizes: Sequence[int], shares: int) -> list[list[int]]:
     return found
 
 
-def machine_key() -> str:
-    """Return what compiled code depends on beside its sources: numba and the processor; empty without numba."""
+def _machine_key() -> str:
+    """Return what compiled code depends on beside its sources: Python, its libraries, the processor; empty without numba."""
     if not COMPILED:
         return ""
-    processor = importlib.import_module("llvmlite.binding").get_host_cpu_name()
-    return f"{_numba('').__version__}-{processor}"
+    numpy, llvm = (importlib.import_module(name) for name in ("numpy", "llvmlite.binding"))
+    return f"{sys.implementation.cache_tag} {_numba('').__version__} {numpy.__version__} {llvm.get_host_cpu_name()}"
 
 
 @functools.cache
 def cache_folder(folder_name: str) -> Path:
-    """Return where the compiled code of a folder's kernels is kept, for exactly the present kernel sources.
+    """Return where the compiled code of a folder's kernels is kept, for exactly the present kernel sources and this machine.
 
     What lies there is executed. A folder of another user, or one that everybody may write to, is not used: the path returned
     then cannot exist, and numba compiles in memory, as where the folder cannot be written.
@@ -247,7 +280,7 @@ def _is_own(folder: Path) -> bool:
 
 def _digest_of_kernels(folder_name: str) -> str:
     package = Path(__file__).parent
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(_machine_key().encode())
     paths: list[Path] = []
     for name in sorted({*_SHARED, folder_name}):
         paths += (package / name).rglob("*.py") if name else package.glob("*.py")

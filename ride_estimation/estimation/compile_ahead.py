@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ride_estimation.estimation.kernel_list import KERNELS
-from ride_estimation.jit import COMPILED, cache_folder, compile_for, in_shares, machine_key
+from ride_estimation.jit import COMPILED, cache_folder, compile_for, in_shares
 
 #: most processes
 _MOST = 8
@@ -27,7 +27,7 @@ _MOST = 8
 _LONGEST = 180.0
 #: what it takes all processes together, for the person who waits [s]
 _SECONDS = 20
-_DONE = "all_compiled_{}"
+_DONE = "all_compiled"
 
 
 def compile_ahead(say: Callable[[str], None]) -> int:
@@ -41,7 +41,7 @@ def compile_ahead(say: Callable[[str], None]) -> int:
     if not COMPILED:
         return 0
     folder = cache_folder("estimation")
-    done = folder / _DONE.format(machine_key())
+    done = folder / _DONE
     if done.exists():
         return 0
     if not os.access(folder, os.W_OK):

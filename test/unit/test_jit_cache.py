@@ -3,15 +3,21 @@
 
 from __future__ import annotations
 
+import importlib
 import os
+import runpy
+import shutil
 import subprocess
 import sys
 import time
+import types
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from ride_estimation import jit
 from ride_estimation.estimation import compile_ahead
 from ride_estimation.estimation.kernel_list import KERNELS
 from ride_estimation.jit import COMPILED, cache_folder, compile_for, compile_kernel, in_shares, recorded_calls
@@ -47,6 +53,31 @@ def test_a_kernel_is_compiled_for_the_arguments_it_was_called_with() -> None:
     assert not calls  # not one of the package
     compile_for(kernel, "f2C b1C f f2F")
     assert [str(s) for s in kernel.signatures[1]][2] == "float64"  # type: ignore[attr-defined]
+
+
+@pytest.mark.skipif(not COMPILED, reason="without numba there are no kernels")
+def test_a_second_installation_takes_up_what_the_first_one_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code belongs to its sources, wherever they lie; other sources have code of their own."""
+    cache = importlib.import_module("numba.core.caching").CompileResultCacheImpl
+    monkeypatch.setattr(cache, "_locator_classes", cache._locator_classes)
+    monkeypatch.setenv("RIDE_ESTIMATION_CACHE", str(tmp_path / "cache"))
+    name = "ride_estimation.signals.tripled"
+    monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    taken_up, given = [], []
+    for place, factor in (("workspace", 3.0), ("environment", 3.0), ("newer", 4.0)):
+        package = tmp_path / place / "ride_estimation"
+        (package / "signals").mkdir(parents=True)
+        shutil.copy(str(jit.__file__), package)
+        text = f"from ride_estimation.jit import compile_kernel\ndef tripled(x):\n    return {factor} * x\n"
+        (package / "signals" / "tripled.py").write_text(text, encoding="utf-8")
+        installed = runpy.run_path(str(package / "jit.py"))
+        names: dict[str, Any] = {"__name__": name}
+        exec(compile(text, package / "signals" / "tripled.py", "exec"), names)
+        kernel = installed["compile_kernel"](names["tripled"])
+        given.append(kernel(2.0))
+        taken_up.append(sum(kernel.stats.cache_hits.values()))
+    assert given == [6.0, 6.0, 8.0]
+    assert taken_up == [0, 1, 0]
 
 
 def _scaled(a: np.ndarray, b: np.ndarray, c: float, d: np.ndarray) -> float:
