@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import re
 import runpy
@@ -59,6 +60,7 @@ def manifest() -> ElementTree.Element:
     return ElementTree.parse(ROOT / "package.xml").getroot()
 
 
+@functools.cache
 def top_level_imports(folder: Path) -> set[str]:
     """Return the third-party packages imported anywhere below a folder."""
     names: set[str] = set()

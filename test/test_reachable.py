@@ -35,7 +35,18 @@ class Module:
                             self.definitions[name_node.id] = statement
             else:
                 self.rest.append(statement)
-        self.imports = {alias: target for node in ast.walk(tree) for alias, target in _imports(node)}
+        self.imports = {alias: target for node in _statements(tree) for alias, target in _imports(node)}
+
+
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield every statement; imports are no expressions, and those are most of a tree."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+            part = getattr(node, field, ())
+            waiting += part if isinstance(part, list) else ()
 
 
 def _is_public_list(statement: ast.stmt) -> bool:
