@@ -146,7 +146,7 @@ def test_what_the_model_does_not_describe_is_refused_with_a_reason(
     drive_and_forces: tuple[Measurement, Vehicle, RunForces],
 ) -> None:
     data, vehicle, _ = drive_and_forces
-    run = recording(data)
+    run = cut(recording(data), 14.0)
     rng = np.random.default_rng(1)
     names = [s.name for s in data.sensors]
     noisy = {n: dataclasses.replace(c, values=c.values + rng.normal(size=c.values.shape)) for n, c in run.channels.items()}

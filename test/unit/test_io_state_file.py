@@ -50,8 +50,9 @@ def first_number(value: Any, change: Callable[[float], Any]) -> Any:
 
 def test_a_saved_state_is_taken_up_whole(tmp_path: Path) -> None:
     first = Pipeline(vehicle())
+    sensor = next(iter(vehicle().sensors))
     for k in range(600):
-        first.observe(next(iter(vehicle().sensors)), 10**15 + k * 5_000_000, [0.1, 0.2, 9.8 + 0.1 * (k % 7), 0.0, 0.0, 0.0])
+        first.observe(sensor, 10**15 + k * 5_000_000, [0.1, 0.2, 9.8 + 0.1 * (k % 7), 0.0, 0.0, 0.0])
     save_state(tmp_path / "deep" / "s.json", first)
     second = Pipeline(vehicle())
     restore_state(tmp_path / "deep" / "s.json", second)
