@@ -106,7 +106,7 @@ def clean(seed: int):
     return pipeline, run(pipeline, world(seed)[1])
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1, 2])
 def test_good_sensors_are_all_used(seed):
     """16 s of road: not one sensor refused, no doubt, nothing taken back."""
     pipeline, _ = clean(seed)
