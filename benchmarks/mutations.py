@@ -75,12 +75,11 @@ MUTATIONS = (
         "return factor, 0.0 * (weights @ weights.T)", "biases of the sensors in the motion",
     ),
     Mutation(
-        "motion/loads.py", "spread = np.array([self.mass_std**2, self.inertia_relative_std**2, rate_variance])",
-        "spread = np.array([self.mass_std**2, 0.0, rate_variance])", "uncertain inertia in the loads",
+        "motion/loads.py", "spread = np.array([self.mass_std**2, self.inertia_relative_std**2])",
+        "spread = np.array([self.mass_std**2, 0.0])", "uncertain inertia in the loads",
     ),
     Mutation(
-        "motion/loads.py", "still, moving = ((j * self.cg_std**2) @ j.T for j in jacobians)",
-        "still, moving = ((j * 0.0) @ j.T for j in jacobians)", "uncertain CG in the loads",
+        "motion/loads.py", "variance = self.cg_std**2", "variance = 0.0 * self.cg_std", "uncertain CG in the loads",
     ),
     Mutation(
         "forces/mount_forces.py", "variance = (k * deflection.std) ** 2 + (c * deflection.rate_std) ** 2 + parameters",
@@ -115,7 +114,7 @@ MUTATIONS = (
         "uncertain mass in the forces",
     ),
     Mutation(
-        "forces/base_fill.py", "share = (_UNKNOWN_SHARE * self._doubt)[:, None]", "share = (0.0 * self._doubt)[:, None]",
+        "forces/base_fill.py", "share = _UNKNOWN_SHARE * unknown", "share = 0.0 * unknown",
         "deflections where a base motion is a guess",
     ),
     Mutation(
