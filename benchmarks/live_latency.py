@@ -46,7 +46,7 @@ from ride_estimation.nodes import qos
 from ride_estimation.nodes.executors import make_executor
 from ride_estimation.resources import shared_path
 
-DOMAIN = 42
+DOMAIN = 99
 STAMP = slice(4, 12)
 START_S = 20.0
 MATCH_S = 0.5

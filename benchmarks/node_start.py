@@ -36,7 +36,7 @@ from ride_estimation.nodes import qos
 from ride_estimation.nodes.executors import make_executor
 from ride_estimation.resources import shared_path
 
-DOMAIN, RATE, LONGEST_S = 43, 100.0, 300.0
+DOMAIN, RATE, LONGEST_S = 100, 100.0, 300.0
 
 
 def cpu_seconds(pid: int) -> float:

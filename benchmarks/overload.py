@@ -42,7 +42,7 @@ from ride_estimation.nodes import qos
 from ride_estimation.nodes.executors import make_executor
 from ride_estimation.resources import shared_path
 
-DOMAIN = 43
+DOMAIN = 100
 STAMP = slice(4, 12)
 #: time before the overload, and after it for what still waits [s]
 QUIET_S, SETTLE_S = 10.0, 6.0
