@@ -96,6 +96,17 @@ class Model:
             found[first + 3 * i : first + 3 * i + 3] = s.rotation.T @ tilted
         return found
 
+    def response(self, lines: Lines) -> Response:
+        """Return the response of the states at the lines of a segment; it is kept while the second order is renewed."""
+        if lines.count not in self._responses:
+            states = self.plant.states
+            self._responses[lines.count] = response(self.dynamics.A, lines, states.accelerated, states.deformation.start)
+        return self._responses[lines.count]
+
+    @functools.cached_property
+    def _responses(self) -> dict[int, Response]:
+        return {}
+
     @functools.cached_property
     def twist(self) -> tuple[Array, Array]:
         """Part of the accelerations of body and carried bodies, (6 + Q, V), and of ``rows`` that is there because brackets follow
@@ -259,11 +270,6 @@ class Whitening:
         found[self.lines] = np.matmul(self.matrix, found[self.lines])
         return np.asarray(found)
 
-    def part(self, at: slice) -> Whitening:
-        """Return the whitening of some of the lines."""
-        inside = (self.lines >= (at.start or 0)) & (self.lines < (at.stop or len(self.std)))
-        return Whitening(self.std[at], self.lines[inside] - (at.start or 0), self.matrix[inside])
-
     def transform(self, rows: Complex) -> Complex:
         """Return rows over whitened readings as rows over readings, shape (F, K, C)."""
         found = rows.copy()
@@ -300,8 +306,7 @@ def project(model: Model, segment: Segment) -> Projected:
 
 def _response(model: Model, segment: Segment) -> Response:
     """Return the response of the states, brackets following the share of deformations that is twist of the base."""
-    states = model.plant.states
-    found = response(model.dynamics.A, segment.lines, states.accelerated, states.deformation.start)
+    found = model.response(segment.lines)
     less = (1.0 - segment.twisting)[:, None, None] * _applied(model.twist[0], found.drive)
     return dataclasses.replace(found, drive=found.drive - np.matmul(found.accel, less))
 

@@ -102,11 +102,18 @@ class Sensitivity:
         return self._applied(self.force, v)
 
     def _applied(self, derivative: Array, x: Complex) -> Complex:
-        flat = derivative.reshape(-1, derivative.shape[2]).T
-        return np.asarray((x @ flat).reshape(len(x), len(derivative), -1).transpose(0, 2, 1))
+        flat = derivative.transpose(2, 1, 0).reshape(derivative.shape[2], -1)
+        return times_real(x, flat).reshape(len(x), derivative.shape[1], len(derivative))
 
     def _shared(self, found: Complex, segment: Segment, at: slice) -> Complex:
         """Take of the effect of bracket tilt the share of the deformations that is twist of the base."""
         free, tilt = self.model.plant.slow.free, self.model.plant.slow.tilt_shares
         found[:, :, (free >= tilt.start) & (free < tilt.stop)] *= segment.twisting[at, None, None]
         return found
+
+
+def times_real(values: Complex, matrix: Array) -> Complex:
+    """Return the product of complex values (..., I) and a real matrix (I, K), which numpy would make complex first."""
+    found = np.empty((*values.shape[:-1], matrix.shape[1]), dtype=np.complex128)
+    found.real, found.imag = values.real @ matrix, values.imag @ matrix
+    return found

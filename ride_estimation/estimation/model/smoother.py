@@ -30,7 +30,7 @@ from ride_estimation.estimation.model.segments import (
     renew,
     states_of,
 )  # fmt: skip
-from ride_estimation.estimation.model.sensitivity import Sensitivity
+from ride_estimation.estimation.model.sensitivity import Sensitivity, times_real
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -119,12 +119,11 @@ class _Errors:
     def _of_slow_states(self, v: Complex) -> Complex:
         """Return the derivative of ``T^+ y`` with the slow states, in units of their standard deviations, (F, W, P)."""
         p = self._p
-        inverse, found = p.inverse(), []
+        inverse, found = p.white.transform(p.inverse()), []
         for first in range(0, len(v), _CHUNK):
             at = slice(first, first + _CHUNK)
-            change = self._sensitivity.readings(self._segment, p, v, at) @ self._root
-            found.append(-np.matmul(inverse[at], p.white.part(at).whiten(change)))
-        return np.concatenate(found)
+            found.append(np.matmul(inverse[at], self._sensitivity.readings(self._segment, p, v, at)))
+        return -times_real(np.concatenate(found), self._root)
 
     def _expected_power(self, noise: Array) -> Array:
         """Return what the spectra of the inputs are expected to be, shape (F, W), where noise hides them too.
@@ -169,11 +168,12 @@ class _Errors:
         direct = self._sensitivity.forces(v) + np.matmul(
             np.matmul(model.dynamics.force[:, motion], p.response.accel), self._sensitivity.pushes(self._segment, v, everything)
         )
-        changes = np.matmul(weighted, self._gain) + direct @ self._root
+        changes = np.matmul(weighted, self._gain) + times_real(direct, self._root)
         still = self._sensitivity.still.T @ self._root
         found = np.empty((lines.count, len(steady)))
         for i in range(len(steady)):
-            found[:, i] = np.sum((lines.back(changes[:, i]) + still[i]) ** 2, axis=1)
+            moving = lines.back(changes[:, i])
+            found[:, i] = np.einsum("np,np->n", moving, moving) + 2.0 * moving @ still[i] + still[i] @ still[i]
         means = np.diag(model.constants.static_covariance) + self._unknown_means(v)
         return np.asarray(found + 2.0 / lines.count * steady + means)
 

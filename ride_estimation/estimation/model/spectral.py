@@ -59,9 +59,10 @@ class Lines:
 
     def back(self, values: Complex) -> Array:
         """Return values with that transform and mean zero, shape (F, K) to (N, K)."""
-        full = np.zeros((self.count // 2 + 1, values.shape[1]), dtype=np.complex128)
-        full[1 : len(values) + 1] = values * np.sqrt(self.count)
-        return np.asarray(np.fft.irfft(full, self.count, axis=0))
+        # columns lie together: a transform along the first axis would fetch every value from another place
+        full = np.zeros((values.shape[1], self.count // 2 + 1), dtype=np.complex128)
+        full[:, 1 : len(values) + 1] = values.T * np.sqrt(self.count)
+        return np.asarray(np.fft.irfft(full, self.count)).T
 
     def taper(self, spectrum: Complex) -> Complex:
         """Return the transform (F, K) after a Hann window that keeps the power: ends do not leak into quiet lines."""
