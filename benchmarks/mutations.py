@@ -161,7 +161,7 @@ MUTATIONS = (
         "return np.ones(len(power))", "brackets follow the twist of the base and not what mounts move by themselves",
     ),
     Mutation(
-        "model/smoother.py", "changes = np.matmul(weighted, self._gain) + direct @ self._root",
+        "model/smoother.py", "changes = np.matmul(weighted, self._gain) + times_real(direct, self._root)",
         "changes = 0.0 * (direct @ self._root)", "slow states in the std of smoothed forces",
     ),
     Mutation(

@@ -78,9 +78,9 @@ def _equations(joint: JointEstimate, segment: Segment) -> tuple[Array, Array]:
 
 def _slope(model: Model, segment: Segment, p: Projected) -> Complex:
     """Return what an error of the shares adds to the inputs, shape (F, W, S): directly, and by the ends that change with it."""
-    slow, whole = model.plant.slow, slice(0, len(p.seen))
-    change = Sensitivity.of(model).readings(segment, p, states_of(model, segment, p)[0], whole)
-    change = change[:, :, np.isin(slow.free, np.arange(slow.tilt_shares.start, slow.tilt_shares.stop))]
+    shares, whole = model.plant.slow.tilt_shares, slice(0, len(p.seen))
+    sensitivity = Sensitivity.of(model, np.arange(shares.start, shares.stop))
+    change = sensitivity.readings(segment, p, states_of(model, segment, p)[0], whole)
     left = np.matmul(p.free, change).reshape(-1, change.shape[2])
     ends = np.linalg.solve(p.ends_information, (p.jump.reshape(len(left), -1).conj().T @ left).real)
     return np.asarray(np.matmul(p.inverse(), p.white.whiten(change) - p.jump_readings @ ends))

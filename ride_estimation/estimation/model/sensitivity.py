@@ -21,12 +21,14 @@ _STEP = 1e-5
 
 @dataclasses.dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives with the free slow states, P of them, at a model.
+    """Derivatives with slow states, P of them, at a model.
 
     Attributes
     ----------
     model
         Where they are taken.
+    places
+        Which of the slow states, ascending, shape (P,).
     accel
         Of the accelerations of body and carried bodies, shape (P, 6 + Q, V).
     rows, constants
@@ -38,6 +40,7 @@ class Sensitivity:
     """
 
     model: Model
+    places: NDArray[np.int64]
     accel: Array
     rows: Array
     constants: Array
@@ -46,11 +49,11 @@ class Sensitivity:
     laws: tuple[NDArray[np.int64], NDArray[np.int64]]
 
     @classmethod
-    def of(cls, model: Model) -> Sensitivity:
-        """Return the derivatives at a model."""
+    def of(cls, model: Model, places: NDArray[np.int64] | None = None) -> Sensitivity:
+        """Return the derivatives at a model, with all free slow states unless places are given."""
         plant = model.plant
         slow, rate = plant.slow, plant.states.accelerated
-        free = slow.free
+        free = slow.free if places is None else places
         accel = np.zeros((len(free), rate.stop - rate.start, plant.states.size))
         rows, constants = np.zeros((len(free), *model.rows.shape)), np.zeros((len(free), len(model.constant)))
         force, still = np.zeros((len(free), *model.dynamics.force.shape)), np.zeros((len(free), len(model.still)))
@@ -74,7 +77,7 @@ class Sensitivity:
                 force[n] = (other.dynamics.force - model.dynamics.force) / _STEP
                 still[n] = (other.still - model.still) / _STEP
         laws = np.flatnonzero(free < slow.log_damping.stop)
-        return cls(model, accel, rows, constants, force, still, (laws, free[laws] - slow.log_stiffness.start))
+        return cls(model, free, accel, rows, constants, force, still, (laws, free[laws] - slow.log_stiffness.start))
 
     def pushes(self, segment: Segment, v: Complex, at: slice) -> Complex:
         """Return the derivative of the accelerations at given states and inputs v (F, V), lines ``at``: (L, 6 + Q, P).
@@ -93,8 +96,8 @@ class Sensitivity:
         found[:, :, self.laws[0]] += np.matmul(self.model.direct, segment.second_slopes[at][:, :, self.laws[1]])
         moving = x @ self.model.rows.T
         for channel, place in enumerate(plant.delay_of):
-            if plant.slow.std[place] > 0.0:
-                found[:, channel, np.searchsorted(plant.slow.free, place)] = -segment.lines.laplace[at] * moving[:, channel]
+            if place in self.places:
+                found[:, channel, np.searchsorted(self.places, place)] = -segment.lines.laplace[at] * moving[:, channel]
         return np.asarray(p.late[at][:, :, None] * found)
 
     def forces(self, v: Complex) -> Complex:
@@ -107,8 +110,8 @@ class Sensitivity:
 
     def _shared(self, found: Complex, segment: Segment, at: slice) -> Complex:
         """Take of the effect of bracket tilt the share of the deformations that is twist of the base."""
-        free, tilt = self.model.plant.slow.free, self.model.plant.slow.tilt_shares
-        found[:, :, (free >= tilt.start) & (free < tilt.stop)] *= segment.twisting[at, None, None]
+        tilt = self.model.plant.slow.tilt_shares
+        found[:, :, (self.places >= tilt.start) & (self.places < tilt.stop)] *= segment.twisting[at, None, None]
         return found
 
 
