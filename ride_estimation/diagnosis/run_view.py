@@ -133,6 +133,15 @@ class RunView:
         rate = self.grid.signal(1j * self.grid.omega[:, None] * spectrum)
         self.deflection, self.deflection_rate = self.grid.signal(spectrum) + self._slow[0], rate + self._slow[1]
 
+    @property
+    def strokes(self) -> tuple[Array, Array]:
+        """Return deflections and rates within the blocks, shape (samples, P) each.
+
+        At the faded ends the motion is that of the fading, several times what the mounts ever do.
+        """
+        inside = self.data.block_window(np.arange(self.blocks.count)) > 0.0
+        return self.deflection[inside], self.deflection_rate[inside]
+
     def refined_motion(self, port: int) -> tuple[Array, Array]:
         """Return deflection and rate of a port as densely as :attr:`FrequencyGrid.refinement` asks for."""
         grid, spectrum = self.grid, self.deflection_spectrum[:, port]

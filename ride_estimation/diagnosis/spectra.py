@@ -104,9 +104,15 @@ class FrequencyGrid:
         return np.asarray(irfft(full, n=times * self.padded, axis=0)[: times * self.samples])
 
     def unrefined(self, signal: Array) -> Array:
-        """Return the part within the kept bins of signals at ``refinement`` times the rate, shape (samples, ...)."""
+        """Return signals at ``refinement`` times the rate without what lies above the kept bins, shape (samples, ...).
+
+        What lies below them stays: a body leans on the force that a law holds there.
+        """
         times = self.refinement
-        return self.signal(rfft(signal, n=times * self.padded, axis=0)[self.first : self.last] / times)
+        spectrum = rfft(signal, n=times * self.padded, axis=0)[: self.last] / times
+        full = np.zeros((self.padded // 2 + 1, *spectrum.shape[1:]), dtype=complex)
+        full[: self.last] = spectrum
+        return np.asarray(irfft(full, n=self.padded, axis=0)[: self.samples])
 
     def filtered(self, signal: Array, response: ComplexArray) -> Array:
         """Return a signal at the sample rate, or at ``refinement`` times it, through a response (F,) at the kept bins."""

@@ -22,6 +22,7 @@ from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import edge_taper, make_grid
 from ride_estimation.diagnosis.verdict import describe
 from ride_estimation.diagnosis.waveform import _solved
+from ride_estimation.elements.curve import CurveSpring
 
 
 def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_where_the_run_never_was():
@@ -73,6 +74,39 @@ def test_overtones_that_a_law_makes_beyond_the_band_do_not_fold_into_it():
     assert grid.refinement == 2
     assert folded < 1.25 * stays
     assert plain > 2.0 * folded
+
+
+def test_what_a_law_holds_below_the_band_stays_in_its_force():
+    """Closed form: the cube of a slow lean m and a motion a sin(w t) holds m^3 + 3 m a^2 / 2 below the band."""
+    lean, size, time = -1.5, 0.8, np.arange(8000) / 200.0
+    for rate, step in ((200.0, 1), (100.0, 2)):
+        grid = make_grid(len(time[::step]), rate, (0.4, 40.0))
+        fine = np.arange(grid.refinement * grid.samples) / (grid.refinement * rate)
+        slow = lean * np.sin(2.0 * np.pi * 0.05 * fine)
+        force = (slow + size * np.sin(2.0 * np.pi * 5.0 * fine)) ** 3 * edge_taper(len(fine), grid.refinement * rate)
+        got = grid.unrefined(force) if grid.refinement > 1 else force
+        wanted = (slow**3 + 1.5 * slow * size**2)[:: grid.refinement]
+        below = grid.below(got[:, None], flank=True)[:, 0]
+        inner = slice(round(4.0 * rate), -round(4.0 * rate))
+        assert np.std((below - wanted)[inner]) < 0.02 * np.std(wanted[inner])
+
+
+def test_the_range_of_a_law_is_that_of_the_analysed_stretch():
+    """Faded ends move a mount several times as far as it ever goes: a stop that hardened up to there would weigh as a planet."""
+    plant = build_plant(quarter_car(), {"body": 3, "base": 3})
+    data = RunData(plant, measurement(plant, quarter_car_run(11, 24.0)), Settings())
+    view = RunView(data, ModelState(np.array([44e3]), np.array([2e3])))
+    most = np.max(np.abs(view.strokes[0]))
+    view.deflection[:5] = 10.0 * most
+    stop = next(h for h in BumpStop().hypotheses(view) if h.variant == "compression")
+    shape = {"gap": 1.8, "hardening": 0.5}
+    fitted = Fitted(stop, np.array([1e4, 1e5, 0.0]), np.zeros((3, 3)), shape)
+    assert np.max(np.abs(view.strokes[0])) == most
+    extended, _ = BumpStop().extend(quarter_car(), view, fitted)
+    curve = next(p for p in parts_of(extended.mounts["strut"].elements["z"]) if isinstance(p, CurveSpring))
+    assert np.max(np.abs(curve.deflections)) == pytest.approx(1.5 * most)
+    deepest = {r.name: r.value for r in BumpStop().parameters(view, fitted)}["force at the deepest contact"]
+    assert np.max(np.abs(curve.forces)) < 20.0 * deepest
 
 
 def test_the_measured_loop_of_a_mount_is_its_real_force_whatever_the_model_misses():

@@ -91,7 +91,7 @@ class Backlash(Cause):
             return vehicle, (f"clearance in the damper of {group.location} {group.axis}: a vehicle file cannot describe that",)
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
-            x = view.deflection[:, p]
+            x = view.strokes[0][:, p]
             x_rms = view.scales[p][0]
             reach = 1.5 * float(np.max(np.abs(x)))
             grid = np.linspace(-reach, reach, 241)

@@ -70,7 +70,8 @@ class BumpStop(Cause):
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
         """Return one hypothesis per group and side."""
         out: list[Hypothesis] = []
-        reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(view.deflection), axis=0))
+        strokes = view.strokes[0]
+        reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(strokes), axis=0))
         for group in port_groups(view):
             for sides in ((-1.0,), (1.0,), (-1.0, 1.0)):
 
@@ -80,7 +81,7 @@ class BumpStop(Cause):
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
                 grid = tuple(
                     {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in (_NEAREST, 1.8, 2.4)
-                    if _reached(view, group, sides, g)
+                    if _reached(view, strokes, group, sides, g)
                 )
                 bounds = (Shape("gap", 2.0, _NEAREST, 6.0),)
                 if grid:
@@ -96,8 +97,9 @@ class BumpStop(Cause):
         """Return gap [m] and force at the largest penetration [N]."""
         group = group_of(view, fitted)
         out: list[Reported] = []
+        strokes = view.strokes[0]
         for i, p in enumerate(group.ports):
-            x = view.deflection[:, p]
+            x = strokes[:, p]
             x_rms = view.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
             label, spread = group.label(view, p), x_rms * fitted.spread("gap", 0.05 * fitted.shape["gap"])
@@ -110,9 +112,10 @@ class BumpStop(Cause):
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Put the stop as a force-deflection curve parallel to every mount of the group."""
         group = group_of(view, fitted)
+        strokes = view.strokes[0]
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
-            x = view.deflection[:, p]
+            x = strokes[:, p]
             x_rms = view.scales[p][0]
             gap = fitted.shape["gap"] * x_rms
             reach = 1.5 * float(np.max(np.abs(x)))
@@ -125,9 +128,9 @@ class BumpStop(Cause):
         return vehicle, ("the loss of the stop is not in the extended vehicle file",)
 
 
-def _reached(view: RunView, group: PortGroup, sides: tuple[float, ...], gap: float) -> bool:
+def _reached(view: RunView, strokes: Array, group: PortGroup, sides: tuple[float, ...], gap: float) -> bool:
     """Return whether some mount of the group goes beyond a gap given in units of its rms deflection."""
-    return any(float(np.max(side * view.deflection[:, p])) > gap * view.scales[p][0] for p in group.ports for side in sides)
+    return any(float(np.max(side * strokes[:, p])) > gap * view.scales[p][0] for p in group.ports for side in sides)
 
 
 def _elastic(fitted: Fitted, place: int, depth: Array, x_rms: float, known: float) -> Array:

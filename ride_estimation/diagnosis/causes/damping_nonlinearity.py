@@ -64,7 +64,7 @@ class DampingNonlinearity(Cause):
         notes: list[str] = []
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
-            v = view.deflection_rate[:, p]
+            v = view.strokes[1][:, p]
             v_rms = view.scales[p][1]
             weights = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
 

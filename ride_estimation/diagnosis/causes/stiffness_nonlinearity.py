@@ -73,7 +73,7 @@ class StiffnessNonlinearity(Cause):
         group = group_of(view, fitted)
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
-            x = view.deflection[:, p]
+            x = view.strokes[0][:, p]
             x_rms = view.scales[p][0]
             grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
             u = grid / x_rms
