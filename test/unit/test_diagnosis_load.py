@@ -79,6 +79,24 @@ def test_a_run_without_travel_leaves_the_mass_unobservable():
     assert np.sqrt(np.mean(together**2)) < 0.03 * np.sqrt(np.mean(heavier**2))
 
 
+def test_a_load_that_came_on_long_ago_is_one_from_the_start():
+    """Mass and first moments with the bodies, bases and mount forces that they turn; the weight itself is constant by then."""
+    _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
+    plant_ = build_plant(file, dict.fromkeys(file.sensors, 3), 0.3, 0.5)
+    view = RunView(RunData(plant_, measurement(plant_, run), Settings()), ModelState(*file_parameters(plant_)))
+    changing, constant = (h for h in library()["mass_change"].hypotheses(view) if h.location == "cab")
+    long_ago = changing.columns(view, {"at": -100.0, "over": 0.5})
+    assert len(long_ago) == 4 + 6  # three moments and three products of inertia beside mass and first moments
+    for column, always in zip(long_ago, constant.forces(view, {})):
+        wanted = tuple(e for e in always if e.where is not Where.MEAN)
+        got = {(e.where, e.index): 0.0 for e in (*column, *wanted)}
+        for sign, effects in ((1.0, column), (-1.0, wanted)):
+            for e in effects:
+                got[e.where, e.index] = got[e.where, e.index] + sign * e.signal
+        size = max(float(np.std(e.signal)) for e in wanted)
+        assert max(float(np.std(left)) for left in got.values()) < 1e-9 * size
+
+
 def test_mounts_with_rotational_stiffness_can_carry_a_load():
     _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
     stiff = {

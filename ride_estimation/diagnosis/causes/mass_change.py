@@ -140,12 +140,17 @@ class _AlwaysThere:
         self._last: tuple[weakref.ref[RunView], list[Column]] | None = None
 
     def __call__(self, view: RunView) -> list[Column]:
-        """Return mass, first moments and moments of inertia as far as something tells them."""
+        """Return mass, first moments, moments and products of inertia as far as something tells them.
+
+        They are those of a load from the start, with what it turns, and with its weight, whose onset shows.
+        """
         last = self._last  # other threads may ask along other motions
         if last is not None and last[0]() is view:
             return last[1]
         window, gravity = np.ones(len(view.data.time_s)), view.plant.vehicle.gravity
-        columns = (*_load(view, self._body, window, six_of(view, self._body)[1], gravity), *_inertia(view, self._body, window))
+        load = _carried(view, self._body, _load(view, self._body, window, six_of(view, self._body)[1], gravity))
+        load = [tuple(e for e in column if e.where is not Where.MEAN) for column in _at_rest(view, self._body, load)]
+        columns = (*load, *_inertia(view, self._body, window))
         found = [column for column in columns if column]
         self._last = weakref.ref(view), found
         return found
@@ -164,7 +169,11 @@ def _moment_axes(view: RunView, body: str) -> list[int]:
 
 def _constant_load(view: RunView, body: str, moving: Array) -> list[Column]:
     # the weight of a load that is always there has no part in the band, and its edges must not leak into it
-    columns = _load(view, body, np.ones(len(view.data.time_s)), moving, 0.0)
+    return _carried(view, body, _load(view, body, np.ones(len(view.data.time_s)), moving, 0.0))
+
+
+def _carried(view: RunView, body: str, columns: list[Column]) -> list[Column]:
+    """Return columns of a load with what the mount forces that carry it do as they turn."""
     turned = _turned_weights(view, body)
     return [
         (*column, *(Effect(Where.WRENCH, i, signal[:, i]) for i in range(signal.shape[1]) if np.any(signal[:, i])))
@@ -225,12 +234,13 @@ def _load(view: RunView, body: str, window: Array, a: Array, weight: float) -> l
 
 
 def _inertia(view: RunView, body: str, window: Array) -> list[Column]:
-    """Return three added moments of inertia, empty where the body does not turn."""
+    """Return three added moments and three products of inertia, empty where the body does not turn."""
     _, a = six_of(view, body)
     out = []
-    for i in range(3):
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
         moment = np.zeros_like(a[:, :3])
-        moment[:, i] = -a[:, 3 + i]
+        moment[:, i] = -a[:, 3 + j]
+        moment[:, j] = -a[:, 3 + i]
         out.append(wrench_column(view, body, np.zeros_like(moment), window[:, None] * moment))
     return out
 
