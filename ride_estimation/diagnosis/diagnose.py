@@ -101,7 +101,7 @@ def diagnose(
     settings = settings or Settings()
     report = progress or (lambda share: None)
     answer = _diagnosed(vehicle, run, validation, settings, report, causes)
-    worst = unexplained_run(answer.gain, settings) if answer.gain is not None and not answer.causes else ""
+    worst = "" if answer.gain is None or answer.verdict == EXPLAINED else unexplained_run(answer.gain, settings)
     if not worst:
         return answer
     other = next((v for v in validation if v.name == worst), None)
@@ -119,8 +119,17 @@ def _unexplained(answer: Diagnosis) -> Diagnosis:
 
 
 def _elsewhere_answer(answer: Diagnosis, second: Diagnosis, name: str) -> Diagnosis:
-    """Return the diagnosis of the validation run that a model without named causes misses, or that nothing explains it."""
+    """Return the diagnosis of the validation run that an answer misses, or that answer where the other explains no more.
+
+    Causes that the fitted run hardly shows (a stop that a rougher road hits) are told by the run that does.
+    """
     title_of = run_title(name)
+    if answer.causes:
+        if second.verdict != EXPLAINED:
+            return answer
+        words = f"What explains the fitted run misses {title_of}, what explains {title_of} holds for both. {second.sentence}"
+        warning = f"the causes were found on the validation run {title_of}, which those of the fitted run miss"
+        return dataclasses.replace(second, sentence=words, warnings=(*second.warnings, warning))
     if second.causes:
         words = f"The fitted run shows no discrepancy, {title_of} does. {second.sentence}"
         warning = f"the causes were found on the validation run {title_of}, where the model of the fitted run misses most"

@@ -233,8 +233,9 @@ def proven(gain: Gain, settings: Settings) -> bool:
 
 
 def unexplained_run(gain: Gain, settings: Settings) -> str:
-    """Return the validation run that a model without named causes misses most beyond its noise floor, empty where none."""
-    missed = {v.run: v.baseline / v.noise_floor for v in gain.validation if _missed(v) > MISSED * settings.adequacy}
+    """Return the validation run that a model, with its named causes if any, misses most beyond its floor, empty where none."""
+    enough = MISSED * settings.adequacy
+    missed = {v.run: v.extended / v.noise_floor for v in gain.validation if _beyond(v.extended, v.noise_floor) > enough}
     worst = max(missed, key=lambda run: missed[run], default="")
     return worst if worst and missed[worst] > MISSED else ""
 
@@ -250,7 +251,12 @@ def shows_elsewhere(gain: Gain, settings: Settings) -> bool:
 
 def _missed(run: ValidationGain) -> float:
     """Return the error of the baseline without what the noise makes of it."""
-    return math.sqrt(max(run.baseline**2 - run.noise_floor**2, 0.0))
+    return _beyond(run.baseline, run.noise_floor)
+
+
+def _beyond(error: float, floor: float) -> float:
+    """Return an error without what the noise makes of it."""
+    return math.sqrt(max(error**2 - floor**2, 0.0))
 
 
 def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, remaining: float, law: FreeLaw = NO_LAW) -> str:

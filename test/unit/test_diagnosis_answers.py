@@ -150,6 +150,9 @@ def test_a_validation_run_far_above_its_floor_is_unexplained_whatever_the_fitted
     settings = Settings()
     assert unexplained_run(gain_of((0.02, 0.02, 0.019, (0.0, 0.0)), (0.101, 0.101, 0.019, (0.0, 0.0))), settings) == "run1"
     assert unexplained_run(gain_of((0.04, 0.04, 0.019, (0.0, 0.0))), settings) == ""
+    # named causes count as far as they go
+    assert unexplained_run(gain_of((0.39, 0.30, 0.04, (0.0, 0.2))), settings) == "run0"
+    assert unexplained_run(gain_of((0.39, 0.05, 0.04, (0.3, 0.4))), settings) == ""
 
 
 def test_a_wild_model_asks_for_finite_forces():

@@ -122,6 +122,21 @@ def test_a_stop_that_a_rougher_road_hits_deeper_is_judged_within_the_strokes_of_
     assert "within the strokes and rates of the fitted run" in answer.sentence
 
 
+def test_what_a_rougher_road_shows_beside_the_cause_of_the_fitted_run_is_told_by_the_rougher_one():
+    """A smooth road shows friction and never the stop; what explains the rough one explains both."""
+    def sticky_with_a_stop():
+        sliding = hiding_law("jenkins_chain", 1.0)
+        return lambda x, v: sliding(x, v) - 2e6 * max(-x - 0.018, 0.0) ** 1.4
+
+    run, rougher = (quarter_car_run(s, law=sticky_with_a_stop(), roughness=r) for s, r in ((41, 1.0), (42, 2.0)))
+    answer = diagnose(quarter_car(), run, [rougher])
+    assert answer.verdict == "explained"
+    assert {c.id for c in answer.causes} == {"coulomb_friction", "bump_stop"}
+    assert answer.gain is not None
+    assert answer.gain.validation[0].run == run.name
+    assert "holds for both" in answer.sentence and any("quarter_car_42" in w for w in answer.warnings)
+
+
 def test_a_valve_that_blows_off_rarely_is_a_damper_with_a_knee():
     # on a road on which the damper is linear most of the time, a bend without a corner asks for a dashpot of negative sign
     run, rougher = (quarter_car_run(s, law=relief_valve(2.0 * SITE.rate, 0.95), roughness=r) for s, r in ((31, 1.0), (32, 2.0)))
