@@ -67,6 +67,12 @@ def bolt_in_a_hole(clearance: float, level: float) -> Callable[[float, float], f
     return law
 
 
+def bolt_in_a_guide(clearance: float, level: float) -> Callable[[float, float], float]:
+    """Return a slider as that of :func:`bolt_in_a_hole` that a clearance [m] around rest keeps from what moves. For one run."""
+    sliding = bolt_in_a_hole(0.0, level)
+    return lambda x, v: sliding(x - min(max(x, -0.5 * clearance), 0.5 * clearance), v)
+
+
 def relief_valve(knee: float, share: float) -> Callable[[float, float], float]:
     """Return what a valve that opens at a rate [m/s] takes away of a share of the damping beyond it."""
     return lambda x, v: -share * DAMPING * math.copysign(max(abs(v) - knee, 0.0), v)

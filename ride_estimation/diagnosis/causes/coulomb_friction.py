@@ -22,11 +22,13 @@ Array = NDArray[np.float64]
 
 
 _COLUMNS = 3
-_BEHIND = "behind a spring or a play"
+_BEHIND, _GUIDED = "behind a spring or a play", "beyond the play of a guide"
 #: mean stroke from one reversal to the next of a random motion, in its rms: sqrt(2 pi)
 _STROKE = 2.5
 #: half of the play in rms deflections at and below which there is none, and the exponent of Bouc-Wen for a spring and a slider
 _NO_PLAY, _SHARP = 0.02, 20.0
+#: elements of a vehicle file for what slides at once and for what slides part by part
+_SLIDERS: tuple[tuple[str, ...], tuple[dict[str, float], ...]] = (("bouc_wen", "dahl"), ({"exponent": _SHARP}, {}))
 
 
 def _law(reach: float, rounding: float) -> Callable[[Array, Array, float, float], list[Array]]:
@@ -53,7 +55,7 @@ class CoulombFriction(Cause):
     LAW = Law.SLIDING
 
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
-        """Return two hypotheses per group: friction of the mount, and friction in series with a play."""
+        """Return three hypotheses per group: friction, friction behind a play that moves along, beyond that of a guide."""
         grid = tuple({"reach": r, "rounding": w} for r, w in ((0.01, 0.06), (0.03, 0.15), (0.1, 0.06)))
         bounds = (Shape("reach", 0.03, 0.004, 0.5), Shape("rounding", 0.1, 0.02, LEAST_RATE_SCALE))
 
@@ -63,7 +65,7 @@ class CoulombFriction(Cause):
 
             return Hypothesis(self.ID, group.location, group.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=group.ports)
 
-        return [h for group in port_groups(view) for h in (build(group), _behind_a_play(group))]
+        return [h for group in port_groups(view) for h in (build(group), _in_series(group, _BEHIND), _in_series(group, _GUIDED))]
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the friction level [N] and, where the run shows one, the sliding distance to 63 % of it [m].
@@ -74,13 +76,19 @@ class CoulombFriction(Cause):
         """
         group = group_of(view, fitted)
         out: list[Reported] = []
-        if fitted.hypothesis.variant == _BEHIND:
+        if fitted.hypothesis.variant:
+            columns = len(fitted.coefficients) // len(group.ports)
             for i, p in enumerate(group.ports):
-                label = group.label(view, p)
-                level, x_rms = float(fitted.coefficients[i]), view.scales[p][0]
+                label, x_rms = group.label(view, p), view.scales[p][0]
+                part = slice(columns * i, columns * (i + 1))
+                level = float(fitted.coefficients[part].sum())
                 half, slope = fitted.shape["half"], fitted.shape["slope"]
                 play, stroke = fitted.spread("half", 0.2 * half), fitted.spread("slope", 0.5 * slope)
-                out.append(Reported(f"friction level{label}", level, float(np.hypot(fitted.std(i), FORM**0.5 * level)), "N"))
+                # what slides part by part goes on beyond the strokes of the run, as without a play
+                gradual = float(fitted.coefficients[part][1:].sum()) / max(level, 1e-12)
+                beyond = FORM + (gradual * slope / (slope + max(_STROKE - 2.0 * half, 0.0))) ** 2
+                std = float(np.sqrt(max(fitted.covariance[part, part].sum(), 0.0) + beyond * level**2))
+                out.append(Reported(f"friction level{label}", level, std, "N"))
                 if _has_play(fitted):
                     out.append(Reported(f"clearance before it{label}", float(2.0 * half * x_rms), 2.0 * x_rms * play, "m"))
                 out.append(Reported(f"stroke from contact to sliding{label}", float(slope * x_rms), x_rms * stroke, "m"))
@@ -101,14 +109,16 @@ class CoulombFriction(Cause):
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Put a friction element parallel to every mount of the group."""
         group = group_of(view, fitted)
-        if fitted.hypothesis.variant == _BEHIND:
+        if fitted.hypothesis.variant:
             if _has_play(fitted):
                 return vehicle, (f"friction behind a clearance at {group.location} {group.axis}: not in a vehicle file",)
+            columns = len(fitted.coefficients) // len(group.ports)
             for i, p in enumerate(group.ports):
-                port, level = view.plant.ports[p], float(fitted.coefficients[i])
-                slope = level / (fitted.shape["slope"] * view.scales[p][0])
-                sharp = {"friction_n": level, "slope_n_per_m": slope, "exponent": _SHARP}
-                vehicle = add_parallel(vehicle, port.mount, port.axis, "bouc_wen", sharp)
+                port, reach = view.plant.ports[p], fitted.shape["slope"] * view.scales[p][0]
+                for level, kind, form in zip(fitted.coefficients[columns * i :][:columns], *_SLIDERS):
+                    if level > 0.0:
+                        values = {"friction_n": float(level), "slope_n_per_m": float(level) / reach}
+                        vehicle = add_parallel(vehicle, port.mount, port.axis, kind, values | form)
             return vehicle, ()
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
@@ -136,12 +146,20 @@ def _has_play(fitted: Fitted) -> bool:
     return half > _NO_PLAY + fitted.spread("half", 0.2 * half)
 
 
-def _behind_a_play(group: PortGroup) -> Hypothesis:
-    """Return a slider behind a spring and a clearance, as a clamped bolt in an oversize hole; either may be nothing."""
+def _in_series(group: PortGroup, variant: str) -> Hypothesis:
+    """Return a slider behind a spring and a clearance; either may be nothing.
+
+    The clearance moves with what slides, as that of a clamped bolt in an oversize hole, or stays, as that of a guide: what counts
+    there is the stroke beyond it, and what slides does so at once or part by part.
+    """
 
     def columns(view: RunView, shape: Shapes) -> list[Column]:
         def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
-            return [loose_friction(x, float(shape["half"]) * x_rms, float(shape["slope"]) * x_rms)]
+            half, slope = float(shape["half"]) * x_rms, float(shape["slope"]) * x_rms
+            if variant == _BEHIND:
+                return [loose_friction(x, half, slope)]
+            beyond = x - np.clip(x, -half, half)
+            return [loose_friction(beyond, 0.0, slope), friction_level(beyond, slope)]
 
         return force_columns(view, group, law)
 
@@ -149,5 +167,5 @@ def _behind_a_play(group: PortGroup) -> Hypothesis:
     bounds = (Shape("half", 0.2, _NO_PLAY, 1.5), Shape("slope", 0.1, 0.01, 1.0))
     return Hypothesis(
         CoulombFriction.ID, group.location, group.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=group.ports,
-        variant=_BEHIND,
+        variant=variant,
     )
