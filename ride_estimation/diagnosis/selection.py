@@ -557,9 +557,9 @@ class Selector:
         slack = 2.0 * current.temper * (relieved - self._settings.significance) if mean_only else 0.0
         if np.any(best.fit.rows) and best.fit.held_out >= held_out + slack:
             return False
-        # a second cause of a few per cent may be the part of the first that its law describes badly
+        # a further cause of a few per cent at the mount of another may be the part of that one that its law describes badly
         share_of_all = (before - best.fit.misfit) / max(self.base_misfit - floor, 1e-9)
-        apart = accepted is None or all(_distinguished(best.hypothesis, f.hypothesis) for f in accepted.fitted)
+        apart = accepted is None or not any(same_place(best.hypothesis, f.hypothesis) for f in accepted.fitted)
         its_own = apart and current.own > _OWN
         # what a badly described law leaves is not explained down to the noise by a cause at another place
         whole = its_own and removed > 1.0 - self._settings.unexplained and share_of_all > _LEAST
@@ -608,9 +608,3 @@ class Selector:
             if fewer.misfit - fit.misfit < self._settings.relevance * removed:
                 return fewer
         return fit
-
-
-def _distinguished(a: Hypothesis, b: Hypothesis) -> bool:
-    """Return whether two causes sit at different places or are laws of one mount that depend on different things."""
-    laws = [library()[h.cause].LAW for h in (a, b)]
-    return not same_place(a, b) or (None not in laws and laws[0] is not laws[1])
