@@ -202,11 +202,15 @@ class SmootherRecorder:
         self._stretches[-1][0].append(piece)
         self._open = []
 
-    def ordinary(self) -> Array:
-        """Return per tick whether the vehicle was that of the file: no load found, no sensor lost or suspect, shape (N,)."""
+    def ordinary(self, explained: bool) -> Array:
+        """Return per tick whether the vehicle was that of the file: no load found, no sensor lost or suspect, shape (N,).
+
+        ``explained``: a law that is not linear is known, which made readings of a base suspect.
+        """
         found = np.ones(self._ticks)
         for piece in (p for pieces, _ in self._stretches for p in pieces):
-            if piece.model.loaded or not piece.complete or np.any(piece.model.misread > 0.0):
+            suspect = not explained and np.any(piece.model.misread > 0.0)
+            if piece.model.loaded or not piece.complete or suspect:
                 found[piece.first : piece.end] = 0.0
         return found
 
@@ -313,9 +317,10 @@ def second_pass(
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
     if isinstance(model, str):
         return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model)
-    # a force beside a law explains why the law is not valid
-    reason = "" if model.findings else _not_linear(parameters)
-    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(), force, std, deflection, 2 if reason else 3)
+    # a force beside a law explains why the law is not valid and its base suspect
+    explained = bool(model.findings)
+    reason = "" if explained else _not_linear(parameters)
+    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(explained), force, std, deflection, 2 if reason else 3)
     return SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings)
 
 
