@@ -13,7 +13,7 @@ from worlds.adapters import vehicle_of_text
 from worlds.cab import random_sensors, random_vehicle
 from worlds.vehicle_text import vehicle_yaml
 
-from ride_estimation.errors import ConfigurationError
+from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.model import segments
 from ride_estimation.estimation.model.bracket_shares import learn_shares
 from ride_estimation.estimation.model.dynamics import dynamics
@@ -282,6 +282,14 @@ def test_shares_of_bracket_tilt_are_learned_from_a_frame_that_twists_about_anoth
         assert np.all(found < slow.std[shares])
         learned.append((theta[shares] - joint.theta[shares]) / found)
     assert 0.5 < np.sqrt(np.mean(np.square(learned))) < 1.5
+
+
+def test_shares_that_cannot_be_computed_are_refused(linear: tuple[Plant, np.ndarray, np.ndarray]) -> None:
+    plant, readings, _ = linear
+    joint = JointEstimate(plant, [readings], DT)
+    joint.covariance = np.zeros_like(joint.covariance)
+    with pytest.raises(InputDataError, match="tilt of the brackets"):
+        learn_shares(joint)
 
 
 def test_whitening_leaves_unit_covariance_where_brackets_lean_by_their_own_motion() -> None:

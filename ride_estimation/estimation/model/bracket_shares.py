@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.segments import DEFORMS_HZ, Model, Projected, Segment, project, states_of
 from ride_estimation.estimation.model.sensitivity import Sensitivity
@@ -28,6 +29,7 @@ _BELOW_HZ = 3.0
 _ARM_STD = 0.5
 #: Gauss-Newton steps
 _STEPS = 3
+_SINGULAR = "the tilt of the brackets cannot be estimated: the vehicle file does not fit this drive"
 
 
 def learn_shares(joint: JointEstimate) -> None:
@@ -37,10 +39,22 @@ def learn_shares(joint: JointEstimate) -> None:
     ----------
     joint
         Slow states of a run, estimated.
+
+    Raises
+    ------
+    InputDataError
+        The numbers left what can be computed.
     """
-    slow = joint.plant.slow
     if not np.any(joint.plant.twist):
         return
+    try:
+        _learn(joint)
+    except np.linalg.LinAlgError as error:
+        raise InputDataError(_SINGULAR) from error
+
+
+def _learn(joint: JointEstimate) -> None:
+    slow = joint.plant.slow
     shares = np.arange(slow.tilt_shares.start, slow.tilt_shares.stop)
     before = joint.covariance[np.ix_(shares, shares)]
     known = np.linalg.inv(before)
