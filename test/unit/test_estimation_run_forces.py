@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable
 
 import numpy as np
@@ -19,7 +20,12 @@ from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.model.run_readings import run_readings
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
+from ride_estimation.estimation.offline import run_offline
+from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.smoothing.smoothed_forces import _not_linear
+from ride_estimation.io.bags import read_recording
+from ride_estimation.io.vehicle_file import load_vehicle
+from ride_estimation.resources import shared_path
 from ride_estimation.sensors.installation import USUAL
 from ride_estimation.signals.recording import Recording
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -219,6 +225,26 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
 def vehicle_mount(vehicle: Vehicle, index: int) -> str:
     """Return the name of a mount."""
     return list(vehicle.mounts)[index]
+
+
+@pytest.mark.slow
+def test_vertical_forces_beside_friction_are_nearer_smoothed_than_live() -> None:
+    """The file states stiffness up to 18 % wrong, and the mount with friction carries its weight by it."""
+    folder = shared_path("bags", "hidden_friction")
+    vehicle = load_vehicle(shared_path("config", "vehicles", "truck_cab.yaml"))
+    run = run_offline(read_recording(folder / "bag", vehicle), Pipeline(vehicle))
+    assert "linear law at front_left z" in run.forces_in_words()
+    start = json.loads((folder / "truth.json").read_text(encoding="utf-8"))["start_stamp_ns"]
+    with np.load(folder / "truth.npz") as truth:
+        time, known = truth["time_s"], truth["mount_force"][:, [list(truth["mount_names"]).index(n) for n in run.mount_names], 2]
+    seconds = (run.stamp_ns - start) * 1e-9
+    late = (seconds > 10.0) & (seconds < time[-1])
+    true = np.column_stack([np.interp(seconds[late], time, known[:, i]) for i in range(known.shape[1])])
+    live, smoothed = (
+        np.sqrt(np.mean((force[late, :, 2] - true) ** 2, axis=0)) for force in (run.signals["mount_force"], run.force)
+    )
+    assert np.all(smoothed < 0.8 * live)
+    assert np.mean(np.abs(run.force[late, :, 2] - true) < 2.0 * run.force_std[late, :, 2]) > 0.9
 
 
 @pytest.mark.slow

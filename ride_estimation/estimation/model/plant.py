@@ -205,6 +205,12 @@ class Plant:
         found.states = FastStates.of(self.patterns.shape[1], self.carried.count, len(found.freed))
         return found
 
+    def with_laws_known_to(self, freed_std: tuple[float, ...]) -> Plant:
+        """Return the plant with other standard deviations of ln k where there are forces beside laws."""
+        found = copy.copy(self)
+        found.freed_std = freed_std
+        return found
+
     def may_free(self, place: int) -> bool:
         """Return whether the motion of the body tells one more force beside its law from those there are."""
         arms = self.points(np.mean([p.position for p in self.mounts], axis=0))[[*self.freed, place]]
