@@ -160,7 +160,7 @@ class JointEstimate:
         """Give laws with a force beside them the stiffness and damping of their whole force, ``F = -k x - c x' + rest``.
 
         That changes the force beside the law and not their sum. But the mount carries its weight by k: with that of the vehicle
-        file smoothed vertical forces of a cab with friction were 7 to 15 % off, live ones 5 to 9 %, with this one 2 to 3 %. It is
+        file smoothed vertical forces of a cab with friction were 7 to 15 % off, live ones 5 to 9 %, with this one 2 to 5 %. It is
         as uncertain as the rest is large beside k x; what the file states is the other measurement.
         """
         model, slow, freed = self.model(), self.plant.slow, list(self.plant.freed)
