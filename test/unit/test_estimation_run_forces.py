@@ -162,6 +162,9 @@ def test_what_the_model_does_not_describe_is_refused_with_a_reason(
     fewer = {n: run.channels[n] for n in names[2:]}
     assert "2 triaxial accelerometers" in str(run_forces(dataclasses.replace(run, channels=fewer), vehicle))
     assert "10 s" in str(run_forces(cut(run, 6.0), vehicle))
+    channel = run.channels[names[0]]
+    years = dataclasses.replace(channel, stamp_ns=channel.stamp_ns + 10**18)
+    assert "10 s" in str(run_forces(dataclasses.replace(run, channels={**run.channels, names[0]: years}), vehicle))
 
 
 def cut(run: Recording, seconds: float) -> Recording:

@@ -140,8 +140,9 @@ def _segments(tracks: Mapping[str, _Track], rate: float) -> tuple[tuple[int, ...
     aliased, and low-passed.
     """
     fine = max(2, *(math.ceil(t.rate / rate - 1e-3) for t in tracks.values()))
-    begin = min(t.time[0] for t in tracks.values())
-    count = int((max(t.time[-1] for t in tracks.values()) - begin) * fine * rate)
+    # where all sensors are, or all but one: the clock of a single one may be years away
+    begin = sorted(t.time[0] for t in tracks.values())[-2]
+    count = int((sorted(t.time[-1] for t in tracks.values())[1] - begin) * fine * rate)
     if count < 2:
         return (), (), ()
     grid = begin + np.arange(count) / (fine * rate)
