@@ -27,6 +27,8 @@ _BEHIND, _GUIDED = "behind a spring or a play", "beyond the play of a guide"
 _STROKE = 2.5
 #: half of the play in rms deflections at and below which there is none, and the exponent of Bouc-Wen for a spring and a slider
 _NO_PLAY, _SHARP = 0.02, 20.0
+#: least half of the play of a guide, in the same unit: without play its two sliders fit any rounded friction
+_GUIDE = 0.06
 #: elements of a vehicle file for what slides at once and for what slides part by part
 _SLIDERS: tuple[tuple[str, ...], tuple[dict[str, float], ...]] = (("bouc_wen", "dahl"), ({"exponent": _SHARP}, {}))
 
@@ -163,8 +165,8 @@ def _in_series(group: PortGroup, variant: str) -> Hypothesis:
 
         return force_columns(view, group, law)
 
-    grid = tuple({"half": h, "slope": 0.1} for h in (0.06, 0.2, 0.6))
-    bounds = (Shape("half", 0.2, _NO_PLAY, 1.5), Shape("slope", 0.1, 0.01, 1.0))
+    grid = tuple({"half": h, "slope": 0.1} for h in (_GUIDE, 0.2, 0.6))
+    bounds = (Shape("half", 0.2, _NO_PLAY if variant == _BEHIND else _GUIDE, 1.5), Shape("slope", 0.1, 0.01, 1.0))
     return Hypothesis(
         CoulombFriction.ID, group.location, group.axis, columns, grid, bounds, (Sign.POSITIVE,), ports=group.ports,
         variant=variant,
