@@ -173,7 +173,7 @@ class JointEstimate:
         spread = []
         for i, place in enumerate(freed):
             columns = np.column_stack([travel[:, i], rate[:, i]])
-            law, *_ = np.linalg.lstsq(np.vstack([columns.real, columns.imag]), -np.r_[force[:, i].real, force[:, i].imag])
+            law, *_ = np.linalg.lstsq(np.vstack([columns.real, columns.imag]), -np.r_[force[:, i].real, force[:, i].imag], None)
             rest = np.linalg.norm(force[:, i] + columns @ law) / np.linalg.norm(law[0] * travel[:, i])
             spread.append(self.plant.freed_std[i])
             if law[0] > 0.0:
