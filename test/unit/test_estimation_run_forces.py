@@ -58,14 +58,23 @@ def world(seed: int, seconds: float, change: Callable[[CabVehicle], CabVehicle] 
     return data, believed_vehicle(data, None, seed=seed)
 
 
+def true_forces(data: Measurement, seconds: np.ndarray) -> np.ndarray:
+    """Return the true forces of the mounts at seconds of the drive, shape (N, 4, 3)."""
+    columns = [[np.interp(seconds, data.time, data.truth["mount_force"][:, m, a]) for a in range(3)] for m in range(4)]
+    return np.stack(columns).transpose(2, 0, 1)
+
+
+def with_channel(run: Recording, name: str, **changed: np.ndarray) -> Recording:
+    """Return a run with other fields of one channel."""
+    return dataclasses.replace(run, channels={**run.channels, name: dataclasses.replace(run.channels[name], **changed)})
+
+
 def judged(data: Measurement, found: RunForces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return error, standard deviation and true spread of the forces away from the ends."""
     start, segment = found.segments[0]
     time = (start - START_NS) * 1e-9 + np.arange(len(segment.force)) * found.dt
     inside = (time > 5.0) & (time < time[-1] - 4.0)
-    true = np.stack(
-        [[np.interp(time, data.time, data.truth["mount_force"][:, m, a]) for a in range(3)] for m in range(4)]
-    ).transpose(2, 0, 1)
+    true = true_forces(data, time)
     return (segment.force - true)[inside], segment.std[inside], np.std(true[inside], axis=0)
 
 
@@ -138,9 +147,8 @@ def test_a_faulty_sensor_does_not_bend_the_forces(drive_and_forces: tuple[Measur
     data, vehicle, before = drive_and_forces
     run = recording(data)
     name = next(s.name for s in data.sensors if s.place == "cab")
-    channel = run.channels[name]
-    off = dataclasses.replace(channel, values=channel.values + np.array([0.4, 0.0, 0.0]))
-    found = run_forces(dataclasses.replace(run, channels={**run.channels, name: off}), vehicle)
+    off = with_channel(run, name, values=run.channels[name].values + np.array([0.4, 0.0, 0.0]))
+    found = run_forces(off, vehicle)
     assert isinstance(found, RunForces)
     error, std, size = judged(data, found)
     usual, _, _ = judged(data, before)
@@ -162,9 +170,8 @@ def test_what_the_model_does_not_describe_is_refused_with_a_reason(
     fewer = {n: run.channels[n] for n in names[2:]}
     assert "2 triaxial accelerometers" in str(run_forces(dataclasses.replace(run, channels=fewer), vehicle))
     assert "10 s" in str(run_forces(cut(run, 6.0), vehicle))
-    channel = run.channels[names[0]]
-    years = dataclasses.replace(channel, stamp_ns=channel.stamp_ns + 10**18)
-    assert "10 s" in str(run_forces(dataclasses.replace(run, channels={**run.channels, names[0]: years}), vehicle))
+    years = with_channel(run, names[0], stamp_ns=run.channels[names[0]].stamp_ns + 10**18)
+    assert "10 s" in str(run_forces(years, vehicle))
 
 
 def cut(run: Recording, seconds: float) -> Recording:
@@ -214,7 +221,7 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
     data, vehicle = world(7303, 24.0, with_friction(2, 2, 60.0))
     found = run_forces(recording(data), vehicle)
     assert isinstance(found, RunForces), found
-    assert found.findings == (f"the force is not that of a linear law at {vehicle_mount(vehicle, 2)} z",)
+    assert found.findings == (f"the force is not that of a linear law at {list(vehicle.mounts)[2]} z",)
     error, std, size = judged(data, found)
     # what friction carries slowly no accelerometer shows: it is in the standard deviation
     moving = np.std(error, axis=0) / size
@@ -223,11 +230,6 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
     ratio = np.sqrt(np.mean(std**2, axis=0) / np.mean(error**2, axis=0))
     assert 0.7 < np.median(ratio) < 4.0
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9
-
-
-def vehicle_mount(vehicle: Vehicle, index: int) -> str:
-    """Return the name of a mount."""
-    return list(vehicle.mounts)[index]
 
 
 @pytest.mark.slow
@@ -258,17 +260,12 @@ def test_a_gap_of_a_body_sensor_is_bridged_by_the_others(drive_and_forces: tuple
     channel = run.channels[name]
     time = (channel.stamp_ns - START_NS) * 1e-9
     kept = (time < 14.0) | (time > 15.0)
-    gap = dataclasses.replace(
-        channel, stamp_ns=channel.stamp_ns[kept], values=channel.values[kept], arrival_ns=channel.arrival_ns[kept]
-    )
-    found = run_forces(dataclasses.replace(run, channels={**run.channels, name: gap}), vehicle)
+    fields = {field: getattr(channel, field)[kept] for field in ("stamp_ns", "values", "arrival_ns")}
+    found = run_forces(with_channel(run, name, **fields), vehicle)
     assert isinstance(found, RunForces), found
     stamps = START_NS + np.arange(12_000_000_000, 17_000_000_000, 5_000_000)
     force, std, deflection = np.zeros((3, len(stamps), 4, 3))
     assert found.fade_in(stamps, np.ones(len(stamps)), force, std, deflection) == pytest.approx(1.0)
-    seconds = (stamps - START_NS) * 1e-9
-    true = np.stack(
-        [[np.interp(seconds, data.time, data.truth["mount_force"][:, m, a]) for a in range(3)] for m in range(4)]
-    ).transpose(2, 0, 1)
+    true = true_forces(data, (stamps - START_NS) * 1e-9)
     assert np.mean(np.abs(force - true) < 2.0 * std) > 0.9
     assert (np.sqrt(np.mean((force - true) ** 2, axis=0)) / np.std(true, axis=0))[:, 2].mean() < 0.06

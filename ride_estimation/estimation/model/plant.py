@@ -233,8 +233,21 @@ class Plant:
         lean = [s.stated_installation.misalignment for s in self.base_sensors]
         sideways = np.zeros(static.shape)
         sideways[:, :2] = np.outer(lean * static[:, 2], np.ones(2)) ** 2
-        left = np.eye(len(points)) - share_by_stiffness(points.T, stiffness) @ points.T
+        left = unbalanced(points, stiffness)
         return np.asarray((left * sideways.ravel()) @ left.T)
+
+
+def unbalanced(points: Array, stiffness: Array) -> Array:
+    """Return what takes from forces of the mounts the part that equilibrium gives them by their stiffness, shape (3 M, 3 M).
+
+    Parameters
+    ----------
+    points
+        From rigid motion to that of the mounts, shape (3 M, 6).
+    stiffness
+        Of the mounts' axes, shape (3 M,) [N/m].
+    """
+    return np.asarray(np.eye(len(points)) - share_by_stiffness(points.T, stiffness) @ points.T)
 
 
 def _patterns(projector: Array) -> Array:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
 from ride_estimation.estimation.model.joint import RENEWALS, JointEstimate, largest
+from ride_estimation.estimation.model.plant import unbalanced
 from ride_estimation.estimation.model.second_order import force_of_second_order
 from ride_estimation.estimation.model.segments import (
     DEFORMS_HZ,
@@ -183,7 +183,7 @@ class _Errors:
         They are about as large as these forces move; what the springs carry of the weight is as uncertain as they are.
         """
         m, plant = self._model.constants, self._model.plant
-        left = np.eye(len(m.points)) - share_by_stiffness(m.points.T, m.stiffness) @ m.points.T
+        left = unbalanced(m.points, m.stiffness)
         square = 2.0 / self._segment.lines.count * np.sum(np.abs(v[:, plant.states.free_force]) ** 2, axis=0)
         places = list(plant.freed)
         weight = np.array(plant.freed_std) * m.static.ravel()[places]
