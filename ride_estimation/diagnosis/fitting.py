@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, balanced_columns, faulty_rows, mean_table, port_columns
 from ride_estimation.diagnosis.calibration import (
@@ -39,6 +40,7 @@ _TOLERATED = {
     "sensor_gain": "gain", "sensor_misalignment": "misalignment", "wrong_sensor_position": "position",
     "sensor_delay": "delay", "cg_offset": "cg",
 }  # fmt: skip
+_BY_CHANCE = 0.01  # chance that a good installation strains its tolerances so much that a cause may hide in them
 _MOVES = 0.03  # step of ln k or ln c from which a result is a linearisation of the model that it is a step to
 _RUNAWAY = 1e6  # energy of the residual over that of the calibrated model from which a trial model means nothing
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
@@ -72,8 +74,8 @@ class FullFit:
         Sum of squares on the select blocks with the coefficients of the fit blocks alone.
     inefficiency
         Nominal degrees of freedom per independent sample of what the model misses.
-    penalty
-        Squared deviations from priors and mean readings.
+    penalty, expected_penalty
+        Squared deviations from priors and mean readings, and their mean for a good installation.
     price
         Price of the hypotheses [nat].
     simulated
@@ -93,8 +95,14 @@ class FullFit:
     held_out: float
     inefficiency: float
     penalty: float
+    expected_penalty: float
     price: float
     simulated: Simulated = ()
+
+    @property
+    def strained(self) -> bool:
+        """Whether the tolerances hold more than a good installation has: they may make up for a cause that is not named."""
+        return self.penalty > chi2.isf(_BY_CHANCE, self.expected_penalty)
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
@@ -448,7 +456,7 @@ class FullFitter:
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
             view, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
-            view.inefficiency, penalty, cost,
+            view.inefficiency, penalty, fit.expected_penalty, cost,
         )  # fmt: skip
 
     def stated(self, fit: FullFit) -> FullFit:

@@ -35,11 +35,15 @@ class Fit:
         Sum of squares plus prior penalty on the blocks of the fit; mean rows as in :func:`offset_deviance`.
     covariance
         Of the coefficients.
+    expected_penalty
+        Mean of the squared deviations from priors and mean readings where all are what is stated: their number without those
+        that the blocks leave where they are, ``n - tr(C P)`` with P the information of priors and mean readings.
     """
 
     coefficients: Array
     objective: float
     covariance: Array
+    expected_penalty: float
 
 
 def offset_deviance(squares: float, count: int) -> float:
@@ -203,7 +207,9 @@ class Regression:
             + self.temper * offset_deviance(float(np.sum((self.mean_residual - means @ solution) ** 2)) / self.temper, len(means))
             + float(np.sum(((solution - offset)[finite] / std[finite]) ** 2))
         )
-        return Fit(solution, objective, covariance)
+        told = np.diag(precision) + means.T @ means
+        expected = np.count_nonzero(finite) + len(means) - float(np.sum(covariance * told)) / self.temper
+        return Fit(solution, objective, covariance, expected)
 
     def with_temper(self, temper: float) -> Regression:
         """Return the same regression with another temper; Grams are shared."""

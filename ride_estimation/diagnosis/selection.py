@@ -42,8 +42,6 @@ _SLACK = 6
 _CLEARLY = 4.0
 #: misfit per degree of freedom above which a model is far from the measurement noise
 _FAR = 1.1
-#: squared deviations from priors, in units of the significance, above which tolerances hold what may be a further cause
-_STRAINED = 4.0
 #: share of its evidence that a further cause must not owe to badly described ones, and its least share of the residual
 _OWN, _MINOR = 0.5, 0.02
 #: share of the original residual that a further cause removes at least, also where that is all that is left
@@ -271,7 +269,7 @@ class Selector:
         settled = self.fitter.fit(accepted.fitted, 3, accepted, settle=True)
         temper = self._common_temper([accepted, settled])
         worse = settled.log_likelihood(temper) < accepted.log_likelihood(temper) - self._settings.significance
-        if not worse and settled.penalty <= _STRAINED * self._settings.significance:
+        if not worse and not settled.strained:
             return settled
         self._hold(held)
         return accepted
@@ -431,7 +429,7 @@ class Selector:
 
         Small faults of sensors hide in tolerances that leave their prior and not in the residual.
         """
-        if accepted.penalty > _STRAINED * self._settings.significance:
+        if accepted.strained:
             return False
         left = (accepted.misfit - self._dof) / max(self.base_misfit - self._dof, 1e-9)
         return left < _MINOR or accepted.misfit < self._dof * (1.0 + 3.0 * np.sqrt(2.0 / self._dof))

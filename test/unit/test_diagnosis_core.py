@@ -369,3 +369,17 @@ def test_a_cause_that_gains_nothing_on_another_run_is_not_named(extended, ci95, 
     other = ValidationGain("other", 0.057, extended, ci95, floor)
     gain = Gain("NRMSE", 0.06, 0.03, 0.01, (other,))
     assert (gained_nothing(gain, Settings()) == "") is named
+
+
+def test_the_expected_penalty_is_the_mean_of_what_a_good_installation_has():
+    """Errors drawn from their priors deviate by ``n - tr(C P)`` on average, not by nothing: from both sides."""
+    rng, blocks, rows, count = np.random.default_rng(5), 4, 30, 12
+    columns = rng.standard_normal((blocks, rows, count)) * np.geomspace(0.03, 3.0, count)
+    std, found = np.ones(count), []
+    for _ in range(200):
+        residual = columns @ rng.standard_normal(count) + rng.standard_normal((blocks, rows))
+        regression = Regression(residual, columns, np.zeros(0), np.zeros((0, count)), std, np.zeros(count))
+        fit = regression.fit(regression.grams, np.arange(blocks))
+        found.append(fit.objective - regression.misfit(regression.grams, np.arange(blocks), fit.coefficients))
+    assert 0.2 * count < fit.expected_penalty < 0.95 * count
+    assert np.mean(found) == pytest.approx(fit.expected_penalty, abs=4.0 * np.std(found) / np.sqrt(200))

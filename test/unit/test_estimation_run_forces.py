@@ -232,6 +232,33 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9
 
 
+def test_a_force_beside_a_law_that_runs_away_is_taken_back(
+    drive_and_forces: tuple[Measurement, Vehicle, RunForces], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, vehicle, _ = drive_and_forces
+    found = run_readings(recording(data), vehicle)
+    part = found.segments[0][: round(12.0 / found.dt)]
+    linear = JointEstimate(found.plant, [part], found.dt)
+    linear.fit()
+    iterate = JointEstimate._iterate
+
+    def runs_away(joint: JointEstimate) -> None:
+        if joint.plant.freed:
+            raise np.linalg.LinAlgError("Singular matrix")
+        iterate(joint)
+
+    def frees(joint: JointEstimate) -> bool:
+        joint.plant = joint.plant.with_free_force(1)
+        return True
+
+    monkeypatch.setattr(JointEstimate, "_iterate", runs_away)
+    monkeypatch.setattr(JointEstimate, "_free_force", frees)
+    trial = JointEstimate(found.plant, [part], found.dt, free_forces=True)
+    trial.fit()
+    assert trial.plant.freed == ()
+    np.testing.assert_allclose(trial.theta, linear.theta, atol=0.1 * np.sqrt(np.diag(linear.covariance)).max())
+
+
 @pytest.mark.slow
 def test_vertical_forces_beside_friction_are_nearer_smoothed_than_live() -> None:
     """The file states stiffness up to 18 % wrong, and the mount with friction carries its weight by it."""
