@@ -102,7 +102,7 @@ class FullFit:
     @property
     def strained(self) -> bool:
         """Whether the tolerances hold more than a good installation has: they may make up for a cause that is not named."""
-        return self.penalty > chi2.isf(_BY_CHANCE, self.expected_penalty)
+        return bool(self.penalty > chi2.isf(_BY_CHANCE, self.expected_penalty))
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
