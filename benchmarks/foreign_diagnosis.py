@@ -174,7 +174,7 @@ def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("foreign.jsonl"))
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/foreign_diagnosis.jsonl"))
     parser.add_argument("--only", nargs="+", default=[])
     parser.add_argument("--summary-only", action="store_true")
     options = parser.parse_args()
@@ -182,6 +182,7 @@ def main() -> None:
     if not folders:
         print(f"{options.folder}: no run with a truth.json; nothing to do")
         return
+    options.out.parent.mkdir(parents=True, exist_ok=True)
     lines = options.out.read_text().splitlines() if options.out.exists() else []
     records = {r["run"]: r for r in map(json.loads, lines)}
     for folder in folders:

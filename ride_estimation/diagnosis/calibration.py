@@ -27,7 +27,7 @@ _STEP_LIMITS = (0.4, 2.5)  # smallest and largest factor of one Gauss-Newton ste
 _EXPLAINED = 1.5  # misfit per degree of freedom up to which CG and inertia are those of the body and not of a missing cause
 _LIMIT = 3.0  # standard deviations of a tolerance beyond which an error is a fault
 _OF_SENSORS = ("gain", "misalignment", "position", "delay")
-_BY_CHANCE = 0.01  # chance that some error of a good installation lies beyond the limit
+BY_CHANCE = 0.01  # chance that a good installation lies beyond a limit: one of its errors, or all of them together
 _HELD = 1e-3  # factor on the standard deviation of a coefficient that is held
 _DAMPED_STD = 0.02  # standard deviation of a damped step of ln k and ln c
 _DAMPED = 3  # largest number of damped steps in which errors of sensors, tilts and bodies are found
@@ -238,7 +238,7 @@ def tolerance_limits(adjustables: Sequence[Adjustable]) -> list[float]:
     of all does so in a hundredth of them.
     """
     count = sum(a.kind in _OF_SENSORS for a in adjustables)
-    of_many = float(stats.norm.isf(0.5 * _BY_CHANCE / max(count, 1)))
+    of_many = float(stats.norm.isf(0.5 * BY_CHANCE / max(count, 1)))
     return [_LIMIT if a.kind == "cg" else max(of_many, _LIMIT) if a.kind in _OF_SENSORS else np.inf for a in adjustables]
 
 

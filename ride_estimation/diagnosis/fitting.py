@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, balanced_columns, faulty_rows, mean_table, port_columns
 from ride_estimation.diagnosis.calibration import (
+    BY_CHANCE,
     Calibrated,
     explains,
     file_parameters,
@@ -40,7 +41,6 @@ _TOLERATED = {
     "sensor_gain": "gain", "sensor_misalignment": "misalignment", "wrong_sensor_position": "position",
     "sensor_delay": "delay", "cg_offset": "cg",
 }  # fmt: skip
-_BY_CHANCE = 0.01  # chance that a good installation strains its tolerances so much that a cause may hide in them
 _MOVES = 0.03  # step of ln k or ln c from which a result is a linearisation of the model that it is a step to
 _RUNAWAY = 1e6  # energy of the residual over that of the calibrated model from which a trial model means nothing
 _MOST_HELD = 0.9  # share of a stiffness or damping that a law of the opposite sign may take away from the linear response
@@ -102,7 +102,7 @@ class FullFit:
     @property
     def strained(self) -> bool:
         """Whether the tolerances hold more than a good installation has: they may make up for a cause that is not named."""
-        return bool(self.penalty > chi2.isf(_BY_CHANCE, self.expected_penalty))
+        return bool(self.penalty > chi2.isf(BY_CHANCE, self.expected_penalty))
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""

@@ -195,7 +195,8 @@ class Regression:
             np.zeros((len(self.mean_residual), q)) if candidate_means is None else np.sqrt(self.temper) * candidate_means,
         ])
         precision = 1.0 / std**2
-        normal = total[:size, :size] + means.T @ means + np.diag(precision)
+        known = means.T @ means + np.diag(precision)
+        normal = total[:size, :size] + known
         right = total[:size, -1] + means.T @ self.mean_residual + precision * offset
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
         factor = cho_factor(normal * np.outer(scale, scale) + 1e-11 * np.eye(size))
@@ -207,8 +208,7 @@ class Regression:
             + self.temper * offset_deviance(float(np.sum((self.mean_residual - means @ solution) ** 2)) / self.temper, len(means))
             + float(np.sum(((solution - offset)[finite] / std[finite]) ** 2))
         )
-        told = np.diag(precision) + means.T @ means
-        expected = np.count_nonzero(finite) + len(means) - float(np.sum(covariance * told)) / self.temper
+        expected = np.count_nonzero(finite) + len(means) - float(np.sum(covariance * known)) / self.temper
         return Fit(solution, objective, covariance, expected)
 
     def with_temper(self, temper: float) -> Regression:

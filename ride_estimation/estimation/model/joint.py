@@ -127,7 +127,7 @@ class JointEstimate:
         first = liveliest(self._raw, round(_FIRST_S / self.dt))
         self._fit_part(first)
         for _ in range(_CAUSES):
-            plant, theta = self.plant, self.theta
+            plant, theta, segments = self.plant, self.theta, self.segments
             if not ((self._free_forces and self._free_force()) or self._widen()):
                 break
             try:
@@ -136,8 +136,7 @@ class JointEstimate:
                 # a force beside the law fed the second order until the numbers ran away: two drawn linear cabs of 26
                 if self.plant.freed == plant.freed:
                     raise
-                self.plant, self.theta, self._free_forces = plant, theta, False
-                self._fit_part(first)
+                self.plant, self.theta, self.segments, self._free_forces = plant, theta, segments, False
         self.segments = [Segment.of(s, self.dt, self.plant) for s in self._raw]
         for _ in range(RENEWALS):
             self.renew()
@@ -151,6 +150,7 @@ class JointEstimate:
         self.covariance = self._relative(out)
 
     def _fit_part(self, part: Array) -> None:
+        """Estimate from one part alone; refuse motion that the second order does not describe."""
         self.segments = [Segment.of(part, self.dt, self.plant)]
         self._iterate()
         if any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments):
