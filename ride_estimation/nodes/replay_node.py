@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import Unpack
 
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -44,6 +45,8 @@ MATCH_S = 0.5
 SETTLED_S = 2.0
 #: time between two looks at who subscribes, and between two lines about the wait [s]
 LOOK_S, REMIND_S = 0.05, 10.0
+#: longest wait at the end until reliable subscribers have everything [s]: what is sent again is lost with the player
+DELIVERY_S = 10.0
 QUEUE = 2000
 
 
@@ -98,8 +101,20 @@ class ReplayNode(Node):
     def _advance(self) -> None:
         self._next = next(self._messages, None)
         if self._next is None:
+            self._deliver()
             self.finished = True
             self.get_logger().info(f"played {self.played} messages")
+
+    def _deliver(self) -> None:
+        """Wait until every reliable subscriber has what was sent, and say where one has not."""
+        end = time.monotonic() + DELIVERY_S
+        late = [
+            topic
+            for topic, publisher in self._topics.items()
+            if not publisher.wait_for_all_acked(Duration(seconds=max(end - time.monotonic(), 0.0)))
+        ]
+        if late:
+            self.get_logger().warning(f"a subscriber has not taken all messages of {', '.join(late)}")
 
     def _ready(self, now: float) -> bool:
         """Return whether to play: whoever is waited for listens, or the wait is over."""

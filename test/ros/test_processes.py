@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -23,6 +24,9 @@ from ros.drive import drive
 from ros.test_lockstep import TRUCK, write_bag
 
 Start = Callable[..., "subprocess.Popen[str]"]
+
+#: how long the estimator stands still, longer than the transport keeps messages and than is left of the run [s]
+STALL_S = 1.6
 
 
 @pytest.fixture
@@ -90,26 +94,39 @@ def test_a_signal_while_compiling_ends_cleanly_and_soon(
 
 
 def test_recorded_run_is_played_into_the_live_estimator(ros_single: Ros, start: Start, tmp_path: Path) -> None:
+    """On reliable topics a node that stands still loses no message; each is used or counted as left out because of load."""
     run = write_bag(tmp_path / "run", [(m.topic, m.type_name, m.stamp_ns, m.payload) for m in drive(load_vehicle(TRUCK), 2.0)])
     listener = ros_single.add(Node("listener", context=ros_single.context, use_global_arguments=False))
     got: list[JointState] = []
     accepted: dict[str, int] = {}
+    taken: dict[str, int] = {}
 
-    def keep_accepted(message: DiagnosticArray) -> None:
+    def keep_counts(message: DiagnosticArray) -> None:
         for status in message.status:
-            accepted.update((status.name, int(pair.value)) for pair in status.values if pair.key == "accepted")
+            counts = {pair.key: pair.value for pair in status.values}
+            if "accepted" in counts:
+                accepted[status.name] = int(counts["accepted"])
+            if "left out because of load" in counts:
+                taken[status.name] = int(counts["received"]) + int(counts["left out because of load"])
 
     listener.create_subscription(JointState, "/ride/estimator/mounts/states", got.append, qos.output(2000))
-    listener.create_subscription(DiagnosticArray, "/diagnostics", keep_accepted, qos.output())
-    estimator = start("estimator_node", "-p", "use_sim_time:=true")
+    listener.create_subscription(DiagnosticArray, "/diagnostics", keep_counts, qos.output())
+    topics = {sensor.topic for sensor in load_vehicle(TRUCK).sensors.values()}
+    reliable = [f"qos_overrides.{topic}.subscription.reliability:=reliable" for topic in sorted(topics)]
+    estimator = start("estimator_node", *(word for given in ["use_sim_time:=true", *reliable] for word in ("-p", given)))
     ros_single.until(lambda: bool(accepted), deadline_s=60.0)  # active, and its topics are matched
     player = start("replay_node", "-p", f"bag:={run}", "-p", "wait_for_subscribers:=60.0")
+    ros_single.until(lambda: max(accepted.values()) > 20, deadline_s=60.0)
+    os.killpg(estimator.pid, signal.SIGSTOP)
+    time.sleep(STALL_S)
+    os.killpg(estimator.pid, signal.SIGCONT)
     ros_single.until(lambda: player.poll() is not None, deadline_s=60.0)
     code, output = end(player, None)
     assert code == 0, output
     assert "played 1600 messages" in output
-    ros_single.until(lambda: min(accepted.values()) == 200, deadline_s=60.0)
-    assert len(accepted) == 8
+    ros_single.until(lambda: min(taken.values()) == 200, deadline_s=60.0)
+    assert len(accepted) == len(taken) == 8
+    assert min(accepted.values()) > 0
     assert got, "estimates are published"
     assert end(estimator, signal.SIGINT)[0] == 0
 
