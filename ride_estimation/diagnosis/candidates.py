@@ -73,7 +73,7 @@ def within(part: Hypothesis, group: Hypothesis) -> bool:
 
 
 def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score]:
-    """Return the best scores, at most two places of one cause.
+    """Return the best scores, at most two places of one cause, and before them what the readings themselves show.
 
     A group of mounts is left out where fewer of them bring nearly as much.
 
@@ -82,12 +82,12 @@ def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score
     least
         So many are kept however far they fall behind the first.
     """
-    out: list[Score] = []
+    out = [s for s in scores if s.hypothesis.seen_in_readings]
     per_cause: dict[str, int] = {}
     if not scores:
         return out
     leading = scores[0].gain
-    for s in scores:
+    for s in (s for s in scores if not s.hypothesis.seen_in_readings):
         if len(out) >= count:
             break
         if s.gain <= 0.0:

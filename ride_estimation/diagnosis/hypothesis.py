@@ -77,6 +77,8 @@ class Hypothesis:
         The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
     shows_in_means
         Mean readings or strained tolerances alone are evidence for it, also beside another cause.
+    seen_in_readings
+        The readings themselves show it: it is fitted whatever its score on the residual of a model that it bends.
     only_alone
         It is so like what calibration adjusts that beside another cause it is no explanation.
     moves_cg
@@ -103,6 +105,7 @@ class Hypothesis:
     plausible: Callable[[Array], bool] = lambda coefficients: True
     run_bound: bool = False
     shows_in_means: bool = False
+    seen_in_readings: bool = False
     only_alone: bool = False
     moves_cg: bool = False
     simulated: Callable[[RunView, Shapes], list[Column]] | None = None

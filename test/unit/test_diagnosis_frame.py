@@ -13,7 +13,7 @@ from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.calibration import file_parameters
 from ride_estimation.diagnosis.characteristic import Family, odd_form
-from ride_estimation.diagnosis.declipping import domes, missing_readings
+from ride_estimation.diagnosis.declipping import missing_readings
 from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion, unseen_tilt
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
@@ -168,33 +168,34 @@ def test_one_faulty_body_sensor_does_not_count_as_noise():
     assert noise_scale(spectrum, motion, stated, frequency, samples, sensors) == pytest.approx(1.0, abs=0.05)
 
 
-def test_cut_base_readings_come_back_as_far_as_the_body_feels_them():
-    vehicle, run = quarter_car(), quarter_car_run(seed=4)
-    plant = build_plant(vehicle, {"body": 3, "base": 3})
-    data = measurement(plant, run)
-    index = [s.name for s in plant.inputs].index("base.z")
-    true = data.inputs[:, index].copy()
-    level = float(true.mean() + 0.8 * np.std(true))
-    data.inputs[:, index] = np.minimum(true, level)
-    view = RunView(RunData(plant, data, Settings()), ModelState(np.array([44e3]), np.array([2e3])))
-    missing, free = missing_readings(view, index, true >= level, 1.0, float(np.std(true)))
-    assert np.all(missing >= 0.0)
-    assert np.all(missing[true < level] == 0.0)
-    assert 0.0 < free < 2.0 * run.rate_hz * float(np.mean(true >= level)) * run.samples / run.rate_hz
-    # what counts is the response of the body, transfer (k + i w c) / (k - m w^2 + i w c)
-    iw = 1j * view.grid.omega
-    transfer = (44e3 + 2e3 * iw) / (44e3 + 2e3 * iw + 400.0 * iw**2) * view.grid.band_weight
-
-    def felt(x: np.ndarray) -> np.ndarray:
-        return view.grid.signal(transfer * view.grid.spectrum(x))[600:-600]
-
-    gone = np.maximum(true - level, 0.0)
-    assert np.std(felt(gone - missing)) < 0.35 * np.std(felt(gone))
+def twisting_frame(rng: np.random.Generator, samples: int = 6000) -> np.ndarray:
+    """Return vertical readings of four corners, shape (N, 4): heave, pitch, roll and a third as much twist, 0.5 to 8 Hz."""
+    frequency = np.fft.rfftfreq(samples, 0.005)[:, None]
+    band = (frequency > 0.5) & (frequency < 8.0)
+    motion = np.fft.irfft(band * np.fft.rfft(rng.normal(size=(samples, 4)), axis=0), samples, axis=0)
+    motion /= motion.std(axis=0)
+    modes = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0], [1.0, -1.0, -1.0, 1.0]])
+    return np.asarray(9.81 + motion @ (modes * [[1.0], [0.6], [0.5], [0.3]]) + 0.01 * rng.normal(size=(samples, 4)))
 
 
-def test_domes_have_unit_height_over_every_cut_run():
-    cut = np.array([False, True, True, True, False, True, False])
-    np.testing.assert_allclose(domes(cut), [0.0, 5 / 9, 1.0, 5 / 9, 0.0, 1.0, 0.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("channels", "left"), [([0, 1, 2, 3], 0.35), ([0], 0.7)])
+def test_cut_readings_come_back_from_the_channels_beside_them(side, channels, left):
+    readings = twisting_frame(np.random.default_rng(4))[:, channels]
+    true = readings[:, 0].copy()
+    level = 9.81 + side * 1.2 * np.std(true)
+    cut = side * (true - level) >= 0.0
+    readings[cut, 0] = level
+    missing = missing_readings(readings, 0, cut, side, 200.0)
+    assert np.all(side * missing >= 0.0)
+    assert np.all(missing[~cut] == 0.0)
+    assert np.std((true - readings[:, 0]) - missing) < left * np.std(true - readings[:, 0])
+
+
+def test_nothing_comes_back_where_nearly_every_reading_is_cut():
+    readings = twisting_frame(np.random.default_rng(4), 200)
+    cut = np.arange(200) > 6
+    assert not np.any(missing_readings(readings, 0, cut, 1.0, 200.0))
 
 
 @pytest.mark.parametrize("family", [Family.SATURATING, Family.GROWING, Family.BULGE])

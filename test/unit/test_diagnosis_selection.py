@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import types
 
@@ -125,6 +126,14 @@ def test_a_group_of_mounts_competes_only_where_it_brings_more_than_its_best_moun
     short = shortlist([everything, single], 6)
     assert (everything in short) is kept
     assert single in short
+
+
+def test_what_readings_themselves_show_is_fitted_whatever_its_score():
+    seen = score("sensor_clipping", "chassis_front_left", (), -1.0)
+    seen = dataclasses.replace(seen, hypothesis=dataclasses.replace(seen.hypothesis, seen_in_readings=True))
+    others = [score(f"cause_{i}", "front_left", (), 100.0 - i) for i in range(6)]
+    assert shortlist([*others, seen], 6) == [seen, *others[:5]]
+    assert shortlist([], 6) == []
 
 
 def test_the_form_of_a_law_limits_how_sure_a_lead_is():

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.declipping import domes, missing_readings
+from ride_estimation.diagnosis.declipping import missing_readings
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
 from ride_estimation.diagnosis.run_view import RunView
@@ -18,6 +18,9 @@ from ride_estimation.diagnosis.sensor_extension import limit_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+#: distance from a level within which a reading is cut, share of the standard deviation of its channel: noise of the filter behind it
+_NEAR = 0.02
 
 
 def flat_tops(values: np.ndarray, limits: np.ndarray) -> list[tuple[float, float]]:
@@ -40,7 +43,7 @@ def flat_tops(values: np.ndarray, limits: np.ndarray) -> list[tuple[float, float
             out.append((side, side * limit))
             continue
         level = float(np.max(side * values))
-        width = max(0.02 * spread, 1e-9)
+        width = max(_NEAR * spread, 1e-9)
         near = int(np.count_nonzero(side * values > level - width))
         below = int(np.count_nonzero((side * values > level - 3.0 * width) & (side * values <= level - width)))
         if near >= 8 and near > 2 * below:
@@ -75,31 +78,23 @@ class SensorClipping(Cause):
         out: list[Hypothesis] = []
         plant = view.plant
         for sensor in plant.sensors:
-            hits = [
-                (from_input, i, side, level)
-                for from_input, i, values, limits in _channels(view, sensor) for side, level in flat_tops(values, limits)
-            ]
+            hits = _hits(view, sensor)
             if not hits:
                 continue
 
-            def columns(view: RunView, shape: Shapes, h: list[tuple[bool, int, float, float]] = hits) -> list[Column]:
-                return [tuple(_cut(view, *hit, height=float(shape["dome"])) for hit in h)]
+            def columns(view: RunView, shape: Shapes, sensor: str = sensor) -> list[Column]:
+                return [tuple(_cut(view, *hit) for hit in _hits(view, sensor))]
 
             largest = max(hits, key=lambda hit: abs(hit[3]))
             component = (plant.inputs if largest[0] else plant.outputs)[largest[1]].component
             axis = axis_name(component) if len({hit[1] for hit in hits}) == 1 else ""
-            height, free = _drawn(view, hits)
-            out.append(
-                Hypothesis(
-                    self.ID, sensor, axis, columns, ({"dome": height},), signs=(Sign.POSITIVE,), complexity=free, run_bound=True
-                )
-            )
+            out.append(Hypothesis(self.ID, sensor, axis, columns, signs=(Sign.POSITIVE,), seen_in_readings=True))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the level at which readings are cut [m/s^2] and the share of the predicted excess that is missing."""
         location = fitted.hypothesis.location
-        levels = [abs(level) for _, _, values, limits in _channels(view, location) for _, level in flat_tops(values, limits)]
+        levels = [abs(level) for *_, level in _hits(view, location)]
         level = float(max(levels, default=float("nan")))
         out = [Reported("missing share of the peaks", float(fitted.coefficients[0]), fitted.std(0), "-")]
         return (Reported("clipping level", level, 0.01 * level, "m/s^2"), *out) if levels else tuple(out)
@@ -110,34 +105,19 @@ class SensorClipping(Cause):
         return limit_sensor(vehicle, fitted.hypothesis.location, level.value)
 
 
-def _cut(view: RunView, from_input: bool, index: int, side: float, level: float, height: float) -> Effect:
-    """Return what clipping takes from a channel.
+def _hits(view: RunView, sensor: str) -> list[tuple[bool, int, float, float]]:
+    """Return (whether input, row, side, level) of the channels of a sensor that are cut."""
+    return [
+        (from_input, i, side, level)
+        for from_input, i, values, limits in _channels(view, sensor) for side, level in flat_tops(values, limits)
+    ]
 
-    Of an output: the predicted excess. Of an input: what the residual says about the samples at the level; where the outputs
-    may not be looked at, a dome of the height found before.
-    """
+
+def _cut(view: RunView, from_input: bool, index: int, side: float, level: float) -> Effect:
+    """Return what clipping takes from a channel: of the body by the model, of the bases by the channels beside it."""
     if not from_input:
         total = view.grid.signal(view.model.ideal_spectrum[:, [index]])[:, 0] + view.data.output_mean[index]
         return Effect(Where.OUTPUT, index, -side * np.maximum(side * total - level, 0.0))
-    cut, spread = _at_level(view, index, side, level)
-    if view.sees_outputs:
-        return Effect(Where.INPUT, index, missing_readings(view, index, cut, side, spread)[0])
-    return Effect(Where.INPUT, index, side * height * domes(cut))
-
-
-def _at_level(view: RunView, index: int, side: float, level: float) -> tuple[NDArray[np.bool_], float]:
-    """Return the samples of an input at the level, and its spread."""
-    values = side * view.data.measured.inputs[:, index]
-    spread = float(np.std(values))
-    return values > level - 0.02 * spread, spread
-
-
-def _drawn(view: RunView, hits: list[tuple[bool, int, float, float]]) -> tuple[float, float]:
-    """Return the height of the missing peaks of inputs [m/s^2], and how many values the data gave."""
-    product, square, free = 0.0, 1e-300, 0.0
-    for _, index, side, level in (hit for hit in hits if hit[0]):
-        cut, spread = _at_level(view, index, side, level)
-        missing, values_drawn = missing_readings(view, index, cut, side, spread)
-        dome = side * domes(cut)
-        product, square, free = product + float(missing @ dome), square + float(dome @ dome), free + values_drawn
-    return product / square, free
+    readings = view.data.measured.inputs
+    cut = side * readings[:, index] > level - _NEAR * float(np.std(readings[:, index]))
+    return Effect(Where.INPUT, index, missing_readings(readings, index, cut, side, view.data.measured.rate_hz))
