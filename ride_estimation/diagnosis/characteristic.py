@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 from collections.abc import Sequence
 
@@ -33,6 +34,8 @@ class Family(enum.IntEnum):
 #: two causes would otherwise hold the same law. Friction is rounded over a tenth of the usual rate at most, the knee of a
 #: damper lies at two fifths of it at least; this is the geometric mean
 LEAST_RATE_SCALE = 0.2
+_STEP = 1e-4  # of the slope at an end, share of the reach
+_LEAST = 1e-15  # reach of a port that does not move [m or m/s]
 _LIMIT = 6.0  # argument of the growing form, where doubles would overflow long after any data
 
 
@@ -72,6 +75,21 @@ def characteristic_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array
     return [odd, u**2]
 
 
+def straight_beyond(u: Array, reach: float, shape: Shapes, over_rate: bool) -> list[Array]:
+    """Return the forms of a characteristic, straight beyond ``-reach .. reach``: no run has told how it goes on there.
+
+    A growing form that softens a spring within the strokes of a run turns its force round a little further out. The table of the
+    extended vehicle file goes on straight too.
+    """
+    inner = np.clip(u, -reach, reach)
+    ends = np.array([-1.0, -1.0 + _STEP, 1.0 - _STEP, 1.0]) * reach
+    out = []
+    for form, end in zip(*(characteristic_forms(at, shape, over_rate) for at in (inner, ends))):
+        low, high = (end[1] - end[0]) / (_STEP * reach), (end[3] - end[2]) / (_STEP * reach)
+        out.append(np.asarray(form + np.where(u > 0.0, high, low) * (u - inner)))
+    return out
+
+
 def characteristic_hypotheses(
     view: RunView, cause: str, forms: Sequence[tuple[Family, float]], over_rate: bool
 ) -> list[Hypothesis]:
@@ -85,15 +103,19 @@ def characteristic_hypotheses(
         The characteristic is one over rate, not over deflection.
     """
     grid = tuple({"family": float(family), "scale": scale} for family, scale in forms)
+    reach = np.maximum(np.max(np.abs(view.strokes[1 if over_rate else 0]), axis=0), _LEAST)
 
     def build(group: PortGroup) -> Hypothesis:
         def columns(view: RunView, shape: Shapes) -> list[Column]:
-            def law(x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:
-                u = v / v_rms if over_rate else x / x_rms
-                odd, *even = characteristic_forms(u, shape, over_rate)
-                return [odd, *(form - np.mean(form) for form in even)]
+            out: list[Column] = []
+            for p in group.ports:
+                def law(x: Array, v: Array, x_rms: float, v_rms: float, known: float = reach[p]) -> list[Array]:
+                    u, rms = (v, v_rms) if over_rate else (x, x_rms)
+                    odd, *even = straight_beyond(u / rms, known / rms, shape, over_rate)
+                    return [odd, *(form - np.mean(form) for form in even)]
 
-            return force_columns(view, group, law)
+                out += force_columns(view, dataclasses.replace(group, ports=(p,)), law)
+            return out
 
         bounds = (Shape("scale", 1.0, LEAST_RATE_SCALE if over_rate else 0.1, 6.0),)
         return Hypothesis(cause, group.location, group.axis, columns, grid, bounds, complexity=1.0, ports=group.ports)

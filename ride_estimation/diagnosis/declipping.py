@@ -21,8 +21,9 @@ def missing_readings(readings: Array, index: int, cut: NDArray[np.bool_], side: 
     """Return what is missing from a channel where it was cut, shape (N,).
 
     A frame that hardly deforms moves all its sensors together: the channel is a linear combination of the others plus a rest,
-    ``x = A b + d``, b by least squares over the samples that are not cut. At the cut ones d is the conditional mean of a stationary
-    Gaussian signal given its other samples, ``min sum |D(f)|^2 / P(f)``, P its power spectrum. Parts of the wrong sign are dropped.
+    ``x = A b + d``, b by least squares over the samples that are not cut. At the cut ones d is the conditional mean of a
+    stationary Gaussian signal given its other samples, ``min sum |D(f)|^2 / P(f)``, P its power spectrum. Parts of the wrong
+    sign are dropped.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ def add_damper_curve(
     extra
         Force beyond ``damping * rate`` [N].
     """
-    reach = 1.2 * float(np.max(np.abs(rate)))
+    reach = float(np.max(np.abs(rate)))
     half = reach * np.array([0.01, 0.03, 0.06, 0.1, 0.16, 0.25, 0.4, 0.6, 0.8, 1.0])
     points = np.concatenate([-half[::-1], [0.0], half])
     total = damping * points + extra(points) - extra(np.zeros(1))[0]

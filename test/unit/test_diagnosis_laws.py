@@ -8,7 +8,8 @@ import pytest
 from diagnosis_runs import GRAVITY, MASS, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.causes.bump_stop import BumpStop, _hardening
-from ride_estimation.diagnosis.characteristic import Family, characteristic_forms
+from ride_estimation.diagnosis.causes.stiffness_nonlinearity import StiffnessNonlinearity
+from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, straight_beyond
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.extension import parts_of
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
@@ -44,6 +45,39 @@ def test_both_parts_of_a_growing_spring_make_one_that_stiffens_in_one_direction_
     u, shape = np.linspace(-3.0, 3.0, 61), {"family": float(Family.GROWING), "scale": 1.3}
     both = sum(characteristic_forms(u, shape, over_rate=False))
     np.testing.assert_allclose(both, 1.3 * np.expm1(u / 1.3), atol=1e-12)
+
+
+@pytest.mark.parametrize("over_rate", [False, True])
+@pytest.mark.parametrize("family", list(Family))
+def test_a_characteristic_goes_on_straight_where_the_run_never_was(family, over_rate):
+    u, shape, reach = np.linspace(-9.0, 9.0, 3601), {"family": float(family), "scale": 0.9}, 3.0
+    known = np.abs(u) <= reach
+    for form, straight in zip(characteristic_forms(u, shape, over_rate), straight_beyond(u, reach, shape, over_rate)):
+        np.testing.assert_array_equal(straight[known], form[known])
+        for beyond, edge in ((u > reach, slice(-2, None)), (u < -reach, slice(0, 2))):
+            slope, last = np.diff(straight[beyond]) / np.diff(u[beyond]), np.diff(form[known][edge]) / 0.005
+            np.testing.assert_allclose(slope, slope[0], rtol=1e-6, atol=1e-9)
+            np.testing.assert_allclose(slope[0], last[0], rtol=0.01, atol=1e-3)
+
+
+def test_a_spring_that_softens_on_a_road_does_not_turn_its_force_round_on_a_rougher_one():
+    vehicle, run = quarter_car(), quarter_car_run(seed=4)
+    plant, state = build_plant(vehicle, {"body": 3, "base": 3}), ModelState(np.array([44e3]), np.array([2e3]))
+    data = measurement(plant, run)
+    view = RunView(RunData(plant, data, Settings()), state)
+    spring = StiffnessNonlinearity().hypotheses(view)[0]
+    for signals in (data.outputs, data.inputs):
+        signals[:] = signals.mean(axis=0) + 3.0 * (signals - signals.mean(axis=0))
+    rougher = RunView(RunData(plant, data, Settings()), state, scales=view.scales)
+    forces = [
+        spring.columns(at, {"family": float(Family.GROWING), "scale": 0.9})[0][0].signal[at.data.block_window(np.arange(4)) > 0.0]
+        for at in (view, rougher)
+    ]
+    reach = float(np.max(np.abs(view.strokes[0][:, 0]))) / view.scales[0][0]
+    # three times the stroke: at most the last slope on top, where the form itself would be thousands of times larger
+    slope = float(np.cosh(reach / 0.9))
+    assert np.max(np.abs(forces[1])) < np.max(np.abs(forces[0])) + 2.5 * slope * reach
+    assert 0.9 * np.sinh(3.0 * reach / 0.9) > 20.0 * np.max(np.abs(forces[1]))
 
 
 @pytest.mark.parametrize(("mass", "means"), [(150.0, True), (250.0, False)])

@@ -19,7 +19,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-#: distance from a level within which a reading is cut, share of the standard deviation of its channel: noise of the filter behind it
+#: distance from a level within which a reading counts as cut, share of the standard deviation of its channel: a filter follows
 _NEAR = 0.02
 
 

@@ -75,7 +75,7 @@ class StiffnessNonlinearity(Cause):
             port = view.plant.ports[p]
             x = view.strokes[0][:, p]
             x_rms = view.scales[p][0]
-            grid = np.linspace(1.3 * x.min(), 1.3 * x.max(), 41)
+            grid = np.linspace(x.min(), x.max(), 41)
             u = grid / x_rms
             pair = fitted.coefficients[2 * i : 2 * i + 2]
             force = pair @ np.stack(characteristic_forms(u, fitted.shape, over_rate=False))
