@@ -14,6 +14,7 @@ from ride_estimation.diagnosis.run_view import RunView
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+_PARTS = 8  # of a run, whose frequencies are compared
 _PEAK_OVER_MEDIAN = 12.0  # chi-square of 24 degrees of freedom exceeds 12 x its median with probability below 1e-40
 
 
@@ -79,3 +80,15 @@ def tracked_phase(view: RunView, line: Line) -> Array:
     full[view.grid.first : view.grid.last] = pattern
     analytic = np.fft.ifft(full)[: view.grid.samples]
     return np.asarray(np.unwrap(np.angle(analytic)))
+
+
+def mean_frequency(phase: Array, view: RunView) -> tuple[float, float]:
+    """Return the mean frequency of a phase over the run and its standard deviation [Hz], without the faded ends.
+
+    The standard deviation is that of the mean of parts of the run whose frequencies scatter: a machine does not turn at one speed.
+    """
+    trim = round(view.settings.trim_s * view.grid.rate_hz)
+    edges = np.linspace(trim, len(phase) - 1 - trim, _PARTS + 1).round().astype(int)
+    cycles, seconds = phase[edges] / (2.0 * np.pi), view.data.time_s[edges]
+    scatter = float(np.std(np.diff(cycles) / np.diff(seconds), ddof=1)) / _PARTS**0.5
+    return float((cycles[-1] - cycles[0]) / (seconds[-1] - seconds[0])), scatter

@@ -327,20 +327,20 @@ def test_of_many_errors_more_is_chance():
 
 def test_stated_probability_counts_what_no_library_lists():
     settings = Settings(unknown_probability=0.1, further_cause=0.2)
-    # Lomax with a mean m and three degrees: 1.5 / m (1 + r / 2 m)^-4; a mimic leaves anything, over ln 200 orders of magnitude
-    # nothing left: only what a law of general form might still explain, half a per cent
+    # Lomax with a mean m and three degrees: 1.5 / m (1 + r / 2 m)^-4; a mimic leaves anything
+    # nothing left: only what a law of general form might still explain, 1.3 % on average beside a right law, log-uniform for a mimic
     certain = within_library(1, 0.0, NO_LAW, settings)
-    assert certain == pytest.approx(9.0 / (9.0 + 1.0 / (1.5 * np.log(200.0))))
+    assert certain == pytest.approx(9.0 / (9.0 + 1.0 / (1.5 * np.log(1.0 / 0.013))))
     # odds of an unknown effect against two causes: five times as likely
     assert 1.0 / within_library(2, 0.0, NO_LAW, settings) - 1.0 == pytest.approx(5.0 * (1.0 / certain - 1.0))
     # a right cause leaves 5 % on average, a mimic anything
     assert within_library(1, 0.3, NO_LAW, settings) == pytest.approx(9.0 / (9.0 + 0.05 / 1.5 * 4.0**4))
     # nobody knows how far real laws are from a library: what explains half of an effect is not impossible
     assert 0.1 < within_library(1, 0.5, NO_LAW, settings) < 0.25
-    # a law of general form explains 3 % more: six times the mean of a right cause, three times where 15 % are left by something
-    refuted, doubted = (within_library(1, 0.0, FreeLaw("mount", "z", 0.03, left), settings) for left in (0.0, 0.15))
-    assert refuted == pytest.approx(9.0 / (9.0 + 4.0**4 / (1.5 * 6.0 * np.log(200.0))))
-    assert doubted == pytest.approx(9.0 / (9.0 + 2.5**4 / (1.5 * 3.0 * np.log(200.0))))
+    # a law of general form explains 7.8 % more: six times the mean of a right cause, three times where 39 % are left by something
+    refuted, doubted = (within_library(1, 0.0, FreeLaw("mount", "z", 0.078, left), settings) for left in (0.0, 0.39))
+    assert refuted == pytest.approx(9.0 / (9.0 + 4.0**4 / (1.5 * 6.0 * np.log(1.0 / 0.013))))
+    assert doubted == pytest.approx(9.0 / (9.0 + 2.5**4 / (1.5 * 3.0 * np.log(1.0 / 0.013))))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.lines import residual_lines, tracked_phase
+from ride_estimation.diagnosis.lines import mean_frequency, residual_lines, tracked_phase
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -43,7 +43,8 @@ class HarmonicDisturbance(Cause):
 
                 # the phase was drawn from the data: two numbers per second of track bandwidth
                 bandwidth = 2.0 * line.half_width_hz * float(view.data.time_s[-1])
-                grid = ({"frequency": line.frequency_hz},)
+                frequency, spread = mean_frequency(phase, view)
+                grid = ({"frequency": frequency, "spread": spread},)
                 out.append(Hypothesis(self.ID, body, "", columns, grid, complexity=bandwidth, run_bound=True))
         return out
 
@@ -51,10 +52,9 @@ class HarmonicDisturbance(Cause):
         """Return frequency [Hz] and force or moment amplitude along the strongest coordinate."""
         strongest, amplitudes = strongest_coordinate(view, fitted)
         unit = "N" if strongest < 3 else "N m"
-        resolution = 1.0 / float(view.data.time_s[-1])
         name = COORDINATES[strongest]
         return (
-            Reported("frequency", float(fitted.shape["frequency"]), resolution, "Hz"),
+            Reported("frequency", float(fitted.shape["frequency"]), float(fitted.shape["spread"]), "Hz"),
             Reported(f"amplitude {name}", float(amplitudes[strongest]), fitted.std(0), unit),
         )
 
