@@ -85,7 +85,7 @@ def tracked_phase(view: RunView, line: Line) -> Array:
 def mean_frequency(phase: Array, view: RunView) -> tuple[float, float]:
     """Return the mean frequency of a phase over the run and its standard deviation [Hz], without the faded ends.
 
-    The standard deviation is that of the mean of parts of the run whose frequencies scatter: a machine does not turn at one speed.
+    The standard deviation is that of the mean of parts of the run whose frequencies scatter: no machine turns at one speed.
     """
     trim = round(view.settings.trim_s * view.grid.rate_hz)
     edges = np.linspace(trim, len(phase) - 1 - trim, _PARTS + 1).round().astype(int)

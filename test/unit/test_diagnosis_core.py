@@ -328,7 +328,7 @@ def test_of_many_errors_more_is_chance():
 def test_stated_probability_counts_what_no_library_lists():
     settings = Settings(unknown_probability=0.1, further_cause=0.2)
     # Lomax with a mean m and three degrees: 1.5 / m (1 + r / 2 m)^-4; a mimic leaves anything
-    # nothing left: only what a law of general form might still explain, 1.3 % on average beside a right law, log-uniform for a mimic
+    # nothing left: only what a law of general form might still explain, 1.3 % beside a right law, any order for a mimic
     certain = within_library(1, 0.0, NO_LAW, settings)
     assert certain == pytest.approx(9.0 / (9.0 + 1.0 / (1.5 * np.log(1.0 / 0.013))))
     # odds of an unknown effect against two causes: five times as likely
