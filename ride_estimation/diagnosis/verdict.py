@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -65,8 +66,8 @@ def name_causes(
         confidence, rivals = _weigh(contest, blocks)
         axis = fitted.hypothesis.axis or _axis_of(view, fitted)
         named = NamedCause(
-            fitted.hypothesis.cause, fitted.hypothesis.location, axis, cause.parameters(view, fitted), confidence, rivals,
-            cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
+            fitted.hypothesis.cause, fitted.hypothesis.location, axis, weighed_sizes(cause.parameters(view, fitted), view),
+            confidence, rivals, cause.WOULD_REFUTE, cause.MEASURE_NEXT, cause.QUESTION,
         )
         out.append((_strength(accepted, fitted, blocks), named))
     if soft is not None:
@@ -79,6 +80,20 @@ def name_causes(
         )
         out.append((0.0, named))
     return tuple(named for _, named in sorted(out, key=lambda item: -item[0]))
+
+
+def weighed_sizes(sizes: Sequence[Reported], view: RunView) -> tuple[Reported, ...]:
+    """Return sizes whose standard deviations hold that of the mass of the vehicle file.
+
+    Accelerations tell forces and masses in proportion to the mass of the body, ``var(F) += F^2 var(m) / m^2``; of several bodies
+    that of the one least known counts.
+    """
+    masses = [body.mass for body in view.plant.vehicle.bodies.values()]
+    shares = [mass.std / mass.value for mass in masses if mass.std is not None and math.isfinite(mass.std)]
+    share = max(shares, default=0.0)
+    return tuple(
+        dataclasses.replace(r, std=math.hypot(r.std, share * r.value)) if r.unit in ("N", "N m", "kg") else r for r in sizes
+    )
 
 
 def within_library(count: int, remaining: float, law: FreeLaw, settings: Settings) -> float:

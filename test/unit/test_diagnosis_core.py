@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import types
 
 import numpy as np
@@ -20,7 +21,7 @@ from ride_estimation.diagnosis.calibration import (
 )
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.hypothesis import Sign
+from ride_estimation.diagnosis.hypothesis import Reported, Sign
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import noise_scale, temper_of
@@ -37,7 +38,7 @@ from ride_estimation.diagnosis.selection import Candidate, beyond_tolerance
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
-from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, shows_elsewhere, within_library
+from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, shows_elsewhere, weighed_sizes, within_library
 from ride_estimation.frames import rotation_matrices
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.signals.recording import UniformRun
@@ -323,6 +324,19 @@ def test_of_many_errors_more_is_chance():
     limits = tolerance_limits([Adjustable("gain", f"s{i}", "x", 0.1) for i in range(100)])
     draws = np.abs(np.random.default_rng(5).standard_normal((20000, 100))).max(axis=1)
     assert np.mean(draws > limits[0]) == pytest.approx(0.01, abs=0.002)  # three standard errors of a rate of 1 % in 20 000
+
+
+@pytest.mark.parametrize(("mass_std", "share"), [(None, 0.0), (8.0, 0.02), (math.inf, 0.0)])
+def test_forces_and_masses_are_known_no_better_than_the_mass_of_the_file(mass_std, share):
+    vehicle = quarter_car()
+    body = vehicle.bodies["body_mass"]
+    mass = dataclasses.replace(body.mass, value=400.0, std=mass_std)
+    bodies = {"body_mass": dataclasses.replace(body, mass=mass)}
+    view = types.SimpleNamespace(plant=types.SimpleNamespace(vehicle=dataclasses.replace(vehicle, bodies=bodies)))
+    sizes = [Reported("amplitude z", -150.0, 4.0, "N"), Reported("added mass", 20.0, 0.3, "kg"), Reported("gap", 0.1, 0.01, "m")]
+    stated = weighed_sizes(sizes, view)
+    assert [r.std for r in stated] == pytest.approx([math.hypot(4.0, 150.0 * share), math.hypot(0.3, 20.0 * share), 0.01])
+    assert [(r.name, r.value, r.unit) for r in stated] == [(r.name, r.value, r.unit) for r in sizes]
 
 
 def test_stated_probability_counts_what_no_library_lists():
