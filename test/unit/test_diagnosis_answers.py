@@ -215,8 +215,8 @@ def test_several_causes_that_rather_mimic_one_unlisted_effect_explain_nothing(mo
     monkeypatch.setattr(chain, "remaining_energy", lambda work, base, gain: (0.0, 0.0))
     monkeypatch.setattr(chain, "left_elsewhere", lambda gain: 0.001)
     work = SimpleNamespace(settings=Settings())
-    judged = SimpleNamespace(refuted=False, gain=None, law=FreeLaw("all", "x", 0.05))
-    # a law of another form explains five per cent more: one cause may have that form, two have less than one in five
+    judged = SimpleNamespace(refuted=False, gain=None, law=FreeLaw("all", "x", 0.075))
+    # a law of another form explains 7.5 % more: one cause may have that form, two have less than one in five
     assert chain._verdict(work, None, judged, (None,))[0] == "explained"
     verdict, _, known = chain._verdict(work, None, judged, (None, None))
     assert verdict == "unexplained" and known < 0.2
