@@ -14,7 +14,6 @@ Array = NDArray[np.float64]
 _SEGMENT_S = 5.0
 #: power below which a frequency of the rest counts as noise, share of the largest
 _FLOOR = 1e-6
-_SETTLED = 1e-4  # residual of the linear system, relative
 
 
 def missing_readings(readings: Array, index: int, cut: NDArray[np.bool_], side: float, rate_hz: float) -> Array:
@@ -54,5 +53,5 @@ def missing_readings(readings: Array, index: int, cut: NDArray[np.bool_], side: 
         return np.asarray(np.fft.irfft(weight * np.fft.rfft(np.ravel(signal)), samples) * cut)
 
     masked = LinearOperator((samples, samples), matvec=whitened, dtype=float)
-    rest = known + cut * cg(masked, -whitened(known), x0=rest * cut, rtol=_SETTLED)[0]
+    rest = known + cut * cg(masked, -whitened(known), x0=rest * cut, atol=0.0)[0]
     return np.asarray(side * np.maximum(side * (together + rest - readings[:, index]), 0.0) * cut)
