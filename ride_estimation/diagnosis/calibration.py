@@ -58,6 +58,17 @@ class Calibrated:
     blocks: IntArray
     held: Mapping[int, float] = dataclasses.field(default_factory=dict)
 
+    @property
+    def penalty(self) -> float:
+        """Return the squared deviations from priors and mean readings."""
+        misfit = self.regression.misfit(self.regression.grams, self.blocks, self.fit.coefficients)
+        return float(self.fit.objective - misfit) / self.regression.temper
+
+    @property
+    def strained(self) -> bool:
+        """Return whether the tolerances hold more than a good installation has."""
+        return strained(self.penalty, self.fit.expected_penalty)
+
     def log_std(self, kind: str) -> Array:
         """Return the standard deviation of ln k or ln c of every port, shape (P,)."""
         out = np.full(len(self.view.plant.ports), np.inf)
@@ -65,6 +76,11 @@ class Calibrated:
             if a.kind == kind:
                 out[self.view.port_index(a.place, a.axis)] = np.sqrt(max(self.fit.covariance[i, i], 0.0))
         return out
+
+
+def strained(penalty: float, expected: float) -> bool:
+    """Return whether squared deviations from priors and mean readings are more than a good installation has, chi-squared."""
+    return bool(penalty > stats.chi2.isf(BY_CHANCE, expected))
 
 
 def file_parameters(plant: Plant) -> tuple[Array, Array]:

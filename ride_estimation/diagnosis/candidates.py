@@ -73,7 +73,7 @@ def within(part: Hypothesis, group: Hypothesis) -> bool:
 
 
 def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score]:
-    """Return the best scores, at most two places of one cause, and before them what the readings themselves show.
+    """Return the best scores, two of each of two places of one cause at most, and before them what the readings show.
 
     A group of mounts is left out where fewer of them bring nearly as much.
 
@@ -83,7 +83,7 @@ def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score
         So many are kept however far they fall behind the first.
     """
     out = [s for s in scores if s.hypothesis.seen_in_readings]
-    per_cause: dict[str, int] = {}
+    places: dict[str, list[str]] = {}
     if not scores:
         return out
     leading = scores[0].gain
@@ -92,11 +92,13 @@ def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score
             break
         if s.gain <= 0.0:
             continue
-        if per_cause.get(s.hypothesis.cause, 0) >= 2 or _fewer_are_enough(s, scores):
+        places_of_cause = places.setdefault(s.hypothesis.cause, [])
+        here = places_of_cause.count(s.hypothesis.location)
+        if here >= 2 or (not here and len(set(places_of_cause)) >= 2) or _fewer_are_enough(s, scores):
             continue
         if len(out) >= least and s.gain < 0.15 * leading:
             break
-        per_cause[s.hypothesis.cause] = per_cause.get(s.hypothesis.cause, 0) + 1
+        places_of_cause.append(s.hypothesis.location)
         out.append(s)
     return out
 

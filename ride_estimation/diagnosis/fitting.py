@@ -8,11 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, balanced_columns, faulty_rows, mean_table, port_columns
 from ride_estimation.diagnosis.calibration import (
-    BY_CHANCE,
     Calibrated,
     explains,
     file_parameters,
@@ -22,6 +20,7 @@ from ride_estimation.diagnosis.calibration import (
     seen_from,
     step_factor,
     stepped,
+    strained,
 )
 from ride_estimation.diagnosis.effect import Column, Effect, Where, combined_effects
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes
@@ -102,7 +101,7 @@ class FullFit:
     @property
     def strained(self) -> bool:
         """Whether the tolerances hold more than a good installation has: they may make up for a cause that is not named."""
-        return bool(self.penalty > chi2.isf(BY_CHANCE, self.expected_penalty))
+        return strained(self.penalty, self.expected_penalty)
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""

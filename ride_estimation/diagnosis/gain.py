@@ -64,9 +64,10 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     """Return whether the accepted causes explain more of some channel than a model that counts as right may miss.
 
     With little noise and a long run the score tests see errors of a thousandth, which every model has. Judged where nothing
-    was fitted.
+    was fitted. A model that explains the run with more than a good installation has says nothing about what the causes explain.
     """
-    if not _in_band(work.selection.accepted):
+    accepted = work.selection.accepted
+    if not _in_band(accepted) or (work.calibrated.strained and accepted is not None and not accepted.strained):
         return True
     inside = base.view.data.block_window(extended.told(work.splits.judge))[:, None]
     parts = (base.residual(), extended.residual(), base.measured())

@@ -180,7 +180,7 @@ class Selector:
         self.base_misfit = regression.misfit(regression.grams, self._blocks, fit.coefficients)
         alone = regression.fit(regression.grams, splits.fit)
         self._base_held_out = regression.misfit(regression.grams, splits.select, alone.coefficients)
-        self._base_penalty = (fit.objective - self.base_misfit) / regression.temper
+        self._base_penalty = calibrated.penalty
 
     @property
     def base_excess(self) -> float:

@@ -39,8 +39,10 @@ def delay_sensors(vehicle: Vehicle, sensors: Sequence[str], delay: float) -> Ext
     return _corrected(vehicle, changes)
 
 
-def scale_sensor(vehicle: Vehicle, view: RunView, sensor: str, axes: Sequence[int], error: float) -> Extended:
-    """Return the vehicle with a sensor that reads ``1 + error`` times too much about its value at rest.
+def scale_sensor(
+    vehicle: Vehicle, view: RunView, sensor: str, axes: Sequence[int], error: float, trimmed: bool = True
+) -> Extended:
+    """Return the vehicle with a sensor that reads ``1 + error`` times too much, about its value at rest where that was trimmed.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def scale_sensor(vehicle: Vehicle, view: RunView, sensor: str, axes: Sequence[in
     rest = _at_rest(old, vehicle.gravity, channels)
     for i in _places(axes, channels):
         gain[i] *= 1.0 + error
-        bias[i] -= before.gains(channels)[i] * error * rest[i]
+        bias[i] -= before.gains(channels)[i] * error * rest[i] if trimmed else 0.0
     return _corrected(vehicle, {sensor: _with_values(old.correction, gain, bias)})
 
 

@@ -37,8 +37,9 @@ _INSTANTS, _NEIGHBOURS = 20, 1.5
 #: body bounces hardly makes it bounce
 _TAKES, _TAKES_WITHIN = 0.5, (0.05, 10.0)
 #: a load: standard deviation of a mass that the file states without one, standard deviations that one from the start is
-#: beyond, the largest share of the body that comes or goes and its largest distance from the CG [m]
-_WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 3.0
+#: beyond, the largest share of the body that comes or goes and its largest distance from the CG as a multiple of that of the
+#: farthest mount or sensor: what a moment needs farther out is a CG that lies elsewhere
+_WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 1.5
 _CONSTANT = "from the start"
 
 
@@ -80,10 +81,10 @@ class MassChange(Cause):
 
             mass = view.plant.vehicle.bodies[body].mass
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
-            moments = len(_moment_axes(view, body))
+            moments, reach = len(_moment_axes(view, body)), _REACH * _extent(view.plant.vehicle, body)
 
-            def on_the_body(coefficients: Array, count: int = moments) -> bool:
-                return bool(np.all(np.abs(coefficients[1 : 1 + count]) <= _REACH * abs(float(coefficients[0]))))
+            def on_the_body(coefficients: Array, count: int = moments, reach: float = reach) -> bool:
+                return bool(np.all(np.abs(coefficients[1 : 1 + count]) <= reach * abs(float(coefficients[0]))))
 
             def plausible(coefficients: Array, least: float = known, near: Callable[[Array], bool] = on_the_body) -> bool:
                 return abs(float(coefficients[0])) >= least and near(coefficients)
@@ -154,6 +155,13 @@ class _AlwaysThere:
         found = [column for column in columns if column]
         self._last = weakref.ref(view), found
         return found
+
+
+def _extent(vehicle: Vehicle, body: str) -> float:
+    """Return the distance of the farthest mount or sensor of a body from its CG [m]."""
+    ends = [m.position for m in vehicle.mounts.values() if body in (m.body, m.base)]
+    ends += [s.position for s in vehicle.sensors.values() if s.body == body and s.kind in ("accelerometer", "imu")]
+    return max((float(np.linalg.norm(end - vehicle.bodies[body].cg)) for end in ends), default=0.0)
 
 
 def _moments(view: RunView, fitted: Fitted) -> list[int]:

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Where
+from ride_estimation.diagnosis.baseline import mean_table
+from ride_estimation.diagnosis.effect import Column, Effect, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, is_input, sensor_axes, sensor_column
@@ -21,6 +23,7 @@ Array = NDArray[np.float64]
 
 #: coefficient below which a reading keeps a positive factor
 _LARGEST = 0.95
+_UNTRIMMED = "gravity too"
 
 
 @final
@@ -35,7 +38,10 @@ class SensorGain(Cause):
     MEASURE_NEXT = "turn the sensor over: a factor of one shows 2 g between the two positions"
 
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
-        """Return one hypothesis per sensor axis and one per sensor."""
+        """Return one hypothesis per sensor axis and one per sensor, with and without gravity at rest.
+
+        What a factor adds at rest is trimmed away where a sensor was zeroed with it, and an offset where it came later.
+        """
         out: list[Hypothesis] = []
         for sensor in view.plant.sensors:
             axes = sensor_axes(view, sensor)
@@ -43,9 +49,12 @@ class SensorGain(Cause):
             for group in groups:
 
                 def columns(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
-                    # about the rest value: an offset at rest is trimmed away when a sensor is installed
                     parts = [sensor_column(view, s, "gain", a) for a in g]
                     return [tuple(e for part in parts for e in part if e.where is not Where.MEAN)]
+
+                def untrimmed(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
+                    parts = [sensor_column(view, s, "gain", a) for a in g]
+                    return [tuple(_of_reading(view, s, e) for part in parts for e in part)]
 
                 def fault(coefficients: Array, s: str = sensor, g: tuple[int, ...] = group) -> Array:
                     scale = np.ones(3)
@@ -54,6 +63,10 @@ class SensorGain(Cause):
 
                 axis = axis_name(group[0]) if len(group) == 1 else ""
                 out.append(Hypothesis(self.ID, sensor, axis, columns, plausible=_possible, fault=fault))
+                if any(e.where is Where.MEAN for a in group for e in sensor_column(view, sensor, "gain", a)):
+                    out.append(Hypothesis(
+                        self.ID, sensor, axis, untrimmed, variant=_UNTRIMMED, plausible=_possible, fault=fault
+                    ))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
@@ -63,10 +76,21 @@ class SensorGain(Cause):
         return (Reported("gain error", error, slope * fitted.std(0), "-"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Write the factor into the correction of the sensor; the value at rest stays."""
+        """Write the factor into the correction of the sensor; the value at rest stays where it was trimmed."""
         h = fitted.hypothesis
         axes = (AXES.index(h.axis),) if h.axis else sensor_axes(view, h.location)
-        return scale_sensor(vehicle, view, h.location, axes, _gain_error(view, h.location, float(fitted.coefficients[0])))
+        error = _gain_error(view, h.location, float(fitted.coefficients[0]))
+        return scale_sensor(vehicle, view, h.location, axes, error, trimmed=h.variant != _UNTRIMMED)
+
+
+def _of_reading(view: RunView, sensor: str, effect: Effect) -> Effect:
+    """Return an effect of the share of a base reading that is too much: on the mean, of the mean reading and not of gravity."""
+    if effect.where is not Where.MEAN or not is_input(view, sensor):
+        return effect
+    table = mean_table(view)
+    signal = table.signals[effect.index]
+    value = table.residual[effect.index] * table.std[effect.index] + table.gravity[sensor][signal.component]
+    return dataclasses.replace(effect, signal=np.array([value]))
 
 
 def _gain_error(view: RunView, sensor: str, coefficient: float) -> float:
