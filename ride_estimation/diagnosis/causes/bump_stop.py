@@ -20,8 +20,9 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _COLUMNS = 3
-#: smallest gap in rms deflections: what is in contact for more than a fifth of the time is a spring and no stop
-_NEAREST = 1.3
+#: smallest gap in rms deflections of stops on one side and on both: what is in contact for more than a fifth of the time is a
+#: spring and no stop
+_NEAREST = {1: 0.85, 2: 1.3}
 
 
 #: deflection rms over which the rate of a stop grows by e: one that is nearly a square, and one that is a block
@@ -79,11 +80,12 @@ class BumpStop(Cause):
                     return _columns(view, s, sd, shape, reach)
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
+                nearest = _NEAREST[len(sides)]
                 grid = tuple(
-                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in (_NEAREST, 1.8, 2.4)
+                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in (nearest, 1.8, 2.4)
                     if _reached(view, strokes, group, sides, g)
                 )
-                bounds = (Shape("gap", 2.0, _NEAREST, 6.0),)
+                bounds = (Shape("gap", 2.0, nearest, 6.0),)
                 if grid:
                     out.append(
                         Hypothesis(
