@@ -97,6 +97,17 @@ def test_a_load_that_came_on_long_ago_is_one_from_the_start():
         assert max(float(np.std(left)) for left in got.values()) < 1e-9 * size
 
 
+def test_a_load_lies_on_the_body_that_carries_it():
+    _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
+    plant_ = build_plant(file, dict.fromkeys(file.sensors, 3), 0.3, 0.5)
+    view = RunView(RunData(plant_, measurement(plant_, run), Settings()), ModelState(*file_parameters(plant_)))
+    farthest = max(float(np.linalg.norm(m.position - file.bodies["cab"].cg)) for m in file.mounts.values())
+    for load in (h for h in library()["mass_change"].hypotheses(view) if h.location == "cab"):
+        for kg in (-60.0, 60.0):
+            assert load.meaningful(np.array([kg, 1.2 * farthest * kg, 0.0, 0.0]))
+            assert not load.meaningful(np.array([kg, 2.5 * farthest * kg, 0.0, 0.0]))  # that is a CG which lies elsewhere
+
+
 def test_mounts_with_rotational_stiffness_can_carry_a_load():
     _, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
     stiff = {

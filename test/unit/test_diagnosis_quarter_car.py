@@ -107,6 +107,20 @@ def test_long_sliding_is_friction_and_no_further_cause():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("gap", [0.95, 1.2])
+def test_a_stop_on_one_side_near_the_working_point_is_a_stop_and_no_spring(gap):
+    def stop(x: float, v: float) -> float:
+        depth = max(-x - gap * SITE.deflection, 0.0)
+        return -0.8 * SITE.force / SITE.deflection * depth * (1.0 + depth / SITE.deflection)
+
+    run, other = (quarter_car_run(seed, law=stop) for seed in (33, 34))
+    answer = diagnose(quarter_car(), run, [other])
+    assert [c.id for c in answer.causes] == ["bump_stop"], answer.sentence
+    found = {p.name: p for p in answer.causes[0].parameters}["gap"]
+    assert abs(found.value - gap * SITE.deflection) < max(2.5 * found.std, 0.1 * gap * SITE.deflection)
+
+
+@pytest.mark.slow
 def test_a_stop_that_a_rougher_road_hits_deeper_is_judged_within_the_strokes_of_the_fitted_run():
     def stop(x: float, v: float) -> float:
         depth = max(abs(x) - 1.8 * SITE.deflection, 0.0)

@@ -128,6 +128,12 @@ def test_a_group_of_mounts_competes_only_where_it_brings_more_than_its_best_moun
     assert single in short
 
 
+def test_several_hypotheses_about_one_sensor_leave_room_for_another_sensor():
+    near = [score("sensor_gain", "cab_left", (), 100.0 - i) for i in range(4)]
+    other, third = score("sensor_gain", "cab_right", (), 60.0), score("sensor_gain", "cab_rear", (), 50.0)
+    assert shortlist([*near, other, third], 6) == [*near[:2], other]
+
+
 def test_what_readings_themselves_show_is_fitted_whatever_its_score():
     seen = score("sensor_clipping", "chassis_front_left", (), -1.0)
     seen = dataclasses.replace(seen, hypothesis=dataclasses.replace(seen.hypothesis, seen_in_readings=True))
