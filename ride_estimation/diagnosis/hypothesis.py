@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 #: share of the energy of an effect that a law of the right cause but of another form than the real one leaves, 7 % of its size
 FORM = 0.005
+_AT_BOUND = 1.01  # multiple of a bound up to which a shape parameter lies at it
 
 Shapes = Mapping[str, float]
 
@@ -73,6 +74,8 @@ class Hypothesis:
         Size of the first coefficient beyond which the hypothesis means nothing.
     plausible
         Whether coefficients are possible numbers.
+    inner
+        Shape parameters at whose lower bound it means nothing: what fits best there has another form.
     run_bound
         The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
     shows_in_means
@@ -110,14 +113,16 @@ class Hypothesis:
     moves_cg: bool = False
     simulated: Callable[[RunView, Shapes], list[Column]] | None = None
     fault: Callable[[Array], Array] | None = None
+    inner: tuple[str, ...] = ()
 
     def forces(self, view: RunView, shape: Shapes) -> list[Column]:
         """Return the columns that the model is simulated with."""
         return (self.simulated or self.columns)(view, shape)
 
-    def meaningful(self, coefficients: Array) -> bool:
-        """Return whether every essential column is used and the coefficients have sizes that they can have."""
+    def meaningful(self, coefficients: Array, shape: Shapes) -> bool:
+        """Return whether every essential column is used and coefficients and shape have sizes that they can have."""
         used = all(coefficients[i] != 0.0 for i in self.essential)
+        used &= all(shape[s.name] > _AT_BOUND * s.lower for s in self.shapes if s.name in self.inner)
         return used and bool(np.all(np.abs(coefficients[:1]) <= self.largest)) and self.plausible(coefficients)
 
     @property

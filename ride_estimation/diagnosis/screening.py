@@ -256,7 +256,7 @@ def _score_batch(
             part = np.array([offset + place * per_port + i for place in places for i in range(per_port)])
             q = len(part)
             coefficients, drop = solve_signed(normal[np.ix_(part, part)], right[part], h.column_signs(q))
-            gain = 0.5 * drop / projector.regression.temper if h.meaningful(coefficients) else 0.0
+            gain = 0.5 * drop / projector.regression.temper if h.meaningful(coefficients, shape) else 0.0
             out.append(Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices)))
         offset += len(columns)
     return out

@@ -211,7 +211,7 @@ def rebuilt(fitted: Fitted, built: Sequence[Hypothesis]) -> Hypothesis | None:
 
 
 def _meaningful(fit: FullFit) -> bool:
-    return all(part.hypothesis.meaningful(part.coefficients) for part in fit.fitted)
+    return all(part.hypothesis.meaningful(part.coefficients, part.shape) for part in fit.fitted)
 
 
 def overlap(one: Hypothesis, other: Hypothesis) -> bool:

@@ -83,7 +83,7 @@ def test_a_spring_that_softens_on_a_road_does_not_turn_its_force_round_on_a_roug
 @pytest.mark.parametrize(("mass", "means"), [(150.0, True), (250.0, False)])
 def test_a_coefficient_beyond_what_is_possible_means_nothing(mass, means):
     h = Hypothesis("missing_degree_of_freedom", "cab", "z", lambda view, shape: [], essential=(0,), largest=200.0)
-    assert h.meaningful(np.array([mass, 3.0])) is means
+    assert h.meaningful(np.array([mass, 3.0]), {}) is means
 
 
 def test_overtones_that_a_law_makes_beyond_the_band_do_not_fold_into_it():

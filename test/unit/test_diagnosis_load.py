@@ -104,8 +104,8 @@ def test_a_load_lies_on_the_body_that_carries_it():
     farthest = max(float(np.linalg.norm(m.position - file.bodies["cab"].cg)) for m in file.mounts.values())
     for load in (h for h in library()["mass_change"].hypotheses(view) if h.location == "cab"):
         for kg in (-60.0, 60.0):
-            assert load.meaningful(np.array([kg, 1.2 * farthest * kg, 0.0, 0.0]))
-            assert not load.meaningful(np.array([kg, 2.5 * farthest * kg, 0.0, 0.0]))  # that is a CG which lies elsewhere
+            assert load.meaningful(np.array([kg, 1.2 * farthest * kg, 0.0, 0.0]), {})
+            assert not load.meaningful(np.array([kg, 2.5 * farthest * kg, 0.0, 0.0]), {})  # that is a CG which lies elsewhere
 
 
 def test_mounts_with_rotational_stiffness_can_carry_a_load():

@@ -20,11 +20,13 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _COLUMNS = 3
-#: smallest gap in rms deflections of stops on one side and on both: what is in contact for more than a fifth of the time is a
-#: spring and no stop
-_NEAREST = {1: 0.85, 2: 1.3}
-
-
+#: gaps in rms deflections. On one side a stop may be nearer than on both: what is in contact for more than a fifth of the time
+#: is a spring, and so is what would be a stop best at the nearest gap of all
+_GAPS, _NEAR = (1.3, 6.0), (0.85, 1.3)
+_CLOSE = "close, "
+_SIDES = {
+    "compression": (-1.0,), "extension": (1.0,), "both sides": (-1.0, 1.0), f"{_CLOSE}compression": (-1.0,), f"{_CLOSE}extension": (1.0,),
+}  # fmt: skip
 #: deflection rms over which the rate of a stop grows by e: one that is nearly a square, and one that is a block
 _SQUARE, _STEEP = 5.0, 0.5
 _STEEPEST = 30.0  # argument of the exponential, where doubles would overflow long after any data
@@ -74,25 +76,22 @@ class BumpStop(Cause):
         strokes = view.strokes[0]
         reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(strokes), axis=0))
         for group in port_groups(view):
-            for sides in ((-1.0,), (1.0,), (-1.0, 1.0)):
+            for variant, sides in _SIDES.items():
 
                 def columns(view: RunView, shape: Shapes, s: PortGroup = group, sd: tuple[float, ...] = sides) -> list[Column]:
                     return _columns(view, s, sd, shape, reach)
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
-                nearest = _NEAREST[len(sides)]
+                near = variant.startswith(_CLOSE)
+                gaps, tried = (_NEAR, (1.0,)) if near else (_GAPS, (_GAPS[0], 1.8, 2.4))
                 grid = tuple(
-                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in (nearest, 1.8, 2.4)
-                    if _reached(view, strokes, group, sides, g)
+                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in tried if _reached(view, strokes, group, sides, g)
                 )
-                bounds = (Shape("gap", 2.0, nearest, 6.0),)
                 if grid:
-                    out.append(
-                        Hypothesis(
-                            self.ID, group.location, group.axis, columns, grid, bounds, signs, float(len(sides) - 1), group.ports,
-                            "both sides" if len(sides) > 1 else "extension" if sides[0] > 0.0 else "compression",
-                        )
-                    )
+                    out.append(Hypothesis(
+                        self.ID, group.location, group.axis, columns, grid, (Shape("gap", 1.0 if near else 2.0, *gaps),), signs,
+                        float(len(sides) - 1), group.ports, variant, inner=("gap",) if near else (),
+                    ))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
@@ -163,4 +162,4 @@ def _columns(
 
 
 def _sides(fitted: Fitted) -> tuple[float, ...]:
-    return {"both sides": (-1.0, 1.0), "extension": (1.0,), "compression": (-1.0,)}[fitted.hypothesis.variant]
+    return _SIDES[fitted.hypothesis.variant]
