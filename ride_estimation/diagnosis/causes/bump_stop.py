@@ -83,7 +83,7 @@ class BumpStop(Cause):
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
                 near = variant.startswith(_CLOSE)
-                gaps, tried = (_NEAR, (1.0,)) if near else (_GAPS, (_GAPS[0], 1.8, 2.4))
+                gaps, tried = (_NEAR, (0.9, 1.1)) if near else (_GAPS, (_GAPS[0], 1.8, 2.4))
                 grid = tuple(
                     {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in tried if _reached(view, strokes, group, sides, g)
                 )
