@@ -25,7 +25,8 @@ _COLUMNS = 3
 _GAPS, _NEAR = (1.3, 6.0), (0.85, 1.3)
 _CLOSE = "close, "
 _SIDES = {
-    "compression": (-1.0,), "extension": (1.0,), "both sides": (-1.0, 1.0), f"{_CLOSE}compression": (-1.0,), f"{_CLOSE}extension": (1.0,),
+    "compression": (-1.0,), "extension": (1.0,), "both sides": (-1.0, 1.0),
+    f"{_CLOSE}compression": (-1.0,), f"{_CLOSE}extension": (1.0,),
 }  # fmt: skip
 #: deflection rms over which the rate of a stop grows by e: one that is nearly a square, and one that is a block
 _SQUARE, _STEEP = 5.0, 0.5
@@ -85,7 +86,8 @@ class BumpStop(Cause):
                 near = variant.startswith(_CLOSE)
                 gaps, tried = (_NEAR, (0.9, 1.1)) if near else (_GAPS, (_GAPS[0], 1.8, 2.4))
                 grid = tuple(
-                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in tried if _reached(view, strokes, group, sides, g)
+                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in tried
+                    if _reached(view, strokes, group, sides, g)
                 )
                 if grid:
                     out.append(Hypothesis(
