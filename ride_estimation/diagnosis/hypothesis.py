@@ -119,11 +119,15 @@ class Hypothesis:
         """Return the columns that the model is simulated with."""
         return (self.simulated or self.columns)(view, shape)
 
+    def possible(self, shape: Shapes) -> bool:
+        """Return whether no shape parameter lies where the hypothesis means nothing."""
+        return all(shape[s.name] > _AT_BOUND * s.lower for s in self.shapes if s.name in self.inner)
+
     def meaningful(self, coefficients: Array, shape: Shapes) -> bool:
         """Return whether every essential column is used and coefficients and shape have sizes that they can have."""
         used = all(coefficients[i] != 0.0 for i in self.essential)
-        used &= all(shape[s.name] > _AT_BOUND * s.lower for s in self.shapes if s.name in self.inner)
-        return used and bool(np.all(np.abs(coefficients[:1]) <= self.largest)) and self.plausible(coefficients)
+        used &= self.possible(shape) and bool(np.all(np.abs(coefficients[:1]) <= self.largest))
+        return used and self.plausible(coefficients)
 
     @property
     def key(self) -> tuple[str, str, str]:

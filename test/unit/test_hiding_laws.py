@@ -87,7 +87,8 @@ def _refined(h: Hypothesis, left: Callable[[dict[str, float]], float], entry: di
         lambda point: left(at(point)), start, method="Nelder-Mead",
         options={"maxfev": 30, "xatol": 0.01, "fatol": 1e-4, "initial_simplex": corners},
     )  # fmt: skip
-    return float(found.fun)
+    # what fits best where the hypothesis means nothing is not fitted by it
+    return float(found.fun) if h.possible(at(found.x)) else 1.0
 
 
 def left_by_library(force: np.ndarray) -> dict[str, float]:

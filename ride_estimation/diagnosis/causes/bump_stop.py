@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 _COLUMNS = 3
 #: gaps in rms deflections. On one side a stop may be nearer than on both: what is in contact for more than a fifth of the time
-#: is a spring, and so is what would be a stop best at the nearest gap of all
+#: is a spring, and so is what would be a stop best at the nearest gap of all or grows exponentially from so near on
 _GAPS, _NEAR = (1.3, 6.0), (0.85, 1.3)
 _CLOSE = "close, "
 _SIDES = {
@@ -85,8 +85,9 @@ class BumpStop(Cause):
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
                 near = variant.startswith(_CLOSE)
                 gaps, tried = (_NEAR, (0.9, 1.1)) if near else (_GAPS, (_GAPS[0], 1.8, 2.4))
+                hardenings = (_SQUARE,) if near else (_SQUARE, _STEEP)
                 grid = tuple(
-                    {"gap": g, "hardening": s} for s in (_SQUARE, _STEEP) for g in tried
+                    {"gap": g, "hardening": s} for s in hardenings for g in tried
                     if _reached(view, strokes, group, sides, g)
                 )
                 if grid:
