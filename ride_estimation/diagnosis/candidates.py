@@ -6,13 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ride_estimation.diagnosis.fitting import FullFit, tolerance_of
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.hypothesis import INSIDE, Fitted, Hypothesis
 from ride_estimation.diagnosis.screening import Score
 
 #: a group of mounts of which fewer bring that share are those
 MOSTLY = 0.9
-#: factor inside of a bound within which a shape parameter lies at it
-_INSIDE = 1.01
 
 #: cause, location, axis and variant of a hypothesis
 Identity = tuple[str, str, str, str]
@@ -37,7 +35,7 @@ def at_bounds(fitted: Fitted) -> bool:
     """Return whether all shape parameters of a hypothesis lie at bounds: beside another cause that is a law of another form."""
     shapes = [s for s in fitted.hypothesis.shapes if s.step == 0.0]
     return len(shapes) > 1 and all(
-        not s.lower * _INSIDE < fitted.shape[s.name] < s.upper / _INSIDE for s in shapes
+        not s.lower * INSIDE < fitted.shape[s.name] < s.upper / INSIDE for s in shapes
     )
 
 
@@ -83,7 +81,6 @@ def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score
         So many are kept however far they fall behind the first.
     """
     out = [s for s in scores if s.hypothesis.seen_in_readings]
-    places: dict[str, list[str]] = {}
     if not scores:
         return out
     leading = scores[0].gain
@@ -92,13 +89,12 @@ def shortlist(scores: Sequence[Score], count: int, least: int = 3) -> list[Score
             break
         if s.gain <= 0.0:
             continue
-        places_of_cause = places.setdefault(s.hypothesis.cause, [])
-        here = places_of_cause.count(s.hypothesis.location)
-        if here >= 2 or (not here and len(set(places_of_cause)) >= 2) or _fewer_are_enough(s, scores):
+        places = [o.hypothesis.location for o in out if o.hypothesis.cause == s.hypothesis.cause]
+        here = places.count(s.hypothesis.location)
+        if here >= 2 or (not here and len(set(places)) >= 2) or _fewer_are_enough(s, scores):
             continue
         if len(out) >= least and s.gain < 0.15 * leading:
             break
-        places_of_cause.append(s.hypothesis.location)
         out.append(s)
     return out
 

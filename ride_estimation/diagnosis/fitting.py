@@ -103,6 +103,11 @@ class FullFit:
         """Whether the tolerances hold more than a good installation has: they may make up for a cause that is not named."""
         return strained(self.penalty, self.expected_penalty)
 
+    @property
+    def meaningful(self) -> bool:
+        """Whether every hypothesis has numbers with which it means something."""
+        return all(f.hypothesis.meaningful(f.coefficients, f.shape) for f in self.fitted)
+
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
         return -0.5 * (self.misfit / temper + self.penalty) - self.price

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 #: share of the energy of an effect that a law of the right cause but of another form than the real one leaves, 7 % of its size
 FORM = 0.005
-_AT_BOUND = 1.01  # multiple of a bound up to which a shape parameter lies at it
+#: factor inside of a bound within which a shape parameter lies at it
+INSIDE = 1.01
 
 Shapes = Mapping[str, float]
 
@@ -121,7 +122,7 @@ class Hypothesis:
 
     def possible(self, shape: Shapes) -> bool:
         """Return whether no shape parameter lies where the hypothesis means nothing."""
-        return all(shape[s.name] > _AT_BOUND * s.lower for s in self.shapes if s.name in self.inner)
+        return all(shape[s.name] > INSIDE * s.lower for s in self.shapes if s.name in self.inner)
 
     def meaningful(self, coefficients: Array, shape: Shapes) -> bool:
         """Return whether every essential column is used and coefficients and shape have sizes that they can have."""

@@ -454,8 +454,7 @@ class Selector:
         starts: list[Sequence[Score | Fitted]] = [[*kept, s] for s in short]
         tried: list[Sequence[Score | Fitted]] = [()] * len(found)
         for start, fit in zip(starts, self._each_fitted(starts, passes, accepted)):
-            meaningful = all(part.hypothesis.meaningful(part.coefficients, part.shape) for part in fit.fitted)
-            if meaningful and (accepted is None or (beyond_tolerance(fit) and not at_bounds(fit.fitted[-1]))):
+            if fit.meaningful and (accepted is None or (beyond_tolerance(fit) and not at_bounds(fit.fitted[-1]))):
                 found, tried = self._lightened([*found, (fit, len(kept))], accepted), [*tried, start]
         temper = self._common_temper(f for f, _ in found)
         order = sorted(range(len(found)), key=lambda i: -found[i][0].log_likelihood(temper))

@@ -45,6 +45,8 @@ def sensor_column(view: RunView, sensor: str, kind: str, component: int) -> Colu
     if is_accelerometer(view, sensor) and effects:
         table = mean_table(view)
         means = sensor_error_means(table, sensor, kind, component)
+        if from_input and kind == "gain":  # the share of a base reading that is too much: of the mean reading, not of gravity
+            means = {row: value + float(table.residual[row] * table.std[row]) for row, value in means.items()}
         effects += [Effect(Where.MEAN, row, np.array([value])) for row, value in means.items()]
     return tuple(effects)
 

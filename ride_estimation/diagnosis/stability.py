@@ -172,7 +172,7 @@ class _Copy:
         """
         first = self._selection.rounds[0].candidates[:_RIVALS] if self._selection.rounds else ()
         starts = [s for c in first if (s := self._start(c.fit.fitted[c.contested])) is not None]
-        fits = [f for f in (self._fitter.fit([s], _PASSES) for s in starts) if _meaningful(f)]
+        fits = [f for f in (self._fitter.fit([s], _PASSES) for s in starts) if f.meaningful]
         found = self._selector.compared(fits, 0) if fits else None
         if found is None or not self._selector.names(found):
             return ""
@@ -208,10 +208,6 @@ def rebuilt(fitted: Fitted, built: Sequence[Hypothesis]) -> Hypothesis | None:
         return min(sum(abs(shape.get(n, v) - v) for n, v in fitted.shape.items()) for shape in h.grid)
 
     return min((b for b in built if identity(b) == identity(fitted.hypothesis)), key=apart, default=None)
-
-
-def _meaningful(fit: FullFit) -> bool:
-    return all(part.hypothesis.meaningful(part.coefficients, part.shape) for part in fit.fitted)
 
 
 def overlap(one: Hypothesis, other: Hypothesis) -> bool:

@@ -20,18 +20,46 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _COLUMNS = 3
-#: gaps in rms deflections. On one side a stop may be nearer than on both: what is in contact for more than a fifth of the time
-#: is a spring, and so is what would be a stop best at the nearest gap of all or grows exponentially from so near on
-_GAPS, _NEAR = (1.3, 6.0), (0.85, 1.3)
-_CLOSE = "close, "
-_SIDES = {
-    "compression": (-1.0,), "extension": (1.0,), "both sides": (-1.0, 1.0),
-    f"{_CLOSE}compression": (-1.0,), f"{_CLOSE}extension": (1.0,),
-}  # fmt: skip
 #: deflection rms over which the rate of a stop grows by e: one that is nearly a square, and one that is a block
 _SQUARE, _STEEP = 5.0, 0.5
 _STEEPEST = 30.0  # argument of the exponential, where doubles would overflow long after any data
 _BEYOND = 1.1  # multiple of the largest deflection of the run up to which its stops are believed to go on hardening
+
+
+@dataclasses.dataclass(frozen=True)
+class _Reach:
+    """Where a stop may begin, in rms deflections, and what is tried first.
+
+    Attributes
+    ----------
+    gap
+        Start and bounds.
+    gaps, hardenings
+        Tried by the screening.
+    inner
+        As in :class:`Hypothesis`.
+    """
+
+    gap: Shape
+    gaps: tuple[float, ...]
+    hardenings: tuple[float, ...]
+    inner: tuple[str, ...] = ()
+
+    @property
+    def grid(self) -> tuple[Shapes, ...]:
+        """Return the shape parameters tried by the screening."""
+        return tuple({"gap": g, "hardening": s} for s in self.hardenings for g in self.gaps)
+
+
+#: what is in contact for more than a fifth of the time is a spring and no stop: on both sides from 1.3 on, on one from 0.85. A
+#: near one is a spring as well where the nearest gap of all fits best, or where it would grow exponentially from there on
+_FAR = _Reach(Shape("gap", 2.0, 1.3, 6.0), (1.3, 1.8, 2.4), (_SQUARE, _STEEP))
+_NEAR = _Reach(Shape("gap", 1.0, 0.85, 1.3), (0.9, 1.1), (_SQUARE,), inner=("gap",))
+#: variant -> sides and reach
+_VARIANTS: dict[str, tuple[tuple[float, ...], _Reach]] = {
+    "compression": ((-1.0,), _FAR), "extension": ((1.0,), _FAR), "both sides": ((-1.0, 1.0), _FAR),
+    "close, compression": ((-1.0,), _NEAR), "close, extension": ((1.0,), _NEAR),
+}  # fmt: skip
 
 
 def _depth(x: Array, side: float, gap: float) -> Array:
@@ -77,23 +105,17 @@ class BumpStop(Cause):
         strokes = view.strokes[0]
         reach = tuple(float(x) for x in _BEYOND * np.max(np.abs(strokes), axis=0))
         for group in port_groups(view):
-            for variant, sides in _SIDES.items():
+            for variant, (sides, within) in _VARIANTS.items():
 
                 def columns(view: RunView, shape: Shapes, s: PortGroup = group, sd: tuple[float, ...] = sides) -> list[Column]:
                     return _columns(view, s, sd, shape, reach)
 
                 signs = (Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
-                near = variant.startswith(_CLOSE)
-                gaps, tried = (_NEAR, (0.9, 1.1)) if near else (_GAPS, (_GAPS[0], 1.8, 2.4))
-                hardenings = (_SQUARE,) if near else (_SQUARE, _STEEP)
-                grid = tuple(
-                    {"gap": g, "hardening": s} for s in hardenings for g in tried
-                    if _reached(view, strokes, group, sides, g)
-                )
+                grid = tuple(shape for shape in within.grid if _reached(view, strokes, group, sides, shape["gap"]))
                 if grid:
                     out.append(Hypothesis(
-                        self.ID, group.location, group.axis, columns, grid, (Shape("gap", 1.0 if near else 2.0, *gaps),), signs,
-                        float(len(sides) - 1), group.ports, variant, inner=("gap",) if near else (),
+                        self.ID, group.location, group.axis, columns, grid, (within.gap,), signs, float(len(sides) - 1),
+                        group.ports, variant, inner=within.inner,
                     ))
         return out
 
@@ -165,4 +187,4 @@ def _columns(
 
 
 def _sides(fitted: Fitted) -> tuple[float, ...]:
-    return _SIDES[fitted.hypothesis.variant]
+    return _VARIANTS[fitted.hypothesis.variant][0]

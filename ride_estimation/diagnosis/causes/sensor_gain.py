@@ -3,23 +3,23 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import mean_table
-from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.baseline import MeanTable, mean_table, sensor_error_means
+from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, is_input, sensor_axes, sensor_column
+from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, is_input, sensor_axes, sensor_column
 from ride_estimation.diagnosis.sensor_extension import scale_sensor
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+_Columns = Callable[[RunView, Shapes], list[Column]]
 
 #: coefficient below which a reading keeps a positive factor
 _LARGEST = 0.95
@@ -43,18 +43,17 @@ class SensorGain(Cause):
         What a factor adds at rest is trimmed away where a sensor was zeroed with it, and an offset where it came later.
         """
         out: list[Hypothesis] = []
+        table = mean_table(view)
         for sensor in view.plant.sensors:
             axes = sensor_axes(view, sensor)
             groups = [(a,) for a in axes] + ([axes] if len(axes) > 1 else [])
             for group in groups:
 
-                def columns(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
-                    parts = [sensor_column(view, s, "gain", a) for a in g]
-                    return [tuple(e for part in parts for e in part if e.where is not Where.MEAN)]
+                def whole(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
+                    return [tuple(e for a in g for e in sensor_column(view, s, "gain", a))]
 
-                def untrimmed(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
-                    parts = [sensor_column(view, s, "gain", a) for a in g]
-                    return [tuple(_of_reading(view, s, e) for part in parts for e in part)]
+                def trimmed(view: RunView, shape: Shapes, of: _Columns = whole) -> list[Column]:
+                    return [tuple(e for e in column if e.where is not Where.MEAN) for column in of(view, shape)]
 
                 def fault(coefficients: Array, s: str = sensor, g: tuple[int, ...] = group) -> Array:
                     scale = np.ones(3)
@@ -62,11 +61,9 @@ class SensorGain(Cause):
                     return np.diag(scale)
 
                 axis = axis_name(group[0]) if len(group) == 1 else ""
-                out.append(Hypothesis(self.ID, sensor, axis, columns, plausible=_possible, fault=fault))
-                if any(e.where is Where.MEAN for a in group for e in sensor_column(view, sensor, "gain", a)):
-                    out.append(Hypothesis(
-                        self.ID, sensor, axis, untrimmed, variant=_UNTRIMMED, plausible=_possible, fault=fault
-                    ))
+                out.append(Hypothesis(self.ID, sensor, axis, trimmed, plausible=_possible, fault=fault))
+                if is_accelerometer(view, sensor) and any(_shows_at_rest(table, sensor, a) for a in group):
+                    out.append(Hypothesis(self.ID, sensor, axis, whole, variant=_UNTRIMMED, plausible=_possible, fault=fault))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
@@ -83,14 +80,9 @@ class SensorGain(Cause):
         return scale_sensor(vehicle, view, h.location, axes, error, trimmed=h.variant != _UNTRIMMED)
 
 
-def _of_reading(view: RunView, sensor: str, effect: Effect) -> Effect:
-    """Return an effect of the share of a base reading that is too much: on the mean, of the mean reading and not of gravity."""
-    if effect.where is not Where.MEAN or not is_input(view, sensor):
-        return effect
-    table = mean_table(view)
-    signal = table.signals[effect.index]
-    value = table.residual[effect.index] * table.std[effect.index] + table.gravity[sensor][signal.component]
-    return dataclasses.replace(effect, signal=np.array([value]))
+def _shows_at_rest(table: MeanTable, sensor: str, component: int) -> bool:
+    """Return whether a factor of two would show in a mean reading."""
+    return any(abs(v) > table.std[row] for row, v in sensor_error_means(table, sensor, "gain", component).items())
 
 
 def _gain_error(view: RunView, sensor: str, coefficient: float) -> float:
