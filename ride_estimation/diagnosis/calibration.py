@@ -19,6 +19,7 @@ from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.frames import AXES
+from ride_estimation.vehicles.vehicle import Body
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -190,6 +191,29 @@ def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: 
             for j, b in enumerate(AXES[i:], start=i):
                 spread[i, j] = spread[j, i] = change.get(("inertia", f"i{a}{b}"), 0.0) * diagonal[i] * diagonal[j]
         bodies[name] = dataclasses.replace(bodies[name], cg=bodies[name].cg + shift, inertia=bodies[name].inertia + spread)
+    moved = _with_bodies(plant, bodies, settings)
+    return plant if moved is None else dataclasses.replace(moved, body_errors=errors)
+
+
+def with_named_cg(plant: Plant, named: Mapping[tuple[str, str], float], settings: Settings) -> Plant:
+    """Return the plant whose CGs lie off the file where causes name it, (body, axis) -> [m], and nowhere else.
+
+    A wrench along the motion about another point is first order in the offset: five centimetres change static loads, inertia
+    and levers to second order, too.
+    """
+    bodies, errors = dict(plant.vehicle.bodies), dict(plant.body_errors)
+    for name, axis in {*named, *plant.named_cg}:
+        change = named.get((name, axis), 0.0) - plant.named_cg.get((name, axis), 0.0)
+        if (name, axis) in named:
+            # all of the offset is the cause and nothing of it a tolerance
+            change -= errors.pop(("cg", name, axis), 0.0)
+        bodies[name] = dataclasses.replace(bodies[name], cg=bodies[name].cg + change * np.eye(3)[AXES.index(axis)])
+    moved = _with_bodies(plant, bodies, settings)
+    return plant if moved is None else dataclasses.replace(moved, body_errors=errors, named_cg=dict(named))
+
+
+def _with_bodies(plant: Plant, bodies: Mapping[str, Body], settings: Settings) -> Plant | None:
+    """Return a plant with other bodies, all else that calibration found kept; None where its channels or ports change."""
     tolerances = settings.tolerances
     moved = build_plant(
         dataclasses.replace(plant.vehicle, bodies=bodies), dict.fromkeys(plant.sensors, 3), tolerances.stiffness,
@@ -199,12 +223,12 @@ def rebalanced(plant: Plant, adjustables: tuple[Adjustable, ...], coefficients: 
     keys = [(s.sensor, s.component) for s in moved.outputs]
     wanted = [(s.sensor, s.component) for s in plant.outputs]
     if moved.ports != plant.ports or not set(wanted) <= set(keys):
-        return plant
+        return None
     rows = [keys.index(k) for k in wanted]
     return dataclasses.replace(
         moved, outputs=plant.outputs, out_acceleration=moved.out_acceleration[rows],
         out_displacement=moved.out_displacement[rows], out_base=moved.out_base[rows], tilt_share=plant.tilt_share,
-        reading_errors=plant.reading_errors, body_errors=errors, warnings=plant.warnings
+        reading_errors=plant.reading_errors, body_errors=plant.body_errors, named_cg=plant.named_cg, warnings=plant.warnings
     )
 
 

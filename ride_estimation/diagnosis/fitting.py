@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.baseline import TILT_KINDS, Adjustable, balanced_columns, faulty_rows, mean_table, port_columns
+from ride_estimation.diagnosis.body_wrench import cg_column
 from ride_estimation.diagnosis.calibration import (
     Calibrated,
     explains,
@@ -21,11 +22,13 @@ from ride_estimation.diagnosis.calibration import (
     step_factor,
     stepped,
     strained,
+    with_named_cg,
 )
 from ride_estimation.diagnosis.effect import Column, Effect, Where, combined_effects
 from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis, Shapes
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import temper_of
+from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.regression import Regression
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import Projector, Score, mean_rows, price, solve_signed
@@ -240,14 +243,28 @@ def unsettled(fit: FullFit) -> float:
     )
 
 
-def _advanced(view: RunView, result: FullFit) -> ModelState:
+def _held_cg(view: RunView) -> list[Effect]:
+    """Return what the plant of a view holds of CGs that causes name, as wrenches along its motion."""
+    return [
+        dataclasses.replace(e, signal=offset * e.signal)
+        for (body, axis), offset in view.plant.named_cg.items() for e in cg_column(view, body, axis)
+    ]
+
+
+def _named_cg(fitted: Iterable[Fitted]) -> dict[tuple[str, str], float]:
+    """Return the CGs that some causes name, (body, axis) -> offset [m]."""
+    return {(f.hypothesis.location, f.hypothesis.axis): float(f.coefficients[0]) for f in fitted if f.hypothesis.places_cg}
+
+
+def _advanced(view: RunView, result: FullFit, plant: Plant) -> ModelState:
     """Return the state after one pass: a step of stiffness and damping, laws with their coefficients.
 
-    What the limit of a step leaves of it stays a force, so that the trajectory is still the one that was fitted.
+    What the limit of a step leaves of it stays a force, so that the trajectory is still the one that was fitted. So does what
+    the next plant does not hold.
     """
     count = result.regression.count
     columns = [c for f in result.fitted for c in f.hypothesis.forces(view, f.shape)]
-    weights = [*result.coefficients[count:]]
+    weights = [w for f in result.fitted for w in f.beyond(plant)]
     for a, value in zip(result.adjustables, result.coefficients):
         left = 1.0 + value - step_factor(value)
         if a.kind in ("stiffness", "damping") and left != 0.0:
@@ -365,7 +382,7 @@ class FullFitter:
         faults = _faults(s for s in start if isinstance(s, Fitted))
         for iteration in range(iterations + 1):
             residual = view.residual
-            given = [*view.state.effects, *held_effects(view), *_of_regression(view, simulated)]
+            given = [*view.state.effects, *held_effects(view), *_held_cg(view), *_of_regression(view, simulated)]
             if given:
                 residual = residual + view.push([tuple(given)])[:, :, 0]
             adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
@@ -403,7 +420,10 @@ class FullFitter:
             elif loaded:
                 own = [i for i, a in enumerate(adjustables) if a.place in loaded]
                 plant = rebalanced(plant, tuple(adjustables[i] for i in own), result.coefficients[own], view.settings)
-            view = RunView(view.data.with_plant(plant), _advanced(view, result), self._cal.view.noise)
+            named = _named_cg(result.fitted)
+            if named or plant.named_cg:
+                plant = with_named_cg(plant, named, view.settings)
+            view = RunView(view.data.with_plant(plant), _advanced(view, result, plant), self._cal.view.noise)
             if not float(np.sum(view.residual**2)) < _RUNAWAY * float(np.sum(self._cal.view.residual**2)):
                 break  # the step led where the motion of the model runs away: what was found before it stands
         if best is None:

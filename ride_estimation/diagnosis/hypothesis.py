@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.vehicles.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from ride_estimation.diagnosis.plant import Plant
     from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
@@ -87,6 +88,8 @@ class Hypothesis:
         It is so like what calibration adjusts that beside another cause it is no explanation.
     moves_cg
         It moves the CG of its body, which then is that of the vehicle file within its tolerance.
+    places_cg
+        Its coefficient is how far the CG of its body lies off its place along its axis [m]; the plant of its model holds it.
     simulated
         Columns that the model is simulated with, where they are not those of the regression: the noise of the base sensors
         moves a simulated load, but tells nothing of its size.
@@ -112,6 +115,7 @@ class Hypothesis:
     seen_in_readings: bool = False
     only_alone: bool = False
     moves_cg: bool = False
+    places_cg: bool = False
     simulated: Callable[[RunView, Shapes], list[Column]] | None = None
     fault: Callable[[Array], Array] | None = None
     inner: tuple[str, ...] = ()
@@ -173,6 +177,11 @@ class Fitted:
     def std(self, index: int) -> float:
         """Return the standard deviation of one coefficient."""
         return float(np.sqrt(max(self.covariance[index, index], 0.0)))
+
+    def beyond(self, plant: Plant) -> Array:
+        """Return the coefficients less what the plant of a model holds of them, shape (q,)."""
+        h = self.hypothesis
+        return self.coefficients - (plant.named_cg.get((h.location, h.axis), 0.0) if h.places_cg else 0.0)
 
     def spread(self, name: str, form: float) -> float:
         """Return the standard deviation of a shape parameter: that of its fit and what another form leaves open of it."""

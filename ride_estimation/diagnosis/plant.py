@@ -93,6 +93,9 @@ class Plant:
     body_errors
         What calibration added to the bodies of the file, (kind, body, entry) -> CG position [m] or, for entry ``ixy``,
         moment of inertia over the root of the two diagonal ones [-]; already in ``vehicle`` and the matrices.
+    named_cg
+        How far a CG that is named as a cause lies off its place in the file, (body, axis) -> [m]; already in ``vehicle`` and
+        the matrices.
     """
 
     vehicle: Vehicle
@@ -118,6 +121,7 @@ class Plant:
     warnings: tuple[str, ...] = ()
     reading_errors: Mapping[tuple[str, str, str], float] = dataclasses.field(default_factory=dict)
     body_errors: Mapping[tuple[str, str, str], float] = dataclasses.field(default_factory=dict)
+    named_cg: Mapping[tuple[str, str], float] = dataclasses.field(default_factory=dict)
 
     def put_right(self, inputs: Array) -> Array:
         """Return base readings without the errors that calibration found, shape (N, nu).

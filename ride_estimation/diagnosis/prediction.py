@@ -156,7 +156,7 @@ def _settled(seen: RunView, state: ModelState, fitted: list[Fitted]) -> tuple[Ru
 
     def laws(at: RunView) -> tuple[Effect, ...]:
         columns = [c for f in fitted for c in f.hypothesis.forces(at, f.shape)]
-        return combined_effects(columns, np.concatenate([f.coefficients for f in fitted]))
+        return combined_effects(columns, np.concatenate([f.beyond(at.plant) for f in fitted]))
 
     before: tuple[Effect, ...] = ()
     view, nearest, best = seen, np.inf, seen.state

@@ -8,8 +8,7 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.baseline import body_spectra, cg_shift_wrench
-from ride_estimation.diagnosis.body_wrench import wrench_column
+from ride_estimation.diagnosis.body_wrench import cg_column
 from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.extension import move_cg
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -34,14 +33,13 @@ class CgOffset(Cause):
         out: list[Hypothesis] = []
         bodies = dict.fromkeys(b for b, c in view.plant.coordinates if c in ("roll", "pitch", "yaw"))
         for body in bodies:
-            for i, axis in enumerate(AXES):
+            for axis in AXES:
 
-                def columns(view: RunView, shape: Shapes, b: str = body, i: int = i) -> list[Column]:
-                    force, moment = cg_shift_wrench(view, b, np.eye(3)[i], body_spectra(view, b)[1])
-                    column = wrench_column(view, b, view.grid.signal(force), view.grid.signal(moment))
+                def columns(view: RunView, shape: Shapes, b: str = body, axis: str = axis) -> list[Column]:
+                    column = cg_column(view, b, axis)
                     return [column] if column else []
 
-                out.append(Hypothesis(self.ID, body, axis, columns))
+                out.append(Hypothesis(self.ID, body, axis, columns, places_cg=True))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
