@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.gain import FLOOR, measured_gain, refusal, remaining_energy, usable_runs
+from ride_estimation.diagnosis.gain import FLOOR, gain_over, measured_gain, refusal, remaining_energy, usable_runs
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
@@ -55,7 +55,8 @@ from ride_estimation.diagnosis.verdict import (
     within_library,
 )
 from ride_estimation.diagnosis.wording import title
-from ride_estimation.diagnosis.work import Work
+from ride_estimation.diagnosis.wiring import FoundMistake, found_mistakes, named_mistakes, put_right, without_mistakes
+from ride_estimation.diagnosis.work import Work, plain_model
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.parameters.parameter_status import status_of
@@ -99,7 +100,62 @@ def diagnose(
         Never raises for poor data: the verdict is then ``insufficient_data`` with the reason.
     """
     settings = settings or Settings()
-    report = progress or (lambda share: None)
+    recorded = (run, *validation)
+    mistakes, doubtful = found_mistakes(vehicle, recorded)
+    if causes is not None and not {c.id for c in named_mistakes(vehicle, mistakes)} <= set(causes):
+        mistakes = ()
+    run, *validation = (put_right(r, mistakes) for r in recorded)
+    answer = _judged(vehicle, run, validation, settings, progress or (lambda share: None), causes)
+    if mistakes:
+        answer = _with_mistakes(vehicle, recorded, answer, mistakes, settings)
+    return dataclasses.replace(answer, warnings=(*doubtful, *answer.warnings))
+
+
+def _with_mistakes(
+    vehicle: Vehicle, recorded: Sequence[UniformRun], answer: Diagnosis, found: Sequence[FoundMistake], settings: Settings
+) -> Diagnosis:
+    """Return the answer on readings that were put right with what was wrong about them.
+
+    Parameters
+    ----------
+    recorded
+        The run and its validation runs as they were recorded.
+    """
+    named = named_mistakes(vehicle, found)
+    words = " and ".join(f.mistake.words for f in found)
+    extended, remarks = without_mistakes(answer.extended, found)
+    if answer.gain is None:
+        sentence = f"The recording has {words}. {answer.sentence}"
+        return dataclasses.replace(answer, sentence=sentence, causes=named, extended=extended, remarks=(*remarks, *answer.remarks))
+    gain = gain_over(answer.gain, _errors_as_recorded(vehicle, recorded, answer.gain, settings), settings)
+    where, before, after = run_title(gain.validation[0].run), gain.validation[0].baseline, answer.gain.validation[0].baseline
+    sentence = (
+        f"The recording has {words}; put right, that reduces the error of the calibrated model on {where} from "
+        f"{100 * before:.1f} % to {100 * after:.1f} %. {answer.sentence}"
+    )
+    return dataclasses.replace(
+        answer, verdict=EXPLAINED if answer.verdict == NO_DISCREPANCY else answer.verdict, sentence=sentence,
+        causes=(*named, *answer.causes), gain=gain, extended=extended, remarks=(*remarks, *answer.remarks),
+    )
+
+
+def _errors_as_recorded(
+    vehicle: Vehicle, recorded: Sequence[UniformRun], gain: Gain, settings: Settings
+) -> list[tuple[Array, Array]]:
+    """Return squared errors and signal, shape (B,) each, of the model that is calibrated on the readings as they were recorded."""
+    data, splits = _prepare(vehicle, recorded[0], settings)
+    calibrated = calibrate(data, splits.train)
+    model, plant = plain_model(calibrated), calibrated.view.plant
+    runs = {r.name: r for r in recorded}
+    judged = [runs.get(v.run, recorded[0]) for v in gain.validation]
+    return [block_squares(predict(RunData(plant, measurement(plant, r), settings), model)) for r in judged]
+
+
+def _judged(
+    vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings, report: Report,
+    causes: Collection[str] | None,
+) -> Diagnosis:
+    """Return the diagnosis of a run, or of the validation run that the one of the run misses."""
     answer = _diagnosed(vehicle, run, validation, settings, report, causes)
     worst = "" if answer.gain is None or answer.verdict == EXPLAINED else unexplained_run(answer.gain, settings)
     if not worst:

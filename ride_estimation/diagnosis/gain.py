@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,6 +24,7 @@ from ride_estimation.diagnosis.prediction import (
 from ride_estimation.diagnosis.result import Gain, ValidationGain
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS
 from ride_estimation.diagnosis.verdict import MISSED, shows_elsewhere
 from ride_estimation.diagnosis.work import Work, within_tolerance
@@ -102,7 +104,8 @@ def measured_gain(
     settings = work.settings
     warnings: list[str] = []
     base_squares, ext_squares = block_squares(base), block_squares(extended)
-    results = []
+    results: list[ValidationGain] = []
+    blocks: list[tuple[IntArray, Array, Array]] = []
     for data in validation:
         name, count = data.measured.name, data.blocks.count
         bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
@@ -136,6 +139,7 @@ def measured_gain(
             name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
             min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
+        blocks.append((judged, e1[judged], s0[judged]))
     judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
     # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
@@ -147,9 +151,30 @@ def measured_gain(
                 base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
             ), floor,
         ))
+        blocks.append((judge, ext_squares[0][judge], base_squares[1][judge]))
     if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
-    return Gain(_METRIC, baseline, after, floor, tuple(results)), warnings
+    return Gain(_METRIC, baseline, after, floor, tuple(results), tuple(blocks)), warnings
+
+
+def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Settings) -> Gain:
+    """Return a gain whose baseline is the calibrated model of readings that were not put right.
+
+    Parameters
+    ----------
+    recorded
+        Squared errors of that model and squared signal of every block, of the runs of ``gain.validation``, shape (B,) each.
+    """
+    results = []
+    for v, (judged, after, signal), (errors, read) in zip(gain.validation, gain.blocks, recorded):
+        # an error in g instead of m/s^2 scales the signal, too
+        before = errors[judged] * float(signal.sum()) / max(float(read[judged].sum()), 1e-300)
+        whole = np.arange(len(judged))
+        results.append(dataclasses.replace(
+            v, baseline=pooled_nrmse(before, signal, whole), in_range=None,
+            ci95=bootstrap_interval(before, after, signal, settings.bootstrap, settings.seed),
+        ))
+    return dataclasses.replace(gain, baseline=results[0].baseline, validation=tuple(results))
 
 
 def in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntArray:

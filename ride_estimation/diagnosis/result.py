@@ -13,6 +13,7 @@ from ride_estimation.diagnosis.hypothesis import Reported
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 NO_DISCREPANCY, EXPLAINED, UNEXPLAINED, INSUFFICIENT = "no_discrepancy", "explained", "unexplained", "insufficient_data"
 
@@ -73,13 +74,20 @@ class ValidationGain:
 
 @dataclasses.dataclass(frozen=True)
 class Gain:
-    """Gain of the extension; ``baseline`` and ``extended`` on the judge blocks of the run itself."""
+    """Gain of the extension; ``baseline`` and ``extended`` on the judge blocks of the run itself.
+
+    Attributes
+    ----------
+    blocks
+        Of every entry of ``validation``: the judged blocks, squared errors of the extended model and squared signal there.
+    """
 
     metric: str
     baseline: float
     extended: float
     noise_floor: float
     validation: tuple[ValidationGain, ...]
+    blocks: tuple[tuple[IntArray, Array, Array], ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -38,6 +38,12 @@ def within_tolerance(adjustables: Sequence[Adjustable], coefficients: Array) -> 
     return np.asarray(np.clip(coefficients, held - limit, held + limit))
 
 
+def plain_model(calibrated: Calibrated) -> Model:
+    """Return the calibrated model without causes, to predict other runs with."""
+    state = ModelState(calibrated.view.state.stiffness, calibrated.view.state.damping)
+    return Model(state, calibrated.adjustables, within_tolerance(calibrated.adjustables, calibrated.fit.coefficients))
+
+
 def model_of(fit: FullFit) -> Model:
     """Return the model that a fit found, to predict other runs with."""
     state = ModelState(fit.view.state.stiffness, fit.view.state.damping, held=fit.view.state.held)
@@ -69,10 +75,7 @@ class Work:
     @property
     def baseline(self) -> Model:
         """Return the calibrated model."""
-        view = self.calibrated.view
-        state = ModelState(view.state.stiffness, view.state.damping)
-        adjustables = self.calibrated.adjustables
-        return Model(state, adjustables, within_tolerance(adjustables, self.calibrated.fit.coefficients))
+        return plain_model(self.calibrated)
 
     @property
     def extended(self) -> Model:
