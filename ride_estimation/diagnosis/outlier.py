@@ -33,9 +33,11 @@ def soft_mount(
     """Return the mount axis that is an outlier towards soft, None where there is none.
 
     The logarithm of calibrated over stated stiffness of a mount is compared with the mean of the other mounts of the axis (a
-    common error of the file is calibration). It must lie below that mean by more than 15 % (calibration) plus three standard
-    deviations of the estimate, and beyond what the scatter of the other mounts, pooled over the axes and with 7.5 % (half of
-    15 %) as if seen four times, makes likely: Student's t at a chance of 1 % over all ports that are tested.
+    common error of the file is calibration), of those for which the file states the same stiffness where there are any: they
+    are the same part, whose error is one. It must lie below that mean by more than 15 % (calibration) plus three standard
+    deviations of the estimate, and beyond what the scatter of the other mounts about their means, pooled over the axes and with
+    7.5 % (half of 15 %) as if seen four times, makes likely: Student's t at a chance of 1 % over all ports that are tested. Of
+    two alike the one farther from the file is the outlier.
 
     Parameters
     ----------
@@ -58,15 +60,23 @@ def soft_mount(
     best: tuple[float, Fitted] | None = None
     for i in tested:
         others = {a: [j for j in known[a] if ports[j].mount != ports[i].mount] for a in axes}
-        around = [ratio[o] - np.mean(ratio[o]) for o in others.values() if o]
+        around = [ratio[alike] - np.mean(ratio[alike]) for o in others.values() for alike in _same_parts(o, prior)]
         freedom = _USUAL_WEIGHT + sum(len(d) - 1 for d in around)
         squares = _USUAL_WEIGHT * _USUAL_SCATTER**2 + sum(float(d @ d) for d in around)
-        peers = others[ports[i].axis]
+        peers = [j for j in others[ports[i].axis] if prior[j] == prior[i]] or others[ports[i].axis]
         scatter = float(np.sqrt(squares / freedom * (1.0 + 1.0 / len(peers))))
         deviation = float(ratio[i] - np.mean(ratio[peers]))
         likely = float(stats.t.isf(_FALSE_ALARM / len(tested), freedom)) * scatter
         margin = -deviation - max(-np.log1p(-CALIBRATION) + 3.0 * log_std[i], likely)
-        if margin > 0.0 and (best is None or margin > best[0]):
+        farther = len(peers) > 1 or ratio[i] + ratio[peers[0]] < 0.0
+        if margin > 0.0 and farther and (best is None or margin > best[0]):
             h = Hypothesis(SOFT_MOUNT, ports[i].mount, ports[i].axis, lambda view, shape: [])
             best = margin, Fitted(h, np.array([deviation]), np.array([[log_std[i] ** 2]]), {})
     return None if best is None else best[1]
+
+
+def _same_parts(ports: list[int], stated: Array) -> list[list[int]]:
+    """Return the ports in groups of one stated stiffness; those that are alone with theirs are one group."""
+    groups = [[j for j in ports if stated[j] == value] for value in dict.fromkeys(stated[ports].tolist())]
+    alone = [g[0] for g in groups if len(g) == 1]
+    return [*(g for g in groups if len(g) > 1), *([alone] if alone else [])]
