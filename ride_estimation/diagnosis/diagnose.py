@@ -54,8 +54,8 @@ from ride_estimation.diagnosis.verdict import (
     unexplained_run,
     within_library,
 )
-from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.wiring import FoundMistake, found_mistakes, named_mistakes, put_right, without_mistakes
+from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.work import Work, plain_model
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Status
@@ -126,7 +126,8 @@ def _with_mistakes(
     extended, remarks = without_mistakes(answer.extended, found)
     if answer.gain is None:
         sentence = f"The recording has {words}. {answer.sentence}"
-        return dataclasses.replace(answer, sentence=sentence, causes=named, extended=extended, remarks=(*remarks, *answer.remarks))
+        remarks = (*remarks, *answer.remarks)
+        return dataclasses.replace(answer, sentence=sentence, causes=named, extended=extended, remarks=remarks)
     gain = gain_over(answer.gain, _errors_as_recorded(vehicle, recorded, answer.gain, settings), settings)
     where, before, after = run_title(gain.validation[0].run), gain.validation[0].baseline, answer.gain.validation[0].baseline
     sentence = (
@@ -142,7 +143,7 @@ def _with_mistakes(
 def _errors_as_recorded(
     vehicle: Vehicle, recorded: Sequence[UniformRun], gain: Gain, settings: Settings
 ) -> list[tuple[Array, Array]]:
-    """Return squared errors and signal, shape (B,) each, of the model that is calibrated on the readings as they were recorded."""
+    """Return squared errors and signal, shape (B,) each, of the model that is calibrated on the readings as they are."""
     data, splits = _prepare(vehicle, recorded[0], settings)
     calibrated = calibrate(data, splits.train)
     model, plant = plain_model(calibrated), calibrated.view.plant

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,14 +88,18 @@ def put_right(run: UniformRun, found: Sequence[FoundMistake]) -> UniformRun:
     for mistake in (f.mistake for f in found):
         if len(mistake.sensors) == 2:
             one, other = mistake.sensors
-            for table in (data, valid, clipped):
-                table |= {a: table[b] for a, b in ((one, other), (other, one)) if b in table}
+            data, valid, clipped = (_exchanged(table, one, other) for table in (data, valid, clipped))
             continue
         (name,) = mistake.sensors
         data[name] = _mapped(data[name], mistake)
         if name in clipped:
             clipped[name] = np.sort(_mapped(clipped[name], mistake), axis=0)
     return dataclasses.replace(run, data=data, valid=valid, clipped_at=clipped)
+
+
+def _exchanged(table: dict[str, Any], one: str, other: str) -> dict[str, Any]:
+    names = {one: other, other: one}
+    return {names.get(name, name): value for name, value in table.items()}
 
 
 def _mapped(values: Array, mistake: Mistake) -> Array:
@@ -124,8 +129,8 @@ def _as_causes(vehicle: Vehicle, mistake: Mistake) -> list[tuple[str, str, str, 
         apart = vehicle.sensors[names[1]].position - vehicle.sensors[names[0]].position
         far = int(np.argmax(np.abs(apart)))
         return [
-            ("wrong_sensor_position", name, AXES[far], Reported("position error", float(sign * apart[far]), installed.position, "m"))
-            for name, sign in zip(names, (1.0, -1.0))
+            ("wrong_sensor_position", name, AXES[far], Reported("position error", shift, installed.position, "m"))
+            for name, shift in zip(names, (float(apart[far]), -float(apart[far])))
         ]
     (name,) = names
     factor = np.array(mistake.factor)
@@ -139,7 +144,8 @@ def _as_causes(vehicle: Vehicle, mistake: Mistake) -> list[tuple[str, str, str, 
     alone = np.isclose(abs(turn[main]), angle)
     degrees = np.degrees(np.copysign(angle, turn[main]) if alone else angle)
     axis = axis_name(main, rotation=True) if alone else ""
-    return [("sensor_misalignment", name, axis, Reported("angle", float(degrees), float(np.degrees(installed.misalignment)), "deg"))]
+    reported = Reported("angle", float(degrees), float(np.degrees(installed.misalignment)), "deg")
+    return [("sensor_misalignment", name, axis, reported)]
 
 
 def proper_turn(mistake: Mistake) -> Array:

@@ -97,7 +97,7 @@ def contradiction(signals: Array, rows: Array, body: Sequence[Sensor], others: S
         return None
     mean, covariance = signals.mean(axis=0), np.atleast_2d(np.cov(signals, rowvar=False, bias=True))
     in_motion = residual_projection(rows)
-    at_rest = residual_projection(measured[:, None] * np.vstack([s.rotation.T for s in body]))
+    at_rest = residual_projection(measured[:, None].astype(float) * np.vstack([s.rotation.T for s in body]))
 
     def left(mistake: Array) -> float:
         moving, still = mistake[:own] @ covariance @ mistake[:own].T, at_rest @ mistake[:own] @ mean
