@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _LOWEST_HZ = 4.0
-#: damping ratios of modes on their mounts, the largest (welded cabs have 1 to 3 %, their mounts add some: a mode with more is a
-#: part on mounts of its own), and how far from the peak of the residual, by which factor, a mode may lie
-_RATIOS, _DAMPED, _REACH, _TRIALS = (0.02, 0.05, 0.1), 0.15, 1.25, 9
+#: damping ratios of modes on their mounts, the largest (welded cabs have 1 to 3 %, dampers at the corners of a body that twists
+#: add a third of the critical damping), and how far from the peak of the residual, by which factor, a mode may lie
+_RATIOS, _DAMPED, _REACH, _TRIALS = (0.02, 0.05, 0.1, 0.2, 0.4), 0.6, 1.25, 9
 _OCTAVE = 2.0
 _OF_STRUCTURES = 0.02  # damping ratio of welded structures
 _MOST = 0.8  # of the squared frequency that mounts can give a mode: beyond, it is a motion on them
-_AROUND = 0.3  # of a peak, where its residual is looked at
+_AROUND = 0.6  # of a peak, where its residual is looked at: half of the width of a mode that its mounts damp
 
 
 @final
