@@ -161,8 +161,10 @@ def _judged(
     worst = "" if answer.gain is None or answer.verdict == EXPLAINED else unexplained_run(answer.gain, settings)
     if not worst:
         return answer
-    other = next((v for v in validation if v.name == worst), None)
-    if other is None:  # the blocks of the run that took no part in the fit
+    # what the blocks of the run that took no part in the fit show, a run that the answer cannot even predict may tell
+    judged = {v.run for v in answer.gain.validation} - {worst}
+    other = next((v for v in validation if v.name not in judged), None)
+    if other is None:
         return _unexplained(answer)
     rest = [run, *(v for v in validation if v is not other)]
     return _elsewhere_answer(answer, _diagnosed(vehicle, other, rest, settings, lambda share: None, causes), other.name)
