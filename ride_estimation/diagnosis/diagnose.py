@@ -158,7 +158,9 @@ def _judged(
 ) -> Diagnosis:
     """Return the diagnosis of a run, or of the validation run that the one of the run misses."""
     answer = _diagnosed(vehicle, run, validation, settings, report, causes)
-    worst = "" if answer.gain is None or answer.verdict == EXPLAINED else unexplained_run(answer.gain, settings)
+    if answer.gain is None or answer.verdict == EXPLAINED:
+        return answer
+    worst = unexplained_run(answer.gain, settings)
     if not worst:
         return answer
     # what the blocks of the run that took no part in the fit show, a run that the answer cannot even predict may tell

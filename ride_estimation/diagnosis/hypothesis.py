@@ -75,7 +75,7 @@ class Hypothesis:
     largest
         Size of the first coefficient beyond which the hypothesis means nothing.
     plausible
-        Whether coefficients are possible numbers.
+        Whether coefficients are possible numbers with their shape parameters.
     inner
         Shape parameters at whose lower bound it means nothing: what fits best there has another form.
     run_bound
@@ -109,7 +109,7 @@ class Hypothesis:
     variant: str = ""
     essential: tuple[int, ...] = ()
     largest: float = float("inf")
-    plausible: Callable[[Array], bool] = lambda coefficients: True
+    plausible: Callable[[Array, Shapes], bool] = lambda coefficients, shape: True
     run_bound: bool = False
     shows_in_means: bool = False
     seen_in_readings: bool = False
@@ -132,7 +132,7 @@ class Hypothesis:
         """Return whether every essential column is used and coefficients and shape have sizes that they can have."""
         used = all(coefficients[i] != 0.0 for i in self.essential)
         used &= self.possible(shape) and bool(np.all(np.abs(coefficients[:1]) <= self.largest))
-        return used and self.plausible(coefficients)
+        return used and self.plausible(coefficients, shape)
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -116,7 +116,7 @@ def _in_the_damper(view: RunView, group: PortGroup) -> list[Hypothesis]:
 
         return force_columns(view, group, law)
 
-    def plausible(coefficients: Array) -> bool:
+    def plausible(coefficients: Array, shape: Shapes) -> bool:
         return bool(np.all(np.abs(coefficients) <= _MOST_LOST * there))
 
     grid = tuple({"half": h} for h in (0.03, 0.1, 0.3))

@@ -83,11 +83,13 @@ class MassChange(Cause):
             known = _BEYOND * (mass.std or _WEIGHED * mass.value)
             moments, reach = len(_moment_axes(view, body)), _REACH * _extent(view.plant.vehicle, body)
 
-            def on_the_body(coefficients: Array, count: int = moments, reach: float = reach) -> bool:
+            def on_the_body(coefficients: Array, shape: Shapes, count: int = moments, reach: float = reach) -> bool:
                 return bool(np.all(np.abs(coefficients[1 : 1 + count]) <= reach * abs(float(coefficients[0]))))
 
-            def plausible(coefficients: Array, least: float = known, near: Callable[[Array], bool] = on_the_body) -> bool:
-                return abs(float(coefficients[0])) >= least and near(coefficients)
+            def plausible(
+                coefficients: Array, shape: Shapes, least: float = known, near: Callable[[Array, Shapes], bool] = on_the_body
+            ) -> bool:
+                return abs(float(coefficients[0])) >= least and near(coefficients, shape)
 
             most = _MOST * mass.value
             out.append(Hypothesis(

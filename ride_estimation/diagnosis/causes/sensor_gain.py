@@ -90,6 +90,6 @@ def _gain_error(view: RunView, sensor: str, coefficient: float) -> float:
     return coefficient / (1.0 - coefficient) if is_input(view, sensor) else coefficient
 
 
-def _possible(coefficients: Array) -> bool:
+def _possible(coefficients: Array, shape: Shapes) -> bool:
     """Return whether the factor of a reading stays positive."""
     return abs(float(coefficients[0])) < _LARGEST
