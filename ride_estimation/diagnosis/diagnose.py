@@ -105,7 +105,7 @@ def diagnose(
     if causes is not None and not {c.id for c in named_mistakes(vehicle, mistakes)} <= set(causes):
         mistakes = ()
     run, *validation = (put_right(r, mistakes) for r in recorded)
-    answer = _judged(vehicle, run, validation, settings, progress or (lambda share: None), causes)
+    answer = _answered(vehicle, run, validation, settings, progress or (lambda share: None), causes)
     if mistakes:
         answer = _with_mistakes(vehicle, recorded, answer, mistakes, settings)
     return dataclasses.replace(answer, warnings=(*doubtful, *answer.warnings))
@@ -148,11 +148,12 @@ def _errors_as_recorded(
     calibrated = calibrate(data, splits.train)
     model, plant = plain_model(calibrated), calibrated.view.plant
     runs = {r.name: r for r in recorded}
-    judged = [runs.get(v.run, recorded[0]) for v in gain.validation]
-    return [block_squares(predict(RunData(plant, measurement(plant, r), settings), model)) for r in judged]
+    return [
+        block_squares(predict(RunData(plant, measurement(plant, runs[b.run]), settings), model)) for b in gain.blocks
+    ]
 
 
-def _judged(
+def _answered(
     vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings, report: Report,
     causes: Collection[str] | None,
 ) -> Diagnosis:

@@ -21,7 +21,7 @@ from ride_estimation.diagnosis.prediction import (
     pooled_nrmse,
     predict,
 )
-from ride_estimation.diagnosis.result import Gain, ValidationGain
+from ride_estimation.diagnosis.result import Gain, JudgedBlocks, ValidationGain
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.settings import Settings
@@ -105,7 +105,7 @@ def measured_gain(
     warnings: list[str] = []
     base_squares, ext_squares = block_squares(base), block_squares(extended)
     results: list[ValidationGain] = []
-    blocks: list[tuple[IntArray, Array, Array]] = []
+    blocks: list[JudgedBlocks] = []
     for data in validation:
         name, count = data.measured.name, data.blocks.count
         bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
@@ -139,7 +139,7 @@ def measured_gain(
             name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
             min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
-        blocks.append((judged, e1[judged], s0[judged]))
+        blocks.append(JudgedBlocks(name, judged, e1[judged], s0[judged]))
     judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
     baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
     # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
@@ -151,7 +151,7 @@ def measured_gain(
                 base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
             ), floor,
         ))
-        blocks.append((judge, ext_squares[0][judge], base_squares[1][judge]))
+        blocks.append(JudgedBlocks(work.data.measured.name, judge, ext_squares[0][judge], base_squares[1][judge]))
     if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
     return Gain(_METRIC, baseline, after, floor, tuple(results), tuple(blocks)), warnings
@@ -163,16 +163,15 @@ def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Set
     Parameters
     ----------
     recorded
-        Squared errors of that model and squared signal of every block, of the runs of ``gain.validation``, shape (B,) each.
+        Squared errors of that model and squared signal of every block, of the runs of ``gain.blocks``, shape (B,) each.
     """
     results = []
-    for v, (judged, after, signal), (errors, read) in zip(gain.validation, gain.blocks, recorded):
+    for v, judged, (errors, read) in zip(gain.validation, gain.blocks, recorded):
         # an error in g instead of m/s^2 scales the signal, too
-        before = errors[judged] * float(signal.sum()) / max(float(read[judged].sum()), 1e-300)
-        whole = np.arange(len(judged))
+        before = errors[judged.index] * float(judged.signal.sum()) / max(float(read[judged.index].sum()), 1e-300)
         results.append(dataclasses.replace(
-            v, baseline=pooled_nrmse(before, signal, whole), in_range=None,
-            ci95=bootstrap_interval(before, after, signal, settings.bootstrap, settings.seed),
+            v, baseline=pooled_nrmse(before, judged.signal, np.arange(len(before))), in_range=None,
+            ci95=bootstrap_interval(before, judged.errors, judged.signal, settings.bootstrap, settings.seed),
         ))
     return dataclasses.replace(gain, baseline=results[0].baseline, validation=tuple(results))
 

@@ -73,13 +73,23 @@ class ValidationGain:
 
 
 @dataclasses.dataclass(frozen=True)
+class JudgedBlocks:
+    """The blocks that a gain is measured on: run, indices, squared errors of the extended model and squared signal, (B,) each."""
+
+    run: str
+    index: IntArray
+    errors: Array
+    signal: Array
+
+
+@dataclasses.dataclass(frozen=True)
 class Gain:
     """Gain of the extension; ``baseline`` and ``extended`` on the judge blocks of the run itself.
 
     Attributes
     ----------
     blocks
-        Of every entry of ``validation``: the judged blocks, squared errors of the extended model and squared signal there.
+        Of every entry of ``validation``.
     """
 
     metric: str
@@ -87,7 +97,7 @@ class Gain:
     extended: float
     noise_floor: float
     validation: tuple[ValidationGain, ...]
-    blocks: tuple[tuple[IntArray, Array, Array], ...] = ()
+    blocks: tuple[JudgedBlocks, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

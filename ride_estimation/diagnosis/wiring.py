@@ -24,6 +24,7 @@ from ride_estimation.frames import AXES
 from ride_estimation.sensors.consistency import Mistake, contradiction
 from ride_estimation.sensors.layout import motion_rows
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.signals.correction import Correction
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -138,7 +139,7 @@ def _as_causes(vehicle: Vehicle, mistake: Mistake) -> list[tuple[str, str, str, 
         wrong = np.flatnonzero(factor != 1.0)
         axis = AXES[wrong[0]] if len(wrong) == 1 else ""
         return [("sensor_gain", name, axis, Reported("gain error", float(1.0 / factor[wrong[0]] - 1.0), installed.gain, "-"))]
-    turn = Rotation.from_matrix(proper_turn(mistake)).as_rotvec()
+    turn = Rotation.from_matrix(_proper_turn(mistake)).as_rotvec()
     angle = float(np.linalg.norm(turn))
     main = int(np.argmax(np.abs(turn)))
     alone = np.isclose(abs(turn[main]), angle)
@@ -148,7 +149,7 @@ def _as_causes(vehicle: Vehicle, mistake: Mistake) -> list[tuple[str, str, str, 
     return [("sensor_misalignment", name, axis, reported)]
 
 
-def proper_turn(mistake: Mistake) -> Array:
+def _proper_turn(mistake: Mistake) -> Array:
     """Return the rotation nearest to exchanged axes; of two that are exchanged and no rotation, that by a right angle."""
     turn = mistake.turn
     if np.linalg.det(turn) > 0.0:
@@ -171,6 +172,11 @@ def without_mistakes(vehicle: Vehicle, found: Sequence[FoundMistake]) -> tuple[V
             remarks.append(f"the topics of {one} and {other} are exchanged")
         elif np.isclose(np.linalg.det(mistake.turn), 1.0):
             sensors[one] = dataclasses.replace(sensors[one], rotation=sensors[one].rotation @ mistake.turn)
+            remarks.append(f"the {mistake.words}")
+        elif mistake.order == (0, 1, 2) and min(mistake.factor) > 0.0:
+            read = Correction(gain=tuple(1.0 / f for f in mistake.factor))
+            old = sensors[one]
+            sensors[one] = dataclasses.replace(old, correction=old.correction.and_then(read, len(mistake.factor)))
             remarks.append(f"the {mistake.words}")
         else:
             remarks.append(f"the {mistake.words}: a vehicle file cannot hold that, put it right where it is recorded")

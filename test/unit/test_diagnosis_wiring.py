@@ -12,6 +12,7 @@ from test_diagnosis_load import SITTING, runs_of
 
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.wiring import found_mistakes, named_mistakes, put_right, without_mistakes
+from ride_estimation.signals.corrected_run import corrected_run
 from ride_estimation.signals.recording import UniformRun
 
 G = 9.80665
@@ -94,6 +95,17 @@ def test_a_turned_sensor_is_turned_in_the_extended_file(healthy):
     exchanged_file, _ = without_mistakes(file, found_mistakes(file, [recorded(r, CASES["cab topics"][0]) for r in runs])[0])
     topics = {s.name: s.topic for s in file.sensors.values()}
     assert exchanged_file.sensors["cab_front_left"].topic == topics["cab_front_right"]
+
+
+@pytest.mark.parametrize("case", ["cab in g", "base in g"])
+def test_a_sensor_in_g_has_its_gain_in_the_extended_file(healthy, case: str):
+    file, runs = healthy
+    name = CASES[case][1][0][1]
+    wrong = [recorded(run, CASES[case][0]) for run in runs]
+    extended, (remark,) = without_mistakes(file, found_mistakes(file, wrong)[0])
+    right = corrected_run(wrong[0], {name: extended.sensors[name].correction})
+    np.testing.assert_allclose(right.data[name], runs[0].data[name], rtol=1e-12, atol=1e-12)
+    assert "in g" in remark and "cannot hold" not in remark
 
 
 def test_limits_of_a_range_follow_the_axes(healthy):

@@ -63,12 +63,11 @@ class FlexibleMode(Cause):
 
                 light = _RATIOS[0] if damping > _RATIOS[0] else _RATIOS[1]
                 grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (light, damping))
-                stiffness, damping_rate = view.state.stiffness @ drive**2, view.state.damping @ drive**2
+                given = float(view.state.stiffness @ drive**2), float(view.state.damping @ drive**2)
 
-                def held(c: Array, shape: Shapes, k: float = float(stiffness), d: float = float(damping_rate)) -> bool:
-                    z, omega = float(shape["damping"]), 2.0 * np.pi * float(shape["frequency"])
-                    given = 2.0 * (z - _OF_STRUCTURES) / omega * k / max(d, 1e-300)
-                    return z <= _UNAIDED or -k * float(c[-1]) / omega**2 >= _ANSWERED * given
+                def held(coefficients: Array, shape: Shapes, given: tuple[float, float] = given) -> bool:
+                    answered, damped = _mount_shares(given, shape, float(coefficients[-1]))
+                    return float(shape["damping"]) <= _UNAIDED or answered >= _ANSWERED * damped
 
                 bounds = (Shape("frequency", frequency, 0.7 * frequency, 1.4 * frequency), Shape("damping", 0.03, 0.004, _DAMPED))
                 out.append(Hypothesis(self.ID, body, "", columns, grid, bounds, complexity=float(len(drive)), plausible=held))
@@ -92,12 +91,10 @@ class FlexibleMode(Cause):
         # at the largest damping the frequency is open by half the width of the resonance
         form = 1.0 if np.isclose(z, _DAMPED, rtol=0.01) else FORM**0.5
         w, spread = 2.0 * np.pi * f, fitted.spread("frequency", form * z * f)
-        stiffness, damping = _given_by_mounts(view, fitted)
-        answered = -stiffness * float(fitted.coefficients[-1]) / w**2
-        damped = 2.0 * max(z - _OF_STRUCTURES, 0.0) / w * stiffness / max(damping, 1e-300)
-        shares = np.clip([answered, damped], 0.0, _MOST)
+        given = _given_by_mounts(view, fitted)
+        shares = np.clip(_mount_shares(given, fitted.shape, float(fitted.coefficients[-1])), 0.0, _MOST)
         share = float(np.mean(shares))
-        unsure = float(np.hypot(stiffness * fitted.std(len(fitted.coefficients) - 1) / w**2, 0.5 * np.ptp(shares)))
+        unsure = float(np.hypot(given[0] * fitted.std(len(fitted.coefficients) - 1) / w**2, 0.5 * np.ptp(shares)))
         free = f * float(np.sqrt(1.0 - share))
         slope = 0.5 * f**2 / free
         return (
@@ -181,6 +178,22 @@ def _given_by_mounts(view: RunView, fitted: Fitted) -> tuple[float, float]:
         drive = float(np.real(np.vdot(of_unit, force))) / max(float(np.sum(np.abs(of_unit) ** 2)), 1e-300)
         total += np.array([stiffness, damping]) * drive**2
     return float(total[0]), float(total[1])
+
+
+def _mount_shares(given: tuple[float, float], shape: Shapes, reaction: float) -> tuple[float, float]:
+    """Return the share of the squared frequency that mounts give a mode as they answer it and as they damp it.
+
+    Parameters
+    ----------
+    given
+        Squared drive of the mode times stiffness and damping of every port.
+    reaction
+        Coefficient of :func:`_reaction`.
+    """
+    stiffness, damping = given
+    w = 2.0 * np.pi * float(shape["frequency"])
+    damped = 2.0 * max(float(shape["damping"]) - _OF_STRUCTURES, 0.0) / w * stiffness / max(damping, 1e-300)
+    return -stiffness * reaction / w**2, damped
 
 
 def _resonance(view: RunView, rows: list[int], peak_hz: float) -> tuple[float, float, Array]:
