@@ -139,10 +139,12 @@ def diagnose(
             raise ConfigurationError(f"{other.recording.name}: is the run that is fitted; only another one can judge the gain")
     measured = _uniform(run.recording, rate_hz)
     others = [_uniform(other.recording, rate_hz) for other in validate]
-    chain = diagnose_travel if needs_travel(run.vehicle, measured) else diagnose_run
+    by_travel = needs_travel(run.vehicle, measured)
+    chain = diagnose_travel if by_travel else diagnose_run
     chosen = Settings(stability=True) if settings is None else settings
     answer = chain(run.vehicle, measured, others, chosen, report)
-    answer = dataclasses.replace(answer, warnings=(*answer.warnings, *_unused_rates(measured)))
+    if by_travel:
+        answer = dataclasses.replace(answer, warnings=(*answer.warnings, *_unused_rates(measured)))
     checksum, duration = run.recording.checksum, measured.samples / measured.rate_hz
     facts = {"path": run.recording.name, "checksum": checksum, "duration_s": duration}
     return DiagnosedRun(answer, measured.name, facts, {"name": run.vehicle.name, "checksum": run.vehicle.checksum})
@@ -160,11 +162,11 @@ def refusal(run: Run) -> str:
 
 
 def _unused_rates(run: UniformRun) -> tuple[str, ...]:
-    """Return words on gyros: the model is compared with accelerations and displacements alone."""
+    """Return words on gyros where measured deflections stand in for base motion."""
     gyros = [name for name, values in run.data.items() if values.ndim > 1 and values.shape[1] > 3]
     if not gyros:
         return ()
-    return (f"the angular rates of {', '.join(gyros)} are not used: a diagnosis compares accelerations and displacements",)
+    return (f"the angular rates of {', '.join(gyros)} are not used: without base accelerometers only accelerations are compared",)
 
 
 def _uniform(recording: Recording, rate_hz: float | None) -> UniformRun:

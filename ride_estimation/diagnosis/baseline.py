@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.effect import Where
 from ride_estimation.diagnosis.frame import tilt_spectrum
-from ride_estimation.diagnosis.plant import Signal
+from ride_estimation.diagnosis.plant import CHANNELS, Signal
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 
@@ -42,7 +42,7 @@ class Adjustable:
         ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``mount_axes``, ``gain``, ``misalignment``,
         ``position``, ``delay``, ``bandwidth``, ``attitude``, ``tilt``, ``twist``.
     place, axis
-        Port, body or sensor it belongs to.
+        Port, body or sensor it belongs to; of the gain of an angular rate ``rate_x``, ``rate_y`` or ``rate_z``.
     prior_std
         In the unit of the number.
     offset
@@ -291,10 +291,16 @@ def sensor_error_spectra(
     kind
         ``gain``, ``misalignment``, ``position``, ``delay`` or ``bandwidth``.
     component
-        Axis of gain, rotation or shift; ignored by ``delay`` and ``bandwidth``, which touch all axes.
+        Axis of gain (:data:`plant.CHANNELS`), rotation or shift; ignored by ``delay`` and ``bandwidth``, which touch all axes.
     fault
-        What the sensor reads over what it would read without a large fault of its own, shape (3, 3): that distorts what its
-        small errors add as well. What an input would read is wanted instead of the reading.
+        What the sensor reads over what it would read without a large fault of its own, shape (6, 6), of a sensor without
+        angular rates (3, 3) or more: that distorts what its small errors add as well. What an input would read is wanted
+        instead of the reading.
+
+    Notes
+    -----
+    Accelerometer and gyro of an IMU share housing and clock: its rotation, its delay and its low-pass are one error of all six
+    channels. The gain of every channel is its own; a position does not act on rates.
     """
     is_input = any(s.sensor == sensor for s in view.plant.inputs)
     rows = {s.component: i for i, s in enumerate(view.plant.inputs if is_input else view.plant.outputs) if s.sensor == sensor}
@@ -326,26 +332,41 @@ def _plain_error(
     if kind == "gain":
         return {i: spectrum[:, i] for c, i in rows.items() if c == component}
     if kind == "misalignment":
-        turn = -skew(np.eye(3)[component])
-        return {
-            i: sum((turn[c, d] * spectrum[:, k] for d, k in rows.items()), np.zeros(len(grid.omega), dtype=complex))
-            for c, i in rows.items() if np.any(turn[c])
-        }
+        return turned_reading(spectrum, rows, -skew(np.eye(3)[component]))
     description = plant.vehicle.sensors[sensor]
     shift = point_motion_matrix(np.eye(3)[component])[:, 3:]
     if is_input:
         return {}
     _, a = body_spectra(view, description.body)
     motion = a[:, 3:] @ shift.T @ description.rotation
-    return {i: motion[:, c] for c, i in rows.items()}
+    return {i: motion[:, c] for c, i in rows.items() if c < len(AXES)}
+
+
+def turned_reading(spectrum: ComplexArray, rows: Mapping[int, int], turn: Array) -> dict[int, ComplexArray]:
+    """Return a matrix (3, 3) times what a sensor measures, channel -> spectrum (F,): accelerations, and rates likewise.
+
+    Parameters
+    ----------
+    spectrum
+        Of all channels, shape (F, q).
+    rows
+        Component of the sensor -> channel.
+    """
+    out: dict[int, ComplexArray] = {}
+    for first in range(0, len(CHANNELS), len(AXES)):
+        own = {c - first: i for c, i in rows.items() if first <= c < first + len(AXES)}
+        for c, i in own.items():
+            if np.any(turn[c]):
+                out[i] = sum((turn[c, d] * spectrum[:, k] for d, k in own.items()), np.zeros(len(spectrum), dtype=complex))
+    return out
 
 
 def faulty_rows(view: RunView, adjustables: Sequence[Adjustable], faults: Mapping[str, Array]) -> tuple[list[int], Array]:
-    """Return the places of the errors of some faulty sensors and their whitened rows (B, R, p), sensor -> fault, shape (3, 3)."""
+    """Return the places of the errors of some faulty sensors and their whitened rows (B, R, p), sensor -> fault, shape (6, 6)."""
     places, spectra = [], []
     for i, a in enumerate(adjustables):
         if a.kind in OF_SENSORS and a.place in faults:
-            component = AXES.index(a.axis) if a.axis else 0
+            component = CHANNELS.index(a.axis) if a.axis else 0
             errors, is_input = sensor_error_spectra(view, a.place, a.kind, component, faults[a.place])
             places.append(i)
             spectra.append(error_outputs(view, errors, is_input))
@@ -368,7 +389,7 @@ def sensor_error_means(table: MeanTable, sensor: str, kind: str, component: int)
     change = np.zeros(3)
     gravity = table.gravity[sensor]
     if kind == "gain":
-        change[component] = gravity[component]
+        change[component : component + 1] = gravity[component : component + 1]
     elif kind == "misalignment":
         change = -skew(np.eye(3)[component]) @ gravity
     rows = {c: table.row(sensor, c) for c in range(3)}
@@ -392,10 +413,11 @@ def _sensor_columns(view: RunView, table: MeanTable) -> Iterator[_Column]:
                 errors, is_input = sensor_error_spectra(view, sensor, kind, component)
                 if not errors:
                     continue
-                axis = "" if kind in ("delay", "bandwidth") else AXES[component]
+                axis = "" if kind in ("delay", "bandwidth") else CHANNELS[component]
                 means = {} if displacement else sensor_error_means(table, sensor, kind, component)
                 known = view.plant.reading_errors.get((kind, sensor, axis), 0.0) if is_input else 0.0
-                yield Adjustable(kind, sensor, axis, std, -known), error_outputs(view, errors, is_input), means
+                own = tolerances.gyro_gain if component >= len(AXES) else std
+                yield Adjustable(kind, sensor, axis, own, -known), error_outputs(view, errors, is_input), means
 
 
 def _attitude_columns(view: RunView, table: MeanTable) -> Iterator[_Column]:

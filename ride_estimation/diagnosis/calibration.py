@@ -216,8 +216,7 @@ def _with_bodies(plant: Plant, bodies: Mapping[str, Body], settings: Settings) -
     """Return a plant with other bodies, all else that calibration found kept; None where its channels or ports change."""
     tolerances = settings.tolerances
     moved = build_plant(
-        dataclasses.replace(plant.vehicle, bodies=bodies), dict.fromkeys(plant.sensors, 3), tolerances.stiffness,
-        tolerances.damping,
+        dataclasses.replace(plant.vehicle, bodies=bodies), plant.columns, tolerances.stiffness, tolerances.damping
     )
     # a moved CG gives levers to channels and mounts that had none: the data are those of the channels that had
     keys = [(s.sensor, s.component) for s in moved.outputs]
@@ -226,7 +225,7 @@ def _with_bodies(plant: Plant, bodies: Mapping[str, Body], settings: Settings) -
         return None
     rows = [keys.index(k) for k in wanted]
     return dataclasses.replace(
-        moved, outputs=plant.outputs, out_acceleration=moved.out_acceleration[rows],
+        moved, outputs=plant.outputs, out_acceleration=moved.out_acceleration[rows], out_rate=moved.out_rate[rows],
         out_displacement=moved.out_displacement[rows], out_base=moved.out_base[rows], tilt_share=plant.tilt_share,
         reading_errors=plant.reading_errors, body_errors=plant.body_errors, named_cg=plant.named_cg, warnings=plant.warnings
     )

@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
 from ride_estimation.diagnosis.gain import FLOOR, gain_over, measured_gain, refusal, remaining_energy, usable_runs
+from ride_estimation.diagnosis.gyros import unused_rates, wrong_gyros
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
 from ride_estimation.diagnosis.installation import installation_remarks
@@ -60,6 +61,7 @@ from ride_estimation.diagnosis.work import Work, plain_model
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.parameters.parameter_status import status_of
+from ride_estimation.frames import AXES
 from ride_estimation.signals.recording import UniformRun, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -239,6 +241,12 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         raise InputDataError(
             f"the run {run.name} lasts {duration:.1f} s; at least {settings.minimum_duration_s:g} s are needed"
         )
+    words = unused_rates(plant, spoke)
+    if wrong := wrong_gyros(plant, run, settings):
+        spoke |= dict.fromkeys(wrong, len(AXES))
+        plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)
+        words += tuple(f"the angular rates of {name} are not used: {reason}" for name, reason in wrong.items())
+    plant = dataclasses.replace(plant, warnings=(*plant.warnings, *words))
     data = RunData(plant, measurement(plant, run), settings)
     if data.blocks.count < LEAST_BLOCKS:
         raise InputDataError(
@@ -313,6 +321,10 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
             f"the body accelerometers are {view.data.noise_scale:.2f} times as noisy as the vehicle file states; "
             "the measured noise is used"
         )
+    warnings += [
+        f"the angular rates of {sensor} are {scale:.2f} times as noisy as the vehicle file states; the measured noise is used"
+        for sensor, scale in view.data.gyro_scale.items() if scale > 1.25
+    ]
     alike = confusions(work.selection.contests)
     isolability = tuple(c.words for c in alike)
     warnings += isolability

@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.run_view import RunView
 
 Array = NDArray[np.float64]
 
+_UNITS = {"acceleration": "m/s^2", "displacement": "m", "rate": "rad/s"}
 _EDGES_HZ = (0.4, 0.8, 1.5, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 
 
@@ -50,7 +51,7 @@ def residual_summary(base: Prediction, extended: Prediction, remaining: float, i
     trim = round(view.settings.trim_s * view.grid.rate_hz)
     inner = error[trim:-trim]
     kurtosis = float(np.mean(np.mean(inner**4, axis=0) / np.maximum(np.mean(inner**2, axis=0) ** 2, 1e-300)))
-    ordered = np.sort(np.sum(inner**2, axis=1))[::-1]
+    ordered = np.sort(np.sum(inner[:, _pictured(view)] ** 2, axis=1))[::-1]
     top = float(ordered[: max(len(ordered) // 100, 1)].sum() / max(float(ordered.sum()), 1e-300))
     loudest = max(bands, key=lambda b: b[2]) if bands else ("", 1.0, 1.0)
     words = (
@@ -92,17 +93,24 @@ def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
         s.name: (time_s, y[part, i], (y - e0)[part, i], (y - e1)[part, i]) for i, s in enumerate(view.plant.outputs)
     }
     blocks = np.stack([_block_misfit(p) for p in (base, extended)], axis=1)
+    shown = _pictured(view)
     return Evidence(
-        grid.frequency, residual[0].sum(axis=1) / n, residual[1].sum(axis=1) / n, noise.sum(axis=1),
+        grid.frequency, residual[0][:, shown].sum(axis=1) / n, residual[1][:, shown].sum(axis=1) / n, noise[:, shown].sum(axis=1),
         tuple(s.name for s in view.plant.outputs), table, band_table(base, extended), view.blocks.time_s, blocks,
-        _loops(base, extended), stretch, _unit(view),
+        _loops(base, extended), stretch, _unit(view), tuple(s.name for s in view.plant.outputs if s.kind == "rate"),
     )
 
 
+def _pictured(view: RunView) -> slice | list[int]:
+    """Return the channels whose power is pooled in pictures: all without angular rates, where there are others."""
+    others = [i for i, s in enumerate(view.plant.outputs) if s.kind != "rate"]
+    return slice(None) if len(others) in (0, len(view.plant.outputs)) else others
+
+
 def _unit(view: RunView) -> str:
-    """Return the unit of the measured channels."""
+    """Return the unit of the channels that are pooled."""
     kinds = {s.kind for s in view.plant.outputs}
-    return " or ".join({"acceleration": "m/s^2", "displacement": "m"}.get(k, "-") for k in sorted(kinds))
+    return " or ".join(_UNITS[k] for k in sorted(kinds) if k != "rate" or len(kinds) == 1)
 
 
 def _block_misfit(prediction: Prediction) -> Array:

@@ -187,7 +187,7 @@ def _loaded(hypotheses: Iterable[Hypothesis]) -> list[str]:
 
 
 def _faults(fitted: Iterable[Fitted]) -> dict[str, Array]:
-    """Return what faulty sensors read over what they would read without their faults, sensor -> shape (3, 3)."""
+    """Return what faulty sensors read over what they would read without their faults, sensor -> shape (6, 6)."""
     return {f.hypothesis.location: f.hypothesis.fault(f.coefficients) for f in fitted if f.hypothesis.fault is not None}
 
 

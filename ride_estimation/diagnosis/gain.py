@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
+_WITH_RATES = "; angular rates in units of acceleration, by their power or their noise"
 #: share to which the noise floor itself is known: less above it is nothing that remains
 FLOOR = 0.1
 _AS_GOOD = 1.02  # error over another one up to which both count as the same
@@ -154,7 +155,8 @@ def measured_gain(
         blocks.append(JudgedBlocks(work.data.measured.name, judge, ext_squares[0][judge], base_squares[1][judge]))
     if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
-    return Gain(_METRIC, baseline, after, floor, tuple(results), tuple(blocks)), warnings
+    metric = _METRIC + (_WITH_RATES if any(s.kind == "rate" for s in work.plant.outputs) else "")
+    return Gain(metric, baseline, after, floor, tuple(results), tuple(blocks)), warnings
 
 
 def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Settings) -> Gain:

@@ -94,7 +94,8 @@ class Hypothesis:
         Columns that the model is simulated with, where they are not those of the regression: the noise of the base sensors
         moves a simulated load, but tells nothing of its size.
     fault
-        Of the coefficients: what a faulty sensor reads over what it would read without the fault, shape (3, 3).
+        Of the coefficients: what a faulty sensor reads over what it would read without the fault, shape (6, 6) in the order of
+        :data:`plant.CHANNELS`.
     """
 
     cause: str

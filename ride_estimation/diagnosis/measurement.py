@@ -41,7 +41,13 @@ class Measurement:
 
 
 def measurement(plant: Plant, run: UniformRun) -> Measurement:
-    """Collect the plant's channels of a run, corrections of the sensors applied; gaps are bridged linearly and marked invalid."""
+    """Collect the plant's channels of a run, corrections of the sensors applied; gaps are bridged linearly and marked invalid.
+
+    Raises
+    ------
+    KeyError
+        A sensor, or the angular rates of one, that the run does not have.
+    """
     run = corrected_run(run, {s: plant.vehicle.sensors[s].correction for s in plant.sensors})
     valid = np.ones(run.samples, dtype=bool)
     for sensor in plant.sensors:
@@ -49,6 +55,8 @@ def measurement(plant: Plant, run: UniformRun) -> Measurement:
 
     def column(sensor: str, component: int) -> Array:
         data = np.asarray(run.data[sensor], dtype=float)
+        if component >= data.shape[1] > 1:
+            raise KeyError(f"{sensor} (angular rates)")
         values = data[:, component if data.shape[1] > 1 else 0].copy()
         good = np.isfinite(values) & run.valid[sensor]
         if not np.all(good) and np.any(good):

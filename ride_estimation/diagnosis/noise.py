@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ def smoothed_power(spectrum: ComplexArray, samples: int, width: int) -> Array:
 
 
 def gross_power(
-    measured: Array, transfer: Array, coordinates: ComplexArray, samples: int, width: int, rigid: NDArray[np.bool_]
+    measured: Array, transfer: NDArray[Any], coordinates: ComplexArray, samples: int, width: int, rigid: NDArray[np.bool_]
 ) -> Array:
     """Return the power of the motions that a channel is the sum of, shape (F, ny).
 
@@ -132,6 +133,39 @@ def _null_level(white: ComplexArray, motion: Array, samples: int) -> float | Non
     null = left[:, int(np.count_nonzero(values > 1e-9 * values.max(initial=0.0))) :]
     # the power of a complex Gaussian bin is exponential: median = ln 2 x mean
     return float(np.median(np.abs(white @ null) ** 2 / samples) / np.log(2.0))
+
+
+def gyro_noise_scale(
+    spectra: tuple[ComplexArray, ComplexArray], motion: tuple[Array, Array], stated: tuple[Array, Array], omega: Array,
+    samples: int,
+) -> float:
+    """Return measured over stated noise of one gyro, at least one.
+
+    What its readings, ``i omega`` times, differ by from the angular acceleration that accelerometers show is noise of both. In
+    the upper third of the band, as in :func:`noise_scale`; one where the accelerometers do not show it.
+
+    Parameters
+    ----------
+    spectra
+        Of the accelerometers of the bodies, shape (F, na), and of the gyro, shape (F, nr).
+    motion
+        Maps from accelerations of the coordinates to accelerometers (na, n) and to the derivatives of the rates (nr, n).
+    stated
+        Noise of both, that of the accelerometers as measured, shapes (na,) and (nr,).
+    omega
+        Angular frequencies within the band [rad/s], shape (F,).
+    samples
+        Length of the run.
+    """
+    upper = omega > omega[0] + 0.67 * (omega[-1] - omega[0])
+    weight = motion[1] @ np.linalg.pinv(motion[0] / stated[0][:, None]) / stated[0]
+    if not np.any(upper) or not np.allclose(weight @ motion[0], motion[1], atol=1e-6):
+        return 1.0
+    difference = 1j * omega[upper, None] * spectra[1][upper] - spectra[0][upper] @ weight.T
+    known, own = np.square(weight) @ np.square(stated[0]), np.square(omega[upper, None] * stated[1])
+    # the power of a complex Gaussian bin is exponential: median = ln 2 x mean
+    level = float(np.median((np.abs(difference) ** 2 / samples / np.log(2.0) - known) / own))
+    return float(np.sqrt(max(level, 1.0)))
 
 
 def missing_forces(residual: ComplexArray, transfer: ComplexArray, power: Array, noise: ComplexArray) -> ComplexArray:

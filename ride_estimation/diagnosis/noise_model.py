@@ -71,7 +71,7 @@ class NoiseModel:
         data, model, n = self._data, self._model, self._data.grid.samples
         return gross_power(
             smoothed_power(data.output_spectrum, n, data.smoothing), model.response.output_from_coordinate,
-            model.coordinate_spectrum, n, data.smoothing, np.array([s.kind == "acceleration" for s in data.plant.outputs]),
+            model.coordinate_spectrum, n, data.smoothing, np.array([s.kind != "displacement" for s in data.plant.outputs]),
         )
 
     @functools.cached_property
@@ -91,7 +91,7 @@ class NoiseModel:
         """Return the covariance of the residual, shape (F, ny, ny)."""
         data, gross = self._data, self._gross
         return residual_covariance(
-            data.noise_scale * np.array([s.noise_std for s in data.plant.outputs]),
+            data.output_noise,
             self.output_transfer * self.disturbance[:, None, :],
             over_band(gross, data.grid.band_weight) if data.settings.over_band else gross,
             data.settings.adequacy,

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _ACCELERATION_KINDS = ("accelerometer", "imu")
+#: axes of the readings of an IMU, in the order of its columns; an accelerometer has the first three
+CHANNELS = (*AXES, "rate_x", "rate_y", "rate_z")
 _NEAR = 0.1  # distance over which the slope of a base does not matter to its motion [m]
 
 
@@ -48,7 +50,17 @@ class Port:
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """One measured component of one sensor."""
+    """One measured component of one sensor.
+
+    Attributes
+    ----------
+    component
+        Column of the readings, see :data:`CHANNELS`; axis of the mount for a transducer.
+    kind
+        ``acceleration`` [m/s^2], ``rate`` [rad/s] or ``displacement`` [m].
+    noise_std, full_scale
+        In the unit of the kind.
+    """
 
     sensor: str
     component: int
@@ -60,8 +72,8 @@ class Signal:
 
     @property
     def name(self) -> str:
-        """Return ``<sensor>.<axis>``."""
-        return f"{self.sensor}.{AXES[self.component]}" if self.kind == "acceleration" else self.sensor
+        """Return ``<sensor>.<axis>``, the sensor alone for a transducer."""
+        return self.sensor if self.kind == "displacement" else f"{self.sensor}.{CHANNELS[self.component]}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,8 +96,9 @@ class Plant:
         Ways in which brackets tilt, and how much of each they follow (1: all of it); calibrated.
     dc_base
         Which mounts take their base motion from an accelerometer that shows gravity, shape (M,).
-    out_acceleration, out_displacement
-        Output ``= (-omega^2 out_acceleration + out_displacement) q + out_base w``, shapes (ny, n) and (ny, nb).
+    out_acceleration, out_rate, out_displacement, out_base
+        Output ``= (-omega^2 out_acceleration + i omega out_rate + out_displacement) q + out_base w``, shapes (ny, n), and
+        (ny, nb) of the last. A gyro reads ``R^T theta'`` of its body, what the body shares with its carrier included.
     static_force
         Static vertical force of each mount [N], order of ``mounts``.
     reading_errors
@@ -115,6 +128,7 @@ class Plant:
     tilt_share: Array
     dc_base: BoolArray
     out_acceleration: Array
+    out_rate: Array
     out_displacement: Array
     out_base: Array
     static_force: Array
@@ -141,6 +155,17 @@ class Plant:
     def sensors(self) -> tuple[str, ...]:
         """Return the sensors of inputs and outputs in order."""
         return tuple(dict.fromkeys(s.sensor for s in (*self.outputs, *self.inputs)))
+
+    @property
+    def columns(self) -> dict[str, int]:
+        """Return how many columns of the readings of every sensor are used: six of an IMU with angular rates, else three."""
+        rated = {s.sensor for s in self.outputs if s.kind == "rate"}
+        return {s: len(CHANNELS) if s in rated else len(AXES) for s in self.sensors}
+
+    @property
+    def shown_motion(self) -> Array:
+        """Return which motions the outputs of accelerometers and gyros show, shape (ny, n), for its rank."""
+        return self.out_acceleration + self.out_rate
 
     @property
     def shared_base(self) -> Array:
@@ -364,7 +389,7 @@ def build_plant(
     vehicle
         Model.
     channels
-        Sensor name -> number of measured components, of the run.
+        Sensor name -> number of measured components, of the run; an IMU on a body with all six has its angular rates used.
     default_k_std, default_c_std
         Prior standard deviation of ln k and ln c where the file states none.
 
@@ -403,7 +428,8 @@ def build_plant(
     static = static_forces(vehicle, mounts, bodies)
     mass, gravity_k = mass_matrix(vehicle, coordinates), gravity_stiffness_of(vehicle, mounts, static, coordinates)
     ports, port_map, port_base = _ports(vehicle, mounts, coordinates, (default_k_std, default_c_std))
-    outputs, out_a, out_d, out_b = _outputs(vehicle, out_sensors, sensors, mounts, coordinates, size)
+    gyros = {s.name for s in out_sensors if s.kind == "imu" and channels[s.name] == len(CHANNELS)}
+    outputs, out_a, out_r, out_d, out_b = _outputs(vehicle, out_sensors, gyros, sensors, mounts, coordinates, size)
     inputs = tuple(
         Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc", s.noise_slope)
         for s in in_sensors for i in range(3)
@@ -411,7 +437,7 @@ def build_plant(
     warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
     return Plant(
         vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, lever, yaw,
-        tilts, np.ones(len(tilts)), dc_base, out_a, out_d, out_b, static, warnings,
+        tilts, np.ones(len(tilts)), dc_base, out_a, out_r, out_d, out_b, static, warnings,
     )
 
 
@@ -442,29 +468,40 @@ def _ports(
 
 
 def _outputs(
-    vehicle: Vehicle, accelerometers: list[Sensor], sensors: Mapping[str, Sensor], mounts: tuple[str, ...],
-    coordinates: Coordinates, size: int,
-) -> tuple[tuple[Signal, ...], Array, Array, Array]:
-    """Return the output channels and their maps onto acceleration, displacement and base displacement.
+    vehicle: Vehicle, accelerometers: list[Sensor], gyros: Collection[str], sensors: Mapping[str, Sensor],
+    mounts: tuple[str, ...], coordinates: Coordinates, size: int,
+) -> tuple[tuple[Signal, ...], Array, Array, Array, Array]:
+    """Return the output channels and their maps onto acceleration, velocity, displacement and base displacement.
 
     A body that has no coordinate along a channel is not known to move with its carrier there as stiffly as the model has it (a
     cushion): the channel is left out.
     """
     n = len(coordinates)
     signals: list[Signal] = []
-    acc, dis, base = [], [], []
+    acc, rate, dis, base = [], [], [], []
     tilt = np.zeros((3, 6))
     tilt[0, 4], tilt[1, 3] = -vehicle.gravity, vehicle.gravity
     for s in accelerometers:
         a_map = s.rotation.T @ point_rows(vehicle, coordinates, s.body, s.position)[:3]
-        t_map = s.rotation.T @ tilt @ body_rows(vehicle, coordinates, s.body) if s.coupling == "dc" else np.zeros((3, n))
+        six = body_rows(vehicle, coordinates, s.body)
+        t_map = s.rotation.T @ tilt @ six if s.coupling == "dc" else np.zeros((3, n))
         own = np.array([b == s.body for b, _ in coordinates])
         for i in range(3):
             if not s.measured[i] or not np.any(np.abs(a_map[i, own]) > 1e-9):
                 continue
             signals.append(Signal(s.name, i, "acceleration", s.noise_std, s.full_scale, s.coupling == "dc"))
             acc.append(a_map[i])
+            rate.append(np.zeros(n))
             dis.append(t_map[i])
+            base.append(np.zeros(size))
+        r_map = s.rotation.T @ six[3:]
+        for i in range(3):
+            if s.name not in gyros or not np.any(np.abs(r_map[i, own]) > 1e-9):
+                continue
+            signals.append(Signal(s.name, 3 + i, "rate", s.gyro_noise_std, dc=False))
+            acc.append(np.zeros(n))
+            rate.append(r_map[i])
+            dis.append(np.zeros(n))
             base.append(np.zeros(size))
     for s in sensors.values():
         if s.kind != "displacement" or s.mount not in mounts or s.axis not in vehicle.mounts[s.mount].elements:
@@ -478,6 +515,7 @@ def _outputs(
         row_b[3 * j : 3 * j + 3] = -port_base[k]
         signals.append(Signal(s.name, AXES.index(s.axis), "displacement", s.noise_std, s.full_scale))
         acc.append(np.zeros(n))
+        rate.append(np.zeros(n))
         dis.append(port_map[k])
         base.append(row_b)
-    return tuple(signals), np.array(acc), np.array(dis), np.array(base)
+    return tuple(signals), np.array(acc), np.array(rate), np.array(dis), np.array(base)

@@ -237,14 +237,38 @@ def _refitted(view: RunView, fitted: Fitted, blocks: NDArray[np.int64]) -> Fitte
     return Fitted(best.hypothesis, trials.coefficients(shape), fitted.covariance, shape)
 
 
+def _pooled_channels(view: RunView) -> tuple[list[int], Array | None]:
+    """Return the channels that are pooled and, where gyros are among them, what their squares are multiplied by.
+
+    Accelerations, and angular rates in units of them, for rad/s and m/s^2 cannot be added: made as large in the mean, but not so
+    large that their noise would be more than that of the accelerations. The displacements where there are only those.
+    """
+    outputs, power = view.plant.outputs, np.sum(np.abs(view.data.output_spectrum * view.grid.band_weight[:, None]) ** 2, axis=0)
+    moving = [i for i, s in enumerate(outputs) if s.kind != "displacement"]
+    rates = np.array([outputs[i].kind == "rate" for i in moving], dtype=bool)
+    if not np.any(rates):
+        return moving or list(range(len(outputs))), None
+    if np.all(rates):
+        return moving, None
+    weights = np.ones(len(moving))
+    sizes = (x[moving] for x in (power, view.data.output_noise**2))
+    weights[rates] = min(float(np.mean(x[~rates])) / max(float(np.mean(x[rates])), 1e-300) for x in sizes)
+    return moving, weights
+
+
 def block_squares(prediction: Prediction) -> tuple[Array, Array]:
-    """Return residual and measured sums of squares of every block pooled over the acceleration channels, shape (B,) each."""
+    """Return residual and measured sums of squares of every block pooled over the channels of motion, shape (B,) each.
+
+    In units of acceleration, see :func:`_pooled_channels`.
+    """
     view = prediction.view
-    used = [i for i, s in enumerate(view.plant.outputs) if s.kind == "acceleration"] or list(range(len(view.plant.outputs)))
+    used, weights = _pooled_channels(view)
     ratio = view.grid.rate_hz / view.grid.decimated_rate_hz
     first = np.round(view.blocks.index[:, 0] * ratio).astype(int)
     length = round(view.blocks.index.shape[1] * ratio)
     error, signal = prediction.residual()[:, used] ** 2, prediction.measured()[:, used] ** 2
+    if weights is not None:
+        error, signal = error * weights, signal * weights
     keep = view.data.measured.valid[:, None]
     return (
         np.array([float((error * keep)[i : i + length].sum()) for i in first]),
@@ -264,11 +288,12 @@ def noise_floor(view: RunView, signal: Array, blocks: Sequence[int] | IntArray) 
     blocks
         Blocks the NRMSE is pooled over: noise is the same in quiet and in rough ones, the signal is not.
     """
-    plant = view.plant
-    used = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"] or list(range(len(plant.outputs)))
-    noise_y = view.data.noise_scale * np.array([s.noise_std for s in plant.outputs])[used]
+    used, weights = _pooled_channels(view)
+    noise_y = view.data.output_noise[used]
     through = np.sum(np.abs(view.noise.output_transfer[:, used] * view.noise.disturbance[:, None, :]) ** 2, axis=2)
     weight = view.grid.band_weight[:, None] ** 2
+    if weights is not None:
+        weight = weight * weights
     # mean square per sample: bins are variances per sample, each stands for two of the padded transform
     power = 2.0 * float(np.sum((through + noise_y**2) * weight)) / view.grid.padded
     index = np.asarray(blocks, dtype=int)

@@ -52,6 +52,8 @@ class LinearResponse:
         """Return the outputs of coordinates (F, n, q) and base accelerations (F, nb, q), none where None, shape (F, ny, q)."""
         plant = self.plant
         out = plant.out_acceleration @ (coordinates / self.twice_integrated)
+        if np.any(plant.out_rate):
+            out = out + plant.out_rate @ (1j * self.omega[:, None, None] * coordinates)
         if np.any(plant.out_displacement):
             out += plant.out_displacement @ coordinates
         if base is not None and np.any(plant.out_base):
@@ -63,7 +65,7 @@ class LinearResponse:
         return np.asarray(self.plant.port_map @ coordinates - self.plant.port_base @ (base * self.twice_integrated))
 
     @property
-    def output_from_coordinate(self) -> Array:
+    def output_from_coordinate(self) -> NDArray[Any]:
         """Return the outputs from the coordinates, shape (F, ny, n)."""
         return self.outputs(np.broadcast_to(np.eye(len(self.plant.coordinates)), self.coordinate_from_wrench.shape))
 

@@ -142,7 +142,7 @@ class Evidence:
     frequency_hz
         Shape (F,).
     residual_power, extended_power, noise_power
-        Pooled over the channels [unit^2 per bin], shape (F,).
+        Pooled over the channels, those of gyros left out beside others [unit^2 per bin], shape (F,).
     channel_names, channel_nrmse
         Per output channel: baseline, extended, noise floor, shape (ny, 3).
     band_table
@@ -155,7 +155,9 @@ class Evidence:
     stretch
         A few seconds of every channel: time, measured, baseline, extended.
     unit
-        Of the channels.
+        Of the pooled channels.
+    rates
+        Names of the channels that are angular rates [rad/s].
     """
 
     frequency_hz: Array
@@ -170,6 +172,7 @@ class Evidence:
     loops: dict[str, tuple[Array, Array, Array, Array]]
     stretch: dict[str, tuple[Array, Array, Array, Array]]
     unit: str = "m/s^2"
+    rates: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.blocks import inside_window, make_blocks
 from ride_estimation.diagnosis.measurement import Measurement
-from ride_estimation.diagnosis.noise import noise_scale
+from ride_estimation.diagnosis.noise import gyro_noise_scale, noise_scale
 from ride_estimation.diagnosis.plant import Plant
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import edge_taper, make_grid
@@ -33,8 +33,10 @@ class RunData:
         Of the readings less their means, both ends faded, shapes (F, ny) and (F, nu).
     slow_force, left_force
         Specific force that the bases share less its mean [m/s^2], below the kept bins and below the band, shape (N, 3) each.
-    noise_scale
-        How much noisier the body accelerometers are than stated.
+    noise_scale, gyro_scale
+        How much noisier the body accelerometers are than stated, and their gyros, by sensor.
+    output_noise
+        Standard deviation of one sample of every output as measured, shape (ny,).
     """
 
     def __init__(self, plant: Plant, measured: Measurement, settings: Settings) -> None:
@@ -52,6 +54,10 @@ class RunData:
         self.input_spectrum = self.grid.spectrum(inputs)
         self.slow_force, self.left_force = (self.grid.below(inputs @ plant.shared_base.T, flank) for flank in (False, True))
         self.noise_scale = self._noise_scale()
+        self.gyro_scale = self._gyro_scale()
+        stated = np.array([s.noise_std for s in plant.outputs])
+        scale = [self.gyro_scale[s.sensor] if s.kind == "rate" else self.noise_scale for s in plant.outputs]
+        self.output_noise: Array = np.array(scale) * stated
 
     def _noise_scale(self) -> float:
         rows = [i for i, s in enumerate(self.plant.outputs) if s.kind == "acceleration"]
@@ -63,6 +69,18 @@ class RunData:
         return noise_scale(
             self.output_spectrum[:, rows], self.plant.out_acceleration[rows], stated, frequency, self.grid.samples, sensors
         )
+
+    def _gyro_scale(self) -> dict[str, float]:
+        plant, inside = self.plant, self.grid.frequency < self.grid.upper_hz
+        seen = [i for i, s in enumerate(plant.outputs) if s.kind == "acceleration"]
+        found = {}
+        stated = np.array([s.noise_std for s in plant.outputs])
+        for sensor in dict.fromkeys(s.sensor for s in plant.outputs if s.kind == "rate"):
+            own = [i for i, s in enumerate(plant.outputs) if s.kind == "rate" and s.sensor == sensor]
+            spectra = self.output_spectrum[inside][:, seen], self.output_spectrum[inside][:, own]
+            maps, noise = (plant.out_acceleration[seen], plant.out_rate[own]), (self.noise_scale * stated[seen], stated[own])
+            found[sensor] = gyro_noise_scale(spectra, maps, noise, self.grid.omega[inside], self.grid.samples)
+        return found
 
     def with_plant(self, plant: Plant) -> RunData:
         """Return the run for a plant of the same channels."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra
+from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra, turned_reading
 from ride_estimation.diagnosis.effect import Column, Effect, Where
+from ride_estimation.diagnosis.plant import CHANNELS
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.frames import AXES, rotation_matrices
+from ride_estimation.frames import rotation_matrices
 
 _NO_ANGLE = 1e-6  # reference that stands for the derivative at no rotation [rad]
 
 
 def sensor_axes(view: RunView, sensor: str) -> tuple[int, ...]:
-    """Return the measured components of a sensor."""
+    """Return the measured components of a sensor, those of its angular rates from three on."""
     signals = (*view.plant.outputs, *view.plant.inputs)
     return tuple(s.component for s in signals if s.sensor == sensor)
 
@@ -54,8 +55,8 @@ def sensor_column(view: RunView, sensor: str, kind: str, component: int) -> Colu
 def turned_column(view: RunView, sensor: str, component: int, angle: float) -> Column:
     """Return the column of a sensor turned about one of its axes, per radian and exact at an angle; empty without effect.
 
-    A sensor turned by R reads ``R^T`` times what one that is not turned reads; what a base sensor should have read is R times
-    its reading.
+    A sensor turned by R reads ``R^T`` times what one that is not turned reads, accelerations and angular rates alike; what a
+    base sensor should have read is R times its reading.
 
     Parameters
     ----------
@@ -70,11 +71,8 @@ def turned_column(view: RunView, sensor: str, component: int, angle: float) -> C
     change = ((turn if from_input else turn.T) - np.eye(3)) / angle
     signals, spectrum = (plant.inputs, view.data.input_spectrum) if from_input else (plant.outputs, view.model.ideal_spectrum)
     rows = {s.component: i for i, s in enumerate(signals) if s.sensor == sensor}
-    effects = []
-    for c, i in rows.items():
-        if np.any(change[c, list(rows)]):
-            reading = sum((change[c, d] * spectrum[:, k] for d, k in rows.items()), np.zeros(len(spectrum), dtype=complex))
-            effects.append(Effect(Where.INPUT if from_input else Where.OUTPUT, i, view.grid.signal(reading)))
+    where = Where.INPUT if from_input else Where.OUTPUT
+    effects = [Effect(where, i, view.grid.signal(s)) for i, s in turned_reading(spectrum, rows, change).items()]
     if effects:
         table = mean_table(view)
         shift = (turn.T - np.eye(3)) @ table.gravity[sensor] / angle
@@ -84,5 +82,5 @@ def turned_column(view: RunView, sensor: str, component: int, angle: float) -> C
 
 
 def axis_name(component: int, rotation: bool = False) -> str:
-    """Return x y z, or roll pitch yaw."""
-    return ("roll", "pitch", "yaw")[component] if rotation else AXES[component]
+    """Return x y z and rate_x rate_y rate_z of angular rates, or roll pitch yaw."""
+    return ("roll", "pitch", "yaw")[component] if rotation else CHANNELS[component]

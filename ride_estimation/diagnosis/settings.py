@@ -20,13 +20,15 @@ class Tolerances:
     Attributes
     ----------
     gain
-        Relative gain error of one sensor axis [-].
+        Relative gain error of one axis of an accelerometer, or of a transducer [-].
     misalignment
         Rotation error of one sensor [rad].
     position
         Position error of one sensor [m].
     delay
         Timing error of one sensor [s].
+    gyro_gain
+        Relative gain error of one angular rate [-]: data sheets of micromechanical gyros state 1 to 3 % at most.
     bandwidth
         Error of the squared time constant of the anti-alias and interpolation low-pass [s^2], as a share of dt^2.
     bias
@@ -45,6 +47,7 @@ class Tolerances:
     misalignment: float = USUAL.misalignment
     position: float = USUAL.position
     delay: float = USUAL.delay
+    gyro_gain: float = 0.01
     bandwidth: float = 0.15
     bias: float = USUAL.bias
     travel_zero: float = USUAL.travel_zero

@@ -63,7 +63,7 @@ def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
         rows = np.array([i for i, s in enumerate(plant.outputs) if s.sensor != spare])
         fewer = dataclasses.replace(
             plant, outputs=tuple(plant.outputs[i] for i in rows), out_acceleration=plant.out_acceleration[rows],
-            out_displacement=plant.out_displacement[rows], out_base=plant.out_base[rows],
+            out_rate=plant.out_rate[rows], out_displacement=plant.out_displacement[rows], out_base=plant.out_base[rows],
         )  # fmt: skip
         without = dataclasses.replace(data, outputs=data.outputs[:, rows], output_limits=data.output_limits[:, rows])
         yield f"without {spare}", fewer, without
@@ -77,12 +77,13 @@ def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
 
 
 def spare_sensor(plant: Plant, named: set[str]) -> str:
-    """Return the last sensor of the body whose accelerations the others tell too, none that was named; empty where none is."""
+    """Return the last sensor of the body whose motion the others tell too, none that was named; empty where none is."""
     sensors = [s for s in dict.fromkeys(s.sensor for s in plant.outputs) if s not in named]
-    full = np.linalg.matrix_rank(plant.out_acceleration)
+    shown = plant.shown_motion
+    full = np.linalg.matrix_rank(shown)
     for sensor in reversed(sensors):
         rest = [i for i, s in enumerate(plant.outputs) if s.sensor != sensor]
-        if rest and np.linalg.matrix_rank(plant.out_acceleration[rest]) == full:
+        if rest and np.linalg.matrix_rank(shown[rest]) == full:
             return sensor
     return ""
 

@@ -33,7 +33,10 @@ _AROUND = 0.6  # of a peak, where its residual is looked at: half of the width o
 
 @final
 class FlexibleMode(Cause):
-    """An elastic mode of the body, driven by its mounts, seen by the accelerometers as a common pattern."""
+    """An elastic mode of the body, driven by its mounts, seen by the accelerometers as a common pattern.
+
+    A gyro reads the slope of the mode at its place, ``a / (i omega)`` of the modal acceleration a.
+    """
 
     ID = "flexible_mode"
     QUESTION = "Does the body bend or twist instead of moving as one piece?"
@@ -46,20 +49,23 @@ class FlexibleMode(Cause):
         """Return one hypothesis per body and resonance of the residual."""
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
-            rows = [
-                i for i, s in enumerate(view.plant.outputs)
-                if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == body
-            ]
+            rows, rates = (_channels(view, body, kind) for kind in ("acceleration", "rate"))
             if len(rows) <= len(view.plant.coordinate_rows(body)):
                 continue
             for peak in compliant_peaks(view, rows):
                 frequency, damping, drive = _resonance(view, rows, peak)
 
-                def columns(view: RunView, shape: Shapes, r: list[int] = rows, w: Array = drive) -> list[Column]:
+                def columns(
+                    view: RunView, shape: Shapes, r: list[int] = rows, g: list[int] = rates, w: Array = drive
+                ) -> list[Column]:
                     f, z = float(shape["frequency"]), float(shape["damping"])
                     modal = _modal(view, f, z) @ w
                     signal = view.grid.signal(modal)
-                    return [*((Effect(Where.OUTPUT, i, signal),) for i in r), _reaction(view, modal, w)]
+                    shown: list[Column] = [(Effect(Where.OUTPUT, i, signal),) for i in r]
+                    if g:
+                        slope = view.grid.signal(modal / (1j * view.grid.omega))
+                        shown += [(Effect(Where.OUTPUT, i, slope),) for i in g]
+                    return [*shown, _reaction(view, modal, w)]
 
                 light = _RATIOS[0] if damping > _RATIOS[0] else _RATIOS[1]
                 grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (light, damping))
@@ -81,13 +87,10 @@ class FlexibleMode(Cause):
         the mode, and the damping that they give it beside the little of a structure. Where they differ, so open is the value.
         """
         f, z = float(fitted.shape["frequency"]), float(fitted.shape["damping"])
-        largest = int(np.argmax(np.abs(fitted.coefficients[:-1])))
+        rows = _channels(view, fitted.hypothesis.location, "acceleration")
+        largest = int(np.argmax(np.abs(fitted.coefficients[: len(rows)])))
         (modal,) = fitted.hypothesis.columns(view, fitted.shape)[largest]
         rms, std = (float(np.std(modal.signal)) * c for c in (abs(fitted.coefficients[largest]), fitted.std(largest)))
-        rows = [
-            s.name for s in view.plant.outputs
-            if s.kind == "acceleration" and view.plant.vehicle.sensors[s.sensor].body == fitted.hypothesis.location
-        ]
         # at the largest damping the frequency is open by half the width of the resonance
         form = 1.0 if np.isclose(z, _DAMPED, rtol=0.01) else FORM**0.5
         w, spread = 2.0 * np.pi * f, fitted.spread("frequency", form * z * f)
@@ -101,13 +104,19 @@ class FlexibleMode(Cause):
             Reported("natural frequency", f, spread, "Hz"),
             Reported("natural frequency free of the mounts", free, float(np.hypot(slope * unsure, spread)), "Hz"),
             Reported("damping ratio", z, fitted.spread("damping", 0.4 * z), "-"),
-            Reported(f"elastic rms at {rows[largest]}", float(rms), float(std), "m/s^2"),
+            Reported(f"elastic rms at {view.plant.outputs[rows[largest]].name}", float(rms), float(std), "m/s^2"),
         )
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Leave the vehicle alone: bodies of a vehicle file are rigid."""
         f = float(fitted.shape["frequency"])
         return vehicle, (f"elastic mode of {fitted.hypothesis.location} at {f:.3g} Hz: a vehicle file has rigid bodies only",)
+
+
+def _channels(view: RunView, body: str, kind: str) -> list[int]:
+    """Return the output channels of a kind on a body."""
+    outputs, sensors = view.plant.outputs, view.plant.vehicle.sensors
+    return [i for i, s in enumerate(outputs) if s.kind == kind and sensors[s.sensor].body == body]
 
 
 def compliant_peaks(view: RunView, rows: list[int], count: int = 4) -> list[float]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.baseline import MeanTable, mean_table, sensor_error_means
 from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.plant import CHANNELS
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, is_input, sensor_axes, sensor_column
 from ride_estimation.diagnosis.sensor_extension import scale_sensor
@@ -24,6 +25,8 @@ _Columns = Callable[[RunView, Shapes], list[Column]]
 #: coefficient below which a reading keeps a positive factor
 _LARGEST = 0.95
 _UNTRIMMED = "gravity too"
+#: of an angular rate, or of all of them
+_RATES = "angular rates"
 
 
 @final
@@ -38,15 +41,16 @@ class SensorGain(Cause):
     MEASURE_NEXT = "turn the sensor over: a factor of one shows 2 g between the two positions"
 
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
-        """Return one hypothesis per sensor axis and one per sensor, with and without gravity at rest.
+        """Return one hypothesis per axis and one per accelerometer, with and without gravity at rest, and likewise per gyro.
 
         What a factor adds at rest is trimmed away where a sensor was zeroed with it, and an offset where it came later.
         """
         out: list[Hypothesis] = []
         table = mean_table(view)
         for sensor in view.plant.sensors:
-            axes = sensor_axes(view, sensor)
+            axes, rates = _kinds(sensor_axes(view, sensor))
             groups = [(a,) for a in axes] + ([axes] if len(axes) > 1 else [])
+            groups += [(a,) for a in rates] + ([rates] if len(rates) > 1 else [])
             for group in groups:
 
                 def whole(view: RunView, shape: Shapes, s: str = sensor, g: tuple[int, ...] = group) -> list[Column]:
@@ -56,12 +60,13 @@ class SensorGain(Cause):
                     return [tuple(e for e in column if e.where is not Where.MEAN) for column in of(view, shape)]
 
                 def fault(coefficients: Array, s: str = sensor, g: tuple[int, ...] = group) -> Array:
-                    scale = np.ones(3)
+                    scale = np.ones(len(CHANNELS))
                     scale[list(g)] += _gain_error(view, s, float(coefficients[0]))
                     return np.diag(scale)
 
                 axis = axis_name(group[0]) if len(group) == 1 else ""
-                out.append(Hypothesis(self.ID, sensor, axis, trimmed, plausible=_possible, fault=fault))
+                variant = "" if group[0] < len(AXES) else _RATES
+                out.append(Hypothesis(self.ID, sensor, axis, trimmed, variant=variant, plausible=_possible, fault=fault))
                 if is_accelerometer(view, sensor) and any(_shows_at_rest(table, sensor, a) for a in group):
                     out.append(Hypothesis(self.ID, sensor, axis, whole, variant=_UNTRIMMED, plausible=_possible, fault=fault))
         return out
@@ -70,14 +75,26 @@ class SensorGain(Cause):
         """Return the factor minus one."""
         error = _gain_error(view, fitted.hypothesis.location, float(fitted.coefficients[0]))
         slope = (1.0 + error) ** 2 if is_input(view, fitted.hypothesis.location) else 1.0
-        return (Reported("gain error", error, slope * fitted.std(0), "-"),)
+        name = "gain error of the angular rate" if fitted.hypothesis.variant == _RATES else "gain error"
+        return (Reported(name, error, slope * fitted.std(0), "-"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Write the factor into the correction of the sensor; the value at rest stays where it was trimmed."""
+        """Write the factor into the correction of the sensor; the value at rest stays where it was trimmed.
+
+        A vehicle file has no key for the gain of an angular rate.
+        """
         h = fitted.hypothesis
-        axes = (AXES.index(h.axis),) if h.axis else sensor_axes(view, h.location)
         error = _gain_error(view, h.location, float(fitted.coefficients[0]))
+        if h.variant == _RATES:
+            name = f"{h.axis or 'angular rates'} of sensor {h.location}"
+            return vehicle, (f"{name}: {1.0 + error:.3g} times the true one; a vehicle file has no gain of angular rates",)
+        axes = (CHANNELS.index(h.axis),) if h.axis else _kinds(sensor_axes(view, h.location))[0]
         return scale_sensor(vehicle, view, h.location, axes, error, trimmed=h.variant != _UNTRIMMED)
+
+
+def _kinds(components: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the components of accelerations (or of a transducer) and those of angular rates."""
+    return tuple(c for c in components if c < len(AXES)), tuple(c for c in components if c >= len(AXES))
 
 
 def _shows_at_rest(table: MeanTable, sensor: str, component: int) -> bool:

@@ -26,7 +26,7 @@ _STARTS = (1e-3, 0.2, -0.2)
 
 @final
 class SensorMisalignment(Cause):
-    """One sensor turned about one of its axes."""
+    """One sensor turned about one of its axes; accelerations and angular rates of an IMU turn together."""
 
     ID = "sensor_misalignment"
     QUESTION = "Is the orientation of a sensor different from the vehicle file?"
@@ -51,7 +51,8 @@ class SensorMisalignment(Cause):
                 grid = tuple({"angle": a} for a in _STARTS)
                 shapes = (Shape("angle", 0.0, -_LARGEST, _LARGEST, step=0.1),)
                 def fault(coefficients: Array, c: int = component) -> Array:
-                    return np.asarray(rotation_matrices(float(coefficients[0]) * np.eye(3)[c][None])[0].T)
+                    turn = rotation_matrices(float(coefficients[0]) * np.eye(3)[c][None])[0]
+                    return np.kron(np.eye(2), turn.T)
 
                 axis = axis_name(component, rotation=True)
                 out.append(Hypothesis(self.ID, sensor, axis, columns, grid, shapes, complexity=-1.0, fault=fault))

@@ -156,7 +156,7 @@ class GyroCheck:
             std = np.sqrt(np.outer(left, np.diag(inverse)) / max(_PER_SECOND * self._time, 1.0))
             off = np.abs(matrix - np.eye(3)[:, turns])[turns]
             if np.any((off > _WRONG) & (off > _SIGMAS * std[turns])):
-                self.found[g] = _words(np.diag(matrix[turns]), turns)
+                self.found[g] = wrong_rates(np.diag(matrix[turns]), turns)
                 new.append(g)
         return new
 
@@ -177,8 +177,8 @@ class GyroCheck:
         self.found = {int(g): str(words) for g, words in saved.items()}
 
 
-def _words(gains: Array, axes: NDArray[np.int64]) -> str:
-    """Return what is wrong with rates that are so many times the true ones about some axes."""
+def wrong_rates(gains: Array, axes: NDArray[np.int64]) -> str:
+    """Return what is wrong with rates that are so many times the true ones, gains (A,), about axes 0 to 2, shape (A,)."""
     for factor, unit in _UNITS:
         if np.all(np.abs(gains / factor - 1.0) < 0.3):
             return f"{float(np.mean(gains)):.3g} times as large: {unit} instead of rad/s"
