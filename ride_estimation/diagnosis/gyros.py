@@ -3,9 +3,9 @@
 
 A gyro in deg/s, with an inverted or with exchanged axes is no hidden property of the vehicle, and its rates are so far off
 that a model bends to them. Where the accelerometers of a body show how it turns, :class:`GyroCheck` judges, as it does for the
-estimator. Elsewhere (a single IMU) the model of the vehicle file does, driven by the measured base motion: its resonances may be off, so
-only what no wrong stiffness does is found, ``M = <w p^T> <p p^T>^-1`` of measured rates w and predicted ones p with a diagonal
-outside 0.2 to 5.
+estimator. Elsewhere (a single IMU) the model of the vehicle file does, driven by the measured base motion: its resonances may be
+off, so only what no wrong stiffness does is found, ``M = <w p^T> <p p^T>^-1`` of measured rates w and predicted ones p with a
+diagonal outside 0.2 to 5.
 """
 
 from __future__ import annotations
