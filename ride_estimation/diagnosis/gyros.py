@@ -121,7 +121,8 @@ def unused_rates(plant: Plant, columns: Mapping[str, int]) -> tuple[str, ...]:
         Sensor -> number of columns that the run has.
     """
     used = {s.sensor for s in plant.outputs if s.kind == "rate"}
-    rated = [s for s in plant.sensors if columns.get(s, 0) == len(CHANNELS) and s not in used]
+    imus = [s for s in plant.sensors if plant.vehicle.sensors[s].kind == "imu"]
+    rated = [s for s in imus if columns[s] == len(CHANNELS) and s not in used]
     inputs = {s.sensor for s in plant.inputs}
     bases, others = ([s for s in rated if (s in inputs) is at_base] for at_base in (True, False))
     out = []

@@ -104,9 +104,11 @@ def _exchanged(table: dict[str, Any], one: str, other: str) -> dict[str, Any]:
 
 
 def _mapped(values: Array, mistake: Mistake) -> Array:
-    """Return true values of readings (N, C); angular rates stay as they are."""
+    """Return true values of readings (N, C); the angular rates of an IMU turn with its housing and have no part in others."""
     out = np.array(values, dtype=float)
-    out[:, :3] = out[:, list(mistake.order)] * np.array(mistake.factor)
+    triads = 2 if out.shape[1] == 6 and np.isclose(np.linalg.det(mistake.turn), 1.0) else 1
+    for first in range(0, 3 * triads, 3):
+        out[:, first : first + 3] = out[:, [first + i for i in mistake.order]] * np.array(mistake.factor)
     return out
 
 

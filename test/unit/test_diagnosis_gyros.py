@@ -34,6 +34,7 @@ from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import turned_column
 from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.wiring import found_mistakes, named_mistakes, put_right
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import rotation_from_rpy
 from ride_estimation.sensors.sensor import Sensor
@@ -193,6 +194,24 @@ def test_a_cut_gyro_is_left_out():
     limits[1, 4] = 0.1
     cut = dataclasses.replace(run, clipped_at={IMU: limits})
     assert "cut" in wrong_gyros(data_of(beam(), cut).plant, cut, Settings())[IMU]
+
+
+def test_the_rates_of_an_imu_that_was_bolted_on_turned_by_a_right_angle_are_turned_back_too():
+    vehicle, run, _ = cab()
+
+    def bolted(values: np.ndarray) -> np.ndarray:
+        return np.hstack([values[:, first : first + 3][:, [1, 0, 2]] * [1.0, -1.0, 1.0] for first in (0, 3)])
+
+    turned = dataclasses.replace(run, data={**run.data, "cab_rear_right": bolted(run.data["cab_rear_right"])})
+    found, _ = found_mistakes(vehicle, [turned])
+    assert [(c.id, c.location, c.axis) for c in named_mistakes(vehicle, found)] == [
+        ("sensor_misalignment", "cab_rear_right", "yaw")
+    ]
+    again = put_right(turned, found)
+    np.testing.assert_allclose(again.data["cab_rear_right"], run.data["cab_rear_right"], rtol=1e-12)
+    plant = data_of(vehicle, again).plant
+    assert wrong_gyros(plant, again, Settings()) == {}
+    assert list(wrong_gyros(plant, turned, Settings())) == ["cab_rear_right"]
 
 
 def test_gyros_on_bases_and_of_bodies_that_do_not_turn_are_said_not_to_be_used():
