@@ -179,6 +179,9 @@ def test_a_gyro_of_half_the_rate_is_named_and_no_mechanical_cause():
     runs = [with_rates(ride(seed), lambda w: 0.5 * w) for seed in (7, 8)]
     answer = diagnose(beam(), runs[0], runs[1:])
     assert [(c.id, c.location, c.axis) for c in answer.causes] == [("sensor_gain", IMU, "rate_y")]
+    # a rotation about yaw would only shorten this reading, by the cosine of 60 degrees: it must not halve the confidence
+    assert answer.causes[0].confidence > 0.9
+    assert ("sensor_misalignment", IMU) not in {(r.id, r.location) for r in answer.causes[0].rivals}
     (error,) = answer.causes[0].parameters
     assert error.name == "gain error of the angular rate"
     assert error.value == pytest.approx(-0.5, abs=max(3.0 * error.std, 0.005))

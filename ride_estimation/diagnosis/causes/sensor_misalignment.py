@@ -9,12 +9,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, turned_column
+from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, sensor_axes, turned_column
 from ride_estimation.diagnosis.sensor_extension import turn_sensor
-from ride_estimation.frames import rotation_matrices
+from ride_estimation.frames import AXES, rotation_matrices
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -36,12 +37,16 @@ class SensorMisalignment(Cause):
     MEASURE_NEXT = "measure the angle of the sensor housing against the body with a level"
 
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
-        """Return one hypothesis per sensor and axis of rotation."""
+        """Return one hypothesis per sensor and axis of rotation, unless that rotation can only shorten a reading, as a gain does."""
         out: list[Hypothesis] = []
+        table = mean_table(view)
         for sensor in view.plant.sensors:
             if not is_accelerometer(view, sensor):
                 continue
+            axes = sensor_axes(view, sensor)
             for component in range(3):
+                if not (_mixes(axes, component) or sensor_error_means(table, sensor, "misalignment", component)):
+                    continue
 
                 def columns(view: RunView, shape: Shapes, s: str = sensor, c: int = component) -> list[Column]:
                     column = turned_column(view, s, c, float(shape["angle"]))
@@ -66,3 +71,9 @@ class SensorMisalignment(Cause):
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found rotation of the sensor."""
         return turn_sensor(vehicle, fitted)
+
+
+def _mixes(measured: tuple[int, ...], component: int) -> bool:
+    """Return whether a sensor measures both axes, of acceleration or of angular rate, that a rotation mixes."""
+    first, second = ((component + i) % 3 for i in (1, 2))
+    return any({first + k, second + k} <= set(measured) for k in (0, len(AXES)))
