@@ -37,7 +37,7 @@ class SensorMisalignment(Cause):
     MEASURE_NEXT = "measure the angle of the sensor housing against the body with a level"
 
     def hypotheses(self, view: RunView) -> Sequence[Hypothesis]:
-        """Return one hypothesis per sensor and axis of rotation, unless that rotation can only shorten a reading, as a gain does."""
+        """Return one hypothesis per sensor and axis of rotation; one that can only shorten a reading is a gain."""
         out: list[Hypothesis] = []
         table = mean_table(view)
         for sensor in view.plant.sensors:
