@@ -387,35 +387,40 @@ def _gauss_newton(data: RunData, blocks: IntArray | None, iterations: int, start
     state = ModelState(prior[0].copy(), prior[1].copy())
     if start is not None:
         plant, state = _advanced(start, settings, True)
-    best: Calibrated | None = None
+    found: Calibrated | None = None
+    used = np.arange(data.blocks.count) if blocks is None else blocks
     # tolerances join once stiffness and damping are near: they must not soak up a linearisation error
     frozen, damped = (True, _DAMPED) if start is None else (False, 0)
     for number in range(iterations):
-        best = None  # the rows of two models at once take twice the memory
-        view = RunView(data.with_plant(plant), state)
-        used = np.arange(view.blocks.count) if blocks is None else blocks
         if number == iterations - 1:
             frozen, damped = False, 0
-        if frozen:
-            adjustables, regression = _port_regression(view, prior)
-        else:
-            table, adjustables, regression = build_regression(view, prior)
-        if damped:
-            regression = _damped(regression, adjustables)
-        regression, fit = _tempered_fit(regression, view, used)
+        found = None  # the rows of two models at once take twice the memory
+        found = _linearised(RunView(data.with_plant(plant), state), prior, used, frozen, damped > 0)
+        adjustables, fit = found.adjustables, found.fit
         moves = _largest(adjustables, fit.coefficients, ("stiffness", "damping"))
         if frozen:
-            frozen, state = moves > 0.1, stepped(state, view, adjustables, fit.coefficients)
+            frozen, state = moves > 0.1, stepped(state, found.view, adjustables, fit.coefficients)
             continue
-        best = Calibrated(view, table, adjustables, regression, fit, used)
         small = moves < 0.02 and _largest(adjustables, fit.coefficients, TILT_KINDS) < 0.1
-        if not damped and (small or _idle(regression, adjustables, used, fit, settings)):
+        if not damped and (small or _idle(found.regression, adjustables, used, fit, settings)):
             break
         damped = 0 if small else max(damped - 1, 0)
-        plant, state = _advanced(best, settings, _explains(best))
-    if best is None:
+        plant, state = _advanced(found, settings, _explains(found))
+    if found is None:
         raise ValueError("at least one step is needed")
-    return best
+    return found
+
+
+def _linearised(view: RunView, prior: tuple[Array, Array], used: IntArray, frozen: bool, damped: bool) -> Calibrated:
+    """Return one linear step from a view, of stiffness and damping alone where ``frozen``, short ones where ``damped``."""
+    if frozen:
+        table, (adjustables, regression) = mean_table(view), _port_regression(view, prior)
+    else:
+        table, adjustables, regression = build_regression(view, prior)
+    if damped:
+        regression = _damped(regression, adjustables)
+    regression, fit = _tempered_fit(regression, view, used)
+    return Calibrated(view, table, adjustables, regression, fit, used)
 
 
 def _largest(adjustables: tuple[Adjustable, ...], coefficients: Array, kinds: Collection[str]) -> float:

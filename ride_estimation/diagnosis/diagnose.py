@@ -107,7 +107,9 @@ def diagnose(
     if causes is not None and not {c.id for c in named_mistakes(vehicle, mistakes)} <= set(causes):
         mistakes = ()
     run, *validation = (put_right(r, mistakes) for r in recorded)
-    answer = _answered(vehicle, run, validation, settings, progress or (lambda share: None), causes)
+    report = progress or (lambda share: None)
+    answer = _answered(vehicle, run, validation, settings, report, causes)
+    report(1.0)
     if mistakes:
         answer = _with_mistakes(vehicle, recorded, answer, mistakes, settings)
     return dataclasses.replace(answer, warnings=(*doubtful, *answer.warnings))
@@ -155,24 +157,77 @@ def _errors_as_recorded(
     ]
 
 
+@dataclasses.dataclass(frozen=True)
+class _Draft:
+    """An answer without the fits that repeat it: how stable it is, how sure, and which run to drive next.
+
+    Attributes
+    ----------
+    answer
+        With the confidence of causes among their rivals alone, without a sentence.
+    work
+        What it was found with; None where the data were insufficient and the answer is final.
+    remaining, known, law
+        Share of the residual energy that remains, probability that the library explains the run, law without a name.
+    alike
+        Words on causes that cannot be told apart.
+    """
+
+    answer: Diagnosis
+    work: Work | None = None
+    remaining: float = 1.0
+    known: float = 1.0
+    law: FreeLaw = NO_LAW
+    alike: str = ""
+
+    def finished(self) -> Diagnosis:
+        """Return the answer with what its repetition shows."""
+        answer, work = self.answer, self.work
+        if work is None:
+            return answer
+        stable = stability(work, answer.verdict) if work.settings.stability else None
+        sure = self.known if stable is None else self.known * stable.factor
+        causes = tuple(dataclasses.replace(c, confidence=c.confidence * sure) for c in answer.causes)
+        further = next_run(work) if work.settings.plan_next and causes else None
+        sentence = describe(answer.verdict, causes, answer.gain, self.remaining, self.law) + self.alike
+        sentence += f" {stable.sentence}" if stable is not None else ""
+        return dataclasses.replace(answer, sentence=sentence, causes=causes, stability=stable, next_run=further)
+
+
 def _answered(
     vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings, report: Report,
     causes: Collection[str] | None,
 ) -> Diagnosis:
-    """Return the diagnosis of a run, or of the validation run that the one of the run misses."""
-    answer = _diagnosed(vehicle, run, validation, settings, report, causes)
-    if answer.gain is None or answer.verdict == EXPLAINED:
-        return answer
-    worst = unexplained_run(answer.gain, settings)
-    if not worst:
-        return answer
+    """Return the diagnosis of a run, or of the validation run that the one of the run misses.
+
+    Causes that the fitted run hardly shows (a stop that a rougher road hits) are told by the run that does.
+    """
+    draft = _diagnosed(vehicle, run, validation, settings, report, causes)
+    found = draft.answer
+    worst = "" if found.gain is None or found.verdict == EXPLAINED else unexplained_run(found.gain, settings)
+    if found.gain is None or not worst:
+        return draft.finished()
     # what the blocks of the run that took no part in the fit show, a run that the answer cannot even predict may tell
-    judged = {v.run for v in answer.gain.validation} - {worst}
+    judged = {v.run for v in found.gain.validation} - {worst}
     other = next((v for v in validation if v.name not in judged), None)
     if other is None:
-        return _unexplained(answer)
+        return _unexplained(draft.finished())
     rest = [run, *(v for v in validation if v is not other)]
-    return _elsewhere_answer(answer, _diagnosed(vehicle, other, rest, settings, lambda share: None, causes), other.name)
+    second = _diagnosed(vehicle, other, rest, settings, lambda share: None, causes)
+    title_of = run_title(other.name)
+    if found.causes:
+        if second.answer.verdict != EXPLAINED:
+            return draft.finished()
+        words = f"What explains the fitted run misses {title_of}, what explains {title_of} holds for both."
+        warning = f"the causes were found on the validation run {title_of}, which those of the fitted run miss"
+    elif second.answer.causes:
+        words = f"The fitted run shows no discrepancy, {title_of} does."
+        warning = f"the causes were found on the validation run {title_of}, where the model of the fitted run misses most"
+    else:
+        return _unexplained(draft.finished())
+    del draft  # its trajectories take what the copies of the other run need
+    answer = second.finished()
+    return dataclasses.replace(answer, sentence=f"{words} {answer.sentence}", warnings=(*answer.warnings, warning))
 
 
 def _unexplained(answer: Diagnosis) -> Diagnosis:
@@ -182,36 +237,17 @@ def _unexplained(answer: Diagnosis) -> Diagnosis:
     return dataclasses.replace(answer, verdict=UNEXPLAINED, sentence=describe(UNEXPLAINED, (), answer.gain, 1.0))
 
 
-def _elsewhere_answer(answer: Diagnosis, second: Diagnosis, name: str) -> Diagnosis:
-    """Return the diagnosis of the validation run that an answer misses, or that answer where the other explains no more.
-
-    Causes that the fitted run hardly shows (a stop that a rougher road hits) are told by the run that does.
-    """
-    title_of = run_title(name)
-    if answer.causes:
-        if second.verdict != EXPLAINED:
-            return answer
-        words = f"What explains the fitted run misses {title_of}, what explains {title_of} holds for both. {second.sentence}"
-        warning = f"the causes were found on the validation run {title_of}, which those of the fitted run miss"
-        return dataclasses.replace(second, sentence=words, warnings=(*second.warnings, warning))
-    if second.causes:
-        words = f"The fitted run shows no discrepancy, {title_of} does. {second.sentence}"
-        warning = f"the causes were found on the validation run {title_of}, where the model of the fitted run misses most"
-        return dataclasses.replace(second, sentence=words, warnings=(*second.warnings, warning))
-    return _unexplained(answer)
-
-
 def _diagnosed(
     vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings, report: Report,
     causes: Collection[str] | None,
-) -> Diagnosis:
+) -> _Draft:
     """Return the diagnosis of one run, the others only judging."""
     try:
         data, splits = _prepare(vehicle, run, settings)
         calibrated = with_held_faults(calibrate(data, splits.train))
         _check_excitation(calibrated.view, settings)
     except InputDataError as error:
-        return insufficient(vehicle, str(error))
+        return _Draft(insufficient(vehicle, str(error)))
     report(0.15)
 
     def build(view: RunView) -> list[Hypothesis]:
@@ -223,9 +259,7 @@ def _diagnosed(
     selection = selector.run()
     report(0.8)
     work = Work(vehicle, calibrated, splits, selector, selection, settings)
-    answer = _conclude(work, validation, causes is None or SOFT_MOUNT in causes)
-    report(1.0)
-    return answer
+    return _conclude(work, validation, causes is None or SOFT_MOUNT in causes)
 
 
 def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[RunData, Splits]:
@@ -291,12 +325,12 @@ def insufficient(vehicle: Vehicle, reason: str) -> Diagnosis:
     )
 
 
-def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) -> Diagnosis:
+def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) -> _Draft:
     settings, view = work.settings, work.calibrated.view
     base = predict(work.data, work.baseline)
     others, unused = usable_runs(work, validation)
     judged = _accepted_or_not(weighed(work, others), base, others)
-    work, extended, gain, law = judged.work.stated(), judged.extended, judged.gain, judged.law
+    work, extended = judged.work.stated(), judged.extended
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
     log_std = _log_std(work)
@@ -307,11 +341,6 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     residual = residual_summary(base, extended, remaining, accepted is not None)
     ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
     warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
-    of_the_gain = [*unused, *judged.warnings]
-    del base, extended, judged, others  # views of a minute take a hundred megabytes each, which the copies of the run need
-    stable = stability(work, verdict) if settings.stability else None
-    sure = known if stable is None else known * stable.factor
-    causes = tuple(dataclasses.replace(c, confidence=c.confidence * sure) for c in named)
     if work.selection.spent:
         warnings.append(
             f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"
@@ -329,26 +358,23 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     isolability = tuple(c.words for c in alike)
     warnings += isolability
     vehicle, remarks = _extended_vehicle(work, state, accepted, soft)
-    remarks += _installation(work, {c.location for c in causes})
-    further = next_run(work) if settings.plan_next and causes else None
-    rivals = f" But {'; '.join(c.claim for c in alike)}." if causes and alike else ""
-    sentence = describe(verdict, causes, gain, remaining, law) + rivals + (f" {stable.sentence}" if stable is not None else "")
-    return Diagnosis(
+    remarks += _installation(work, {c.location for c in named})
+    answer = Diagnosis(
         verdict=verdict,
-        sentence=sentence,
-        causes=causes,
-        gain=gain,
+        sentence="",
+        causes=named,
+        gain=judged.gain,
         residual=residual,
-        warnings=(*warnings, *of_the_gain),
+        warnings=(*warnings, *unused, *judged.warnings),
         extended=vehicle,
         ladder=ladder,
         parameters=_calibrations(work, state, log_std, verdict),
         remarks=remarks,
         evidence=evidence,
         isolability=isolability,
-        stability=stable,
-        next_run=further,
     )
+    words = f" But {'; '.join(c.claim for c in alike)}." if named and alike else ""
+    return _Draft(answer, work, remaining, known, judged.law, words)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -88,9 +88,11 @@ def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
     first = trim
     last = min(first + round(6.0 * view.grid.rate_hz), len(y))
     part = slice(first, last)
-    time_s = view.data.time_s[part]
+    time_s = view.data.time_s[part].copy()
+    # copies: a view would keep the whole run for its six seconds
+    signals = y[part].copy(), y[part] - e0[part], y[part] - e1[part]
     stretch = {
-        s.name: (time_s, y[part, i], (y - e0)[part, i], (y - e1)[part, i]) for i, s in enumerate(view.plant.outputs)
+        s.name: (time_s, signals[0][:, i], signals[1][:, i], signals[2][:, i]) for i, s in enumerate(view.plant.outputs)
     }
     blocks = np.stack([_block_misfit(p) for p in (base, extended)], axis=1)
     shown = _pictured(view)
@@ -136,7 +138,7 @@ def _loops(base: Prediction, extended: Prediction) -> dict[str, tuple[Array, Arr
     stiffness, damping = view.state.linear
     out = {}
     for p, port in enumerate(view.plant.ports):
-        x, v = moved.deflection[part, p], moved.deflection_rate[part, p]
+        x, v = moved.deflection[part, p].copy(), moved.deflection_rate[part, p]
         total = stiffness[p] * x + damping[p] * v + extra[part, p]
         out[port.name] = (x, plain.stiffness[p] * x + plain.damping[p] * v, total, total + missed[part, p])
     return out

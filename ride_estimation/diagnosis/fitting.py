@@ -381,24 +381,7 @@ class FullFitter:
         simulated = after.simulated if after is not None and loaded else ()
         faults = _faults(s for s in start if isinstance(s, Fitted))
         for iteration in range(iterations + 1):
-            residual = view.residual
-            given = [*view.state.effects, *held_effects(view), *_held_cg(view), *_of_regression(view, simulated)]
-            if given:
-                residual = residual + view.push([tuple(given)])[:, :, 0]
-            adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
-            projector = Projector(regression, self._blocks)
-            if iteration == 1:
-                for trials, index in self._trials(view, projector, hypotheses, shapes, fresh):
-                    shapes[index] = trials.chosen(shapes[index])
-            if iteration:
-                self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
-            result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
-            if self._negative(result):
-                regression, projector = self._grounded(regression, result)
-                if iteration:
-                    self._search_shapes(view, projector, hypotheses, shapes, [False] * len(shapes))
-                result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
-            result = dataclasses.replace(result, simulated=simulated)
+            result = self._linearised(view, simulated, temper, hypotheses, shapes, faults, fresh, iteration)
             moves = float(np.max(np.abs(result.coefficients[self._ports]), initial=0.0))
             if settle:
                 moves = max(moves, _MOVES * unsettled(result))
@@ -413,10 +396,10 @@ class FullFitter:
             temper = temper_of(result.misfit / self._dof, view.inefficiency)
             faults = _faults(result.fitted) if settle else faults
             simulated = _simulated(view, result.fitted)
-            plant = view.plant
+            plant, adjustables = view.plant, result.adjustables
             if settle:
                 bodies = explains(result.misfit / self._dof)
-                plant = moved_plant(plant, adjustables, result.coefficients[: regression.count], view.settings, bodies)
+                plant = moved_plant(plant, adjustables, result.coefficients[: result.regression.count], view.settings, bodies)
             elif loaded:
                 own = [i for i, a in enumerate(adjustables) if a.place in loaded]
                 plant = rebalanced(plant, tuple(adjustables[i] for i in own), result.coefficients[own], view.settings)
@@ -429,6 +412,42 @@ class FullFitter:
         if best is None:
             raise ValueError("at least one pass is needed")
         return best
+
+    def _linearised(
+        self, view: RunView, simulated: Simulated, temper: float, hypotheses: Sequence[Hypothesis],
+        shapes: list[dict[str, float]], faults: Mapping[str, Array], fresh: Sequence[bool], iteration: int,
+    ) -> FullFit:
+        """Return the result of one pass along the motion of a view; shapes are searched from the second pass on, in place.
+
+        Parameters
+        ----------
+        simulated
+            Effects of a load that the motion of the view already has.
+        faults
+            Large faults of sensors, sensor -> what it reads over what it should.
+        fresh
+            Hypotheses that come from screening and not from another fit.
+        iteration
+            Number of the pass.
+        """
+        residual = view.residual
+        given = [*view.state.effects, *held_effects(view), *_held_cg(view), *_of_regression(view, simulated)]
+        if given:
+            residual = residual + view.push([tuple(given)])[:, :, 0]
+        adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
+        projector = Projector(regression, self._blocks)
+        if iteration == 1:
+            for trials, index in self._trials(view, projector, hypotheses, shapes, fresh):
+                shapes[index] = trials.chosen(shapes[index])
+        if iteration:
+            self._search_shapes(view, projector, hypotheses, shapes, [f and iteration < 3 for f in fresh])
+        result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
+        if self._negative(result):
+            regression, projector = self._grounded(regression, result)
+            if iteration:
+                self._search_shapes(view, projector, hypotheses, shapes, [False] * len(shapes))
+            result = self._solve(view, regression, adjustables, projector, hypotheses, shapes)
+        return dataclasses.replace(result, simulated=simulated)
 
     def _negative(self, result: FullFit) -> list[int]:
         """Return the stiffnesses and dampings that a result would have below nothing."""

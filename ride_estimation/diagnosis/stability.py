@@ -36,16 +36,27 @@ from ride_estimation.errors import InputDataError
 _NOISE, _SHORTER, _RESAMPLED = 0.01, 0.1, (9, 10)
 #: rivals that are fitted beside every named cause, and candidates where none was named
 _RIVALS = 2
-#: share of the evidence for a named cause that a rival is behind by at most; no copy lacks half of what the run tells
-_NEAR = 0.5
+#: share of the evidence for a named cause that a copy may lack, twice what it lacks on average: noise of (1 + 0.01)^2 the power,
+#: a tenth of the time, one of several sensors, and the rounding of another time base. A rival further behind cannot win there
+_LACKS_NOISE, _LACKS_TIME, _LACKS_SENSOR, _LACKS_BASE = 0.05, 0.2, 0.5, 0.02
 #: passes of a fit that starts from the numbers of another
 _PASSES = 2
 #: misfit per degree of freedom from which a calibrated model still misses something
 _MISSES = 1.1
 
 
-def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
-    """Yield what was changed, the plant and the data of every copy of a run; the same ones every time."""
+@dataclasses.dataclass(frozen=True)
+class _Perturbed:
+    """A copy of a run: what was changed, and which share of the evidence for a cause that may take away."""
+
+    words: str
+    plant: Plant
+    data: Measurement
+    lacks: float
+
+
+def _perturbed(work: Work) -> Iterator[_Perturbed]:
+    """Yield the copies of a run; the same ones every time."""
     plant, data = work.plant, work.data.measured
     rng = np.random.default_rng(work.settings.seed)
     more = np.sqrt((1.0 + _NOISE) ** 2 - 1.0)
@@ -53,10 +64,11 @@ def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
         signals + more * np.array([s.noise_std for s in channels]) * rng.standard_normal(signals.shape)
         for signals, channels in ((data.outputs, plant.outputs), (data.inputs, plant.inputs))
     ]
-    yield f"{100 * _NOISE:.0f} % more noise", plant, dataclasses.replace(data, outputs=noisy[0], inputs=noisy[1])
+    again = dataclasses.replace(data, outputs=noisy[0], inputs=noisy[1])
+    yield _Perturbed(f"{100 * _NOISE:.0f} % more noise", plant, again, _LACKS_NOISE)
     kept = slice(0, round((1.0 - _SHORTER) * len(data.outputs)))
     shorter = dataclasses.replace(data, outputs=data.outputs[kept], inputs=data.inputs[kept], valid=data.valid[kept])
-    yield f"{100 * _SHORTER:.0f} % shorter", plant, shorter
+    yield _Perturbed(f"{100 * _SHORTER:.0f} % shorter", plant, shorter, _LACKS_TIME)
     named = {f.hypothesis.location for f in work.selection.accepted.fitted} if work.selection.accepted is not None else set()
     spare = spare_sensor(plant, named)
     if spare:
@@ -66,14 +78,14 @@ def perturbed(work: Work) -> Iterator[tuple[str, Plant, Measurement]]:
             out_rate=plant.out_rate[rows], out_displacement=plant.out_displacement[rows], out_base=plant.out_base[rows],
         )  # fmt: skip
         without = dataclasses.replace(data, outputs=data.outputs[:, rows], output_limits=data.output_limits[:, rows])
-        yield f"without {spare}", fewer, without
+        yield _Perturbed(f"without {spare}", fewer, without, _LACKS_SENSOR)
     up, down = _RESAMPLED
     # linearly padded: a record does not end where it began
     outputs, inputs = (scipy.signal.resample_poly(x, up, down, axis=0, padtype="line") for x in (data.outputs, data.inputs))
     place = np.minimum(np.round(np.arange(len(outputs)) * down / up).astype(int), len(data.valid) - 1)
     rate = data.rate_hz * up / down
     again = dataclasses.replace(data, rate_hz=rate, outputs=outputs, inputs=inputs, valid=data.valid[place])
-    yield f"time base of {rate:g} Hz", plant, again
+    yield _Perturbed(f"time base of {rate:g} Hz", plant, again, _LACKS_BASE)
 
 
 def spare_sensor(plant: Plant, named: set[str]) -> str:
@@ -98,24 +110,24 @@ def stability(work: Work, verdict: str) -> Stability:
     verdict
         What was said of the run.
     """
-    def judged(copy: tuple[str, Plant, Measurement]) -> PerturbedCopy:
+    def judged(copy: _Perturbed) -> PerturbedCopy:
         try:
-            return _on_copy(work, verdict, *copy)
+            return _on_copy(work, verdict, copy)
         except (InputDataError, np.linalg.LinAlgError) as error:
-            return PerturbedCopy(copy[0], None, str(error))
+            return PerturbedCopy(copy.words, None, str(error))
 
-    return Stability(tuple(in_order(judged, [*perturbed(work)], work.settings.threads or usable_threads())))
+    return Stability(tuple(in_order(judged, [*_perturbed(work)], work.settings.threads or usable_threads())))
 
 
-def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measurement) -> PerturbedCopy:
-    settings, accepted = work.settings, work.selection.accepted
-    view = RunView(RunData(plant, data, settings), work.calibrated.view.state)
+def _on_copy(work: Work, verdict: str, perturbed: _Perturbed) -> PerturbedCopy:
+    settings, accepted, words = work.settings, work.selection.accepted, perturbed.words
+    view = RunView(RunData(perturbed.plant, perturbed.data, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
     splits = make_splits(view.blocks.count)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
-    copy = _Copy(work, calibrated, splits, selector)
+    copy = _Copy(work, calibrated, splits, selector, perturbed.lacks)
     if accepted is not None:
         contests = enumerate(work.selection.contests)
         found = next((changed for place, contest in contests if (changed := copy.changed(accepted, place, contest))), "")
@@ -131,8 +143,8 @@ def _on_copy(work: Work, verdict: str, words: str, plant: Plant, data: Measureme
 class _Copy:
     """A perturbed copy on which found causes are fitted again."""
 
-    def __init__(self, work: Work, calibrated: Calibrated, splits: Splits, selector: Selector) -> None:
-        self._work, self._calibrated, self._splits = work, calibrated, splits
+    def __init__(self, work: Work, calibrated: Calibrated, splits: Splits, selector: Selector, lacks: float) -> None:
+        self._work, self._calibrated, self._splits, self._lacks = work, calibrated, splits, lacks
         self._selection, self._view, self._fitter = work.selection, calibrated.view, selector.fitter
         self._selector, self._significance = selector, work.settings.significance
         self._whole = len(calibrated.view.plant.outputs) == len(work.plant.outputs)
@@ -143,7 +155,7 @@ class _Copy:
         """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
         named = accepted.fitted[place]
         first = contest.candidates[0]
-        near = _NEAR * (first.log_likelihood - contest.reference)
+        near = max(self._lacks * (first.log_likelihood - contest.reference), self._significance)
         rivals = [
             c for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis) and c.behind(first) < near
         ][:_RIVALS]
@@ -187,7 +199,7 @@ class _Copy:
 
     def _fit(self, starts: Sequence[Fitted]) -> FullFit:
         """Return the fit of hypotheses from the numbers of the run, without its trajectory: its numbers are compared."""
-        return dataclasses.replace(self._fitter.fit(starts, _PASSES), view=self._view)
+        return dataclasses.replace(self._fitter.fit(starts, _PASSES), view=self._view, regression=self._calibrated.regression)
 
     def _start(self, fitted: Fitted) -> Fitted | None:
         """Return a found hypothesis as it is built on the copy, with its numbers; None where its channel is missing."""
