@@ -46,7 +46,7 @@ _MISSES = 1.1
 
 
 @dataclasses.dataclass(frozen=True)
-class _Perturbed:
+class PerturbedRun:
     """A copy of a run: what was changed, and which share of the evidence for a cause that may take away."""
 
     words: str
@@ -55,7 +55,7 @@ class _Perturbed:
     lacks: float
 
 
-def _perturbed(work: Work) -> Iterator[_Perturbed]:
+def perturbed(work: Work) -> Iterator[PerturbedRun]:
     """Yield the copies of a run; the same ones every time."""
     plant, data = work.plant, work.data.measured
     rng = np.random.default_rng(work.settings.seed)
@@ -65,10 +65,10 @@ def _perturbed(work: Work) -> Iterator[_Perturbed]:
         for signals, channels in ((data.outputs, plant.outputs), (data.inputs, plant.inputs))
     ]
     again = dataclasses.replace(data, outputs=noisy[0], inputs=noisy[1])
-    yield _Perturbed(f"{100 * _NOISE:.0f} % more noise", plant, again, _LACKS_NOISE)
+    yield PerturbedRun(f"{100 * _NOISE:.0f} % more noise", plant, again, _LACKS_NOISE)
     kept = slice(0, round((1.0 - _SHORTER) * len(data.outputs)))
     shorter = dataclasses.replace(data, outputs=data.outputs[kept], inputs=data.inputs[kept], valid=data.valid[kept])
-    yield _Perturbed(f"{100 * _SHORTER:.0f} % shorter", plant, shorter, _LACKS_TIME)
+    yield PerturbedRun(f"{100 * _SHORTER:.0f} % shorter", plant, shorter, _LACKS_TIME)
     named = {f.hypothesis.location for f in work.selection.accepted.fitted} if work.selection.accepted is not None else set()
     spare = spare_sensor(plant, named)
     if spare:
@@ -78,14 +78,14 @@ def _perturbed(work: Work) -> Iterator[_Perturbed]:
             out_rate=plant.out_rate[rows], out_displacement=plant.out_displacement[rows], out_base=plant.out_base[rows],
         )  # fmt: skip
         without = dataclasses.replace(data, outputs=data.outputs[:, rows], output_limits=data.output_limits[:, rows])
-        yield _Perturbed(f"without {spare}", fewer, without, _LACKS_SENSOR)
+        yield PerturbedRun(f"without {spare}", fewer, without, _LACKS_SENSOR)
     up, down = _RESAMPLED
     # linearly padded: a record does not end where it began
     outputs, inputs = (scipy.signal.resample_poly(x, up, down, axis=0, padtype="line") for x in (data.outputs, data.inputs))
     place = np.minimum(np.round(np.arange(len(outputs)) * down / up).astype(int), len(data.valid) - 1)
     rate = data.rate_hz * up / down
     again = dataclasses.replace(data, rate_hz=rate, outputs=outputs, inputs=inputs, valid=data.valid[place])
-    yield _Perturbed(f"time base of {rate:g} Hz", plant, again, _LACKS_BASE)
+    yield PerturbedRun(f"time base of {rate:g} Hz", plant, again, _LACKS_BASE)
 
 
 def spare_sensor(plant: Plant, named: set[str]) -> str:
@@ -110,24 +110,24 @@ def stability(work: Work, verdict: str) -> Stability:
     verdict
         What was said of the run.
     """
-    def judged(copy: _Perturbed) -> PerturbedCopy:
+    def judged(copy: PerturbedRun) -> PerturbedCopy:
         try:
             return _on_copy(work, verdict, copy)
         except (InputDataError, np.linalg.LinAlgError) as error:
             return PerturbedCopy(copy.words, None, str(error))
 
-    return Stability(tuple(in_order(judged, [*_perturbed(work)], work.settings.threads or usable_threads())))
+    return Stability(tuple(in_order(judged, [*perturbed(work)], work.settings.threads or usable_threads())))
 
 
-def _on_copy(work: Work, verdict: str, perturbed: _Perturbed) -> PerturbedCopy:
-    settings, accepted, words = work.settings, work.selection.accepted, perturbed.words
-    view = RunView(RunData(perturbed.plant, perturbed.data, settings), work.calibrated.view.state)
+def _on_copy(work: Work, verdict: str, changed: PerturbedRun) -> PerturbedCopy:
+    settings, accepted, words = work.settings, work.selection.accepted, changed.words
+    view = RunView(RunData(changed.plant, changed.data, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
     splits = make_splits(view.blocks.count)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
-    copy = _Copy(work, calibrated, splits, selector, perturbed.lacks)
+    copy = _Copy(work, calibrated, splits, selector, changed.lacks)
     if accepted is not None:
         contests = enumerate(work.selection.contests)
         found = next((changed for place, contest in contests if (changed := copy.changed(accepted, place, contest))), "")

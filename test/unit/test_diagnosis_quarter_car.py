@@ -23,8 +23,10 @@ from diagnosis_runs import (
 )
 from worlds.hiding import law_of
 
+from ride_estimation.diagnosis import diagnose as module
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.extension import parts_of
+from ride_estimation.diagnosis.result import Stability
 from ride_estimation.diagnosis.settings import Settings
 
 #: cause, form and size of a law that leaves 2 to 5 % to the linear model
@@ -140,15 +142,18 @@ def test_a_stop_that_a_rougher_road_hits_deeper_is_judged_within_the_strokes_of_
     assert "within the strokes and rates of the fitted run" in answer.sentence
 
 
-def test_what_a_rougher_road_shows_beside_the_cause_of_the_fitted_run_is_told_by_the_rougher_one():
+def test_what_a_rougher_road_shows_beside_the_cause_of_the_fitted_run_is_told_by_the_rougher_one(monkeypatch):
     """A smooth road shows friction and never the stop; what explains the rough one explains both."""
     def sticky_with_a_stop():
         sliding = hiding_law("jenkins_chain", 1.0)
         return lambda x, v: sliding(x, v) - 2e6 * max(-x - 0.018, 0.0) ** 1.4
 
     run, rougher = (quarter_car_run(s, law=sticky_with_a_stop(), roughness=r) for s, r in ((41, 1.0), (42, 2.0)))
-    answer = diagnose(quarter_car(), run, [rougher])
+    judged = []
+    monkeypatch.setattr(module, "stability", lambda work, verdict: judged.append(work.data.measured) or Stability(()))
+    answer = diagnose(quarter_car(), run, [rougher], Settings(stability=True))
     assert answer.verdict == "explained"
+    assert len(judged) == 1, "copies of the run whose answer is not given cost time for nothing"
     assert {c.id for c in answer.causes} == {"coulomb_friction", "bump_stop"}
     assert answer.gain is not None
     assert answer.gain.validation[0].run == run.name

@@ -17,7 +17,7 @@ from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.plant import build_plant
 from ride_estimation.diagnosis.result import PerturbedCopy, Stability
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.stability import overlap, rebuilt, spare_sensor
+from ride_estimation.diagnosis.stability import PerturbedRun, overlap, rebuilt, spare_sensor
 from ride_estimation.sensors.sensor import Sensor
 
 ASKED = Settings(stability=True)
@@ -65,7 +65,7 @@ def test_a_copy_that_shows_something_else_is_reported_and_costs_confidence(monke
     plain = diagnose(quarter_car(), run)
 
     def copies(work):
-        yield "of another run", work.calibrated.view.plant, measurement(work.calibrated.view.plant, other)
+        yield PerturbedRun("of another run", work.calibrated.view.plant, measurement(work.calibrated.view.plant, other), 0.5)
 
     monkeypatch.setattr(module, "perturbed", copies)
     asked = diagnose(quarter_car(), run, settings=ASKED)
@@ -103,11 +103,29 @@ def test_a_copy_refuses_what_predicts_nothing_that_matters_as_the_run_does(monke
     run, other = quarter_car_run(11), quarter_car_run(11, law=hiding_law("jenkins_chain", 0.3))
 
     def copies(work):
-        yield "of another run", work.calibrated.view.plant, measurement(work.calibrated.view.plant, other)
+        yield PerturbedRun("of another run", work.calibrated.view.plant, measurement(work.calibrated.view.plant, other), 0.5)
 
     monkeypatch.setattr(module, "perturbed", copies)
     monkeypatch.setattr(module, "refusal", lambda work, base, extended: refused)
     assert diagnose(quarter_car(), run, settings=ASKED).stability.counts == (same, 1)
+
+
+@pytest.mark.parametrize(("lacks", "fits"), [(0.0, 1), pytest.param(1.0, 3, marks=pytest.mark.slow)])
+def test_rivals_that_a_copy_cannot_bring_forward_are_not_fitted_on_it(monkeypatch, lacks, fits):
+    run, started = quarter_car_run(11, law=hiding_law("jenkins_chain", 0.3)), []
+    fit = module._Copy._fit
+
+    def copies(work):
+        yield PerturbedRun("the run itself", work.plant, work.data.measured, lacks)
+
+    def counted(copy, starts):
+        started.append([s.hypothesis.cause for s in starts])
+        return fit(copy, starts)
+
+    monkeypatch.setattr(module, "perturbed", copies)
+    monkeypatch.setattr(module._Copy, "_fit", counted)
+    assert diagnose(quarter_car(), run, settings=ASKED).stability.counts == (1, 1)
+    assert started[0] == ["coulomb_friction"] and len(started) == fits
 
 
 def test_a_copy_that_is_too_short_says_so(monkeypatch):
@@ -117,7 +135,7 @@ def test_a_copy_that_is_too_short_says_so(monkeypatch):
         data = work.data.measured
         few = slice(0, int(13 * data.rate_hz))
         short = dataclasses.replace(data, outputs=data.outputs[few], inputs=data.inputs[few], valid=data.valid[few])
-        yield "short", work.calibrated.view.plant, short
+        yield PerturbedRun("short", work.calibrated.view.plant, short, 0.5)
 
     monkeypatch.setattr(module, "perturbed", copies)
     found = diagnose(quarter_car(), run, settings=ASKED).stability
