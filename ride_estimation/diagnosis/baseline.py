@@ -242,8 +242,7 @@ def body_adjustables(view: RunView, accelerations: Mapping[str, ComplexArray]) -
 
     for name, a in accelerations.items():
         body = view.plant.vehicle.bodies[name]
-        for i, axis in enumerate(AXES):
-            std = tolerances.cg if body.cg_std is None else float(max(body.cg_std[i], 1e-4))
+        for i, (axis, std) in enumerate(zip(AXES, tolerances.of_cg(body))):
             add("cg", name, axis, std, *cg_shift_wrench(view, name, np.eye(3)[i], a))
         relative = tolerances.inertia if body.inertia_relative_std is None else body.inertia_relative_std
         diagonal = np.sqrt(np.abs(np.diag(body.inertia)))

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means, sensor_error_spectra, turned_reading
@@ -79,6 +81,21 @@ def turned_column(view: RunView, sensor: str, component: int, angle: float) -> C
         means = {table.row(sensor, c): float(shift[c]) for c in range(3)}
         effects += [Effect(Where.MEAN, row, np.array([v])) for row, v in means.items() if row is not None and v != 0.0]
     return tuple(effects)
+
+
+def fault_std(view: RunView, sensor: str, kind: str, std: float) -> float:
+    """Return the standard deviation of a fault that is stated as all of the error of a sensor, known to ``std``.
+
+    A part of that error is what a sensor in good order has, too: ``hypot(std, tolerance)``.
+
+    Parameters
+    ----------
+    kind
+        Of :class:`~ride_estimation.sensors.installation.Installation`, or ``gyro_gain``.
+    """
+    tolerances = view.settings.tolerances
+    installed = tolerances.of(view.plant.vehicle.sensors[sensor])
+    return math.hypot(std, tolerances.gyro_gain if kind == "gyro_gain" else getattr(installed, kind))
 
 
 def axis_name(component: int, rotation: bool = False) -> str:

@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.vehicle import Body
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +66,10 @@ class Tolerances:
         """
         usual = Installation(**{f.name: getattr(self, f.name) for f in dataclasses.fields(Installation)})
         return usual if sensor.installation is None else usual.at_least(sensor.installation)
+
+    def of_cg(self, body: Body) -> list[float]:
+        """Return the standard deviations of the CG of a body, those of its file where it states some [m]."""
+        return [self.cg] * 3 if body.cg_std is None else np.maximum(body.cg_std, 1e-4).tolist()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -119,15 +119,15 @@ def stability(work: Work, verdict: str) -> Stability:
     return Stability(tuple(in_order(judged, [*perturbed(work)], work.settings.threads or usable_threads())))
 
 
-def _on_copy(work: Work, verdict: str, changed: PerturbedRun) -> PerturbedCopy:
-    settings, accepted, words = work.settings, work.selection.accepted, changed.words
-    view = RunView(RunData(changed.plant, changed.data, settings), work.calibrated.view.state)
+def _on_copy(work: Work, verdict: str, perturbed_run: PerturbedRun) -> PerturbedCopy:
+    settings, accepted, words = work.settings, work.selection.accepted, perturbed_run.words
+    view = RunView(RunData(perturbed_run.plant, perturbed_run.data, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
     splits = make_splits(view.blocks.count)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
-    copy = _Copy(work, calibrated, splits, selector, changed.lacks)
+    copy = _Copy(work, calibrated, splits, selector, perturbed_run.lacks)
     if accepted is not None:
         contests = enumerate(work.selection.contests)
         found = next((changed for place, contest in contests if (changed := copy.changed(accepted, place, contest))), "")

@@ -331,7 +331,7 @@ def _cg_height(balance: _Balance, vehicle: Vehicle, run: UniformRun, settings: S
     squares of the balance on it and on stiffness and damping of every mount, each with the tolerance of the file, and on forces
     that a hidden law may have, which would be taken for a lever otherwise.
     """
-    tolerance = settings.tolerances.cg if balance.body.cg_std is None else float(max(balance.body.cg_std[2], 1e-4))
+    tolerance = settings.tolerances.of_cg(balance.body)[2]
     readings, deflection, valid = _readings(vehicle, balance, run, settings)
     step = 0.1 * tolerance
     by_height = (_balance(vehicle, run, step).wrench - _balance(vehicle, run, -step).wrench) / (2.0 * step)

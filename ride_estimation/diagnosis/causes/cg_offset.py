@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import final
 
@@ -43,8 +44,11 @@ class CgOffset(Cause):
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return true minus stated CG position [m]."""
-        return (Reported("CG offset", float(fitted.coefficients[0]), fitted.std(0), "m"),)
+        """Return true minus stated CG position [m]; a part of it is what the CG of a right file is off, too."""
+        h = fitted.hypothesis
+        tolerance = view.settings.tolerances.of_cg(view.plant.vehicle.bodies[h.location])[AXES.index(h.axis)]
+        std = math.hypot(fitted.std(0), tolerance)
+        return (Reported("CG offset", float(fitted.coefficients[0]), std, "m"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found CG."""

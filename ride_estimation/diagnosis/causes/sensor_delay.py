@@ -11,7 +11,7 @@ import numpy as np
 from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import sensor_column
+from ride_estimation.diagnosis.sensor_column import fault_std, sensor_column
 from ride_estimation.diagnosis.sensor_extension import delay_sensors
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -50,7 +50,9 @@ class SensorDelay(Cause):
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return how late the sensor is [s]."""
-        return (Reported("delay", float(fitted.coefficients[0]), fitted.std(0), "s"),)
+        location = fitted.hypothesis.location
+        std = fitted.std(0) if location == "all" else fault_std(view, location, "delay", fitted.std(0))
+        return (Reported("delay", float(fitted.coefficients[0]), std, "s"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the delay into the correction of the sensors."""

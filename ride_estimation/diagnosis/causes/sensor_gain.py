@@ -14,7 +14,7 @@ from ride_estimation.diagnosis.effect import Column, Where
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.plant import CHANNELS
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, is_input, sensor_axes, sensor_column
+from ride_estimation.diagnosis.sensor_column import axis_name, fault_std, is_accelerometer, is_input, sensor_axes, sensor_column
 from ride_estimation.diagnosis.sensor_extension import scale_sensor
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -73,10 +73,11 @@ class SensorGain(Cause):
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the factor minus one."""
-        error = _gain_error(view, fitted.hypothesis.location, float(fitted.coefficients[0]))
-        slope = (1.0 + error) ** 2 if is_input(view, fitted.hypothesis.location) else 1.0
-        name = "gain error of the angular rate" if fitted.hypothesis.variant == _RATES else "gain error"
-        return (Reported(name, error, slope * fitted.std(0), "-"),)
+        sensor, rates = fitted.hypothesis.location, fitted.hypothesis.variant == _RATES
+        error = _gain_error(view, sensor, float(fitted.coefficients[0]))
+        slope = (1.0 + error) ** 2 if is_input(view, sensor) else 1.0
+        std = fault_std(view, sensor, "gyro_gain" if rates else "gain", slope * fitted.std(0))
+        return (Reported("gain error of the angular rate" if rates else "gain error", error, std, "-"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the factor into the correction of the sensor; the value at rest stays where it was trimmed.

@@ -13,7 +13,7 @@ from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means
 from ride_estimation.diagnosis.effect import Column, Shape
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, sensor_axes, turned_column
+from ride_estimation.diagnosis.sensor_column import axis_name, fault_std, is_accelerometer, sensor_axes, turned_column
 from ride_estimation.diagnosis.sensor_extension import turn_sensor
 from ride_estimation.frames import AXES, rotation_matrices
 from ride_estimation.vehicles.vehicle import Vehicle
@@ -65,8 +65,8 @@ class SensorMisalignment(Cause):
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return the angle [deg]."""
-        value, std = np.degrees(float(fitted.coefficients[0])), np.degrees(fitted.std(0))
-        return (Reported("angle", float(value), float(std), "deg"),)
+        std = fault_std(view, fitted.hypothesis.location, "misalignment", fitted.std(0))
+        return (Reported("angle", float(np.degrees(fitted.coefficients[0])), float(np.degrees(std)), "deg"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found rotation of the sensor."""

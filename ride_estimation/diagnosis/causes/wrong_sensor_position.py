@@ -11,7 +11,7 @@ import numpy as np
 from ride_estimation.diagnosis.effect import Column
 from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer, is_input, sensor_column
+from ride_estimation.diagnosis.sensor_column import axis_name, fault_std, is_accelerometer, is_input, sensor_column
 from ride_estimation.diagnosis.sensor_extension import move_sensor
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -44,7 +44,8 @@ class WrongSensorPosition(Cause):
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
         """Return true minus stated position [m]."""
-        return (Reported("position error", float(fitted.coefficients[0]), fitted.std(0), "m"),)
+        std = fault_std(view, fitted.hypothesis.location, "position", fitted.std(0))
+        return (Reported("position error", float(fitted.coefficients[0]), std, "m"),)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
         """Write the found position of the sensor."""
