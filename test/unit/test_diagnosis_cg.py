@@ -38,8 +38,10 @@ def test_a_cg_five_centimetres_off_is_named_with_its_offset(seed: int, axis: str
     answer = diagnose(_moved(file, axis, -0.05), run, [other])
     assert (answer.verdict, [(c.id, c.axis) for c in answer.causes]) == ("explained", [("cg_offset", axis)])
     (found,) = answer.causes[0].parameters
-    assert found.value == pytest.approx(0.05, abs=2.0 * found.std)
-    assert found.std < 0.004
+    assert found.value == pytest.approx(0.05, abs=0.006)
+    # the run tells it to a few millimetres; how much of it the CG of a right file would be off, it does not
+    tolerance = Settings().tolerances.of_cg(file.bodies["cab"])["xyz".index(axis)]
+    assert tolerance < found.std < np.hypot(tolerance, 0.004)
 
 
 def test_a_named_cg_is_in_the_matrices_and_no_tolerance():

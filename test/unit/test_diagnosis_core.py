@@ -19,9 +19,10 @@ from ride_estimation.diagnosis.calibration import (
     tolerance_limits,
     with_held_faults,
 )
+from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.hypothesis import Reported, Sign
+from ride_estimation.diagnosis.hypothesis import Fitted, Reported, Sign
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.noise import noise_scale, temper_of
@@ -35,6 +36,7 @@ from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.screening import solve_signed
 from ride_estimation.diagnosis.selection import Candidate, beyond_tolerance
+from ride_estimation.diagnosis.sensor_column import fault_std
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.spectra import make_grid
 from ride_estimation.diagnosis.splits import make_splits
@@ -234,6 +236,19 @@ def test_a_worse_installation_of_the_file_counts_and_a_better_one_makes_no_fault
     assert (std["gain", "body"], std["misalignment", "body"]) == (0.02, USUAL.misalignment)
     assert (std["gain", "base"], std["delay", "body"]) == (USUAL.gain, USUAL.delay)
     assert {s.sensor: float(v) for s, v in zip(table.signals, table.std)} == {"body": 0.3, "base": USUAL.bias}
+
+
+def test_a_fault_of_a_sensor_is_no_better_known_than_what_a_good_one_has():
+    vehicle = quarter_car()
+    told = dataclasses.replace(vehicle.sensors["body"], installation=Installation(gain=0.02))
+    plant = build_plant(dataclasses.replace(vehicle, sensors={**vehicle.sensors, "body": told}), {"body": 3, "base": 3})
+    view = RunView(RunData(plant, measurement(plant, quarter_car_run(5, 12.0)), Settings()), ModelState(*file_parameters(plant)))
+    assert fault_std(view, "body", "gain", 0.015) == pytest.approx(0.025)
+    assert fault_std(view, "body", "delay", 0.0) == USUAL.delay
+    for cause, tolerance in (("sensor_gain", 0.02), ("sensor_delay", USUAL.delay)):
+        found = next(h for h in library()[cause].hypotheses(view) if h.location == "body")
+        (stated,) = library()[cause].parameters(view, Fitted(found, np.array([0.3]), np.array([[0.001**2]]), {}))
+        assert stated.std == pytest.approx(np.hypot(0.001, tolerance))
 
 
 def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
