@@ -251,6 +251,21 @@ def test_a_fault_of_a_sensor_is_no_better_known_than_what_a_good_one_has():
         assert stated.std == pytest.approx(np.hypot(0.001, tolerance))
 
 
+@pytest.mark.parametrize(
+    ("sensor", "coefficient", "possible"),
+    [
+        ("base", -1.2349, True), ("base", 0.9, True), ("base", 0.96, False), ("base", 1.0, False), ("base", 1.5, False),
+        ("body", 1.5, True), ("body", -0.94, True), ("body", -0.96, False), ("body", -1.5, False), ("body", 20.0, False),
+    ],
+)  # fmt: skip
+def test_a_reading_has_a_positive_factor_from_a_twentieth_to_twenty(sensor, coefficient, possible):
+    """Of a base sensor the coefficient is the share of its reading that is too much: 1.2 less than none is a factor of 0.45."""
+    plant = build_plant(quarter_car(), {"body": 3, "base": 3})
+    view = RunView(RunData(plant, measurement(plant, quarter_car_run(5, 12.0)), Settings()), ModelState(*file_parameters(plant)))
+    gain = next(h for h in library()["sensor_gain"].hypotheses(view) if h.location == sensor)
+    assert gain.meaningful(np.array([coefficient]), {}) == possible
+
+
 def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
     vehicle, run = quarter_car(), quarter_car_run(seed=2)
     plant = build_plant(vehicle, {"body": 3, "base": 3})

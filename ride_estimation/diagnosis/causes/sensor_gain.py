@@ -22,8 +22,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 _Columns = Callable[[RunView, Shapes], list[Column]]
 
-#: coefficient below which a reading keeps a positive factor
-_LARGEST = 0.95
+#: smallest factor of a reading, largest is its inverse: what a wrong sensitivity or amplifier setting makes
+_LEAST = 0.05
 _UNTRIMMED = "gravity too"
 #: of an angular rate, or of all of them
 _RATES = "angular rates"
@@ -64,11 +64,15 @@ class SensorGain(Cause):
                     scale[list(g)] += _gain_error(view, s, float(coefficients[0]))
                     return np.diag(scale)
 
+                def possible(coefficients: Array, shape: Shapes, s: str = sensor) -> bool:
+                    share = float(coefficients[0])
+                    return not (is_input(view, s) and share >= 1.0) and _LEAST < 1.0 + _gain_error(view, s, share) < 1.0 / _LEAST
+
                 axis = axis_name(group[0]) if len(group) == 1 else ""
                 variant = "" if group[0] < len(AXES) else _RATES
-                out.append(Hypothesis(self.ID, sensor, axis, trimmed, variant=variant, plausible=_possible, fault=fault))
+                out.append(Hypothesis(self.ID, sensor, axis, trimmed, variant=variant, plausible=possible, fault=fault))
                 if is_accelerometer(view, sensor) and any(_shows_at_rest(table, sensor, a) for a in group):
-                    out.append(Hypothesis(self.ID, sensor, axis, whole, variant=_UNTRIMMED, plausible=_possible, fault=fault))
+                    out.append(Hypothesis(self.ID, sensor, axis, whole, variant=_UNTRIMMED, plausible=possible, fault=fault))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
@@ -107,7 +111,3 @@ def _gain_error(view: RunView, sensor: str, coefficient: float) -> float:
     """Return the factor minus one: of a base sensor the share of the reading that is too much was found."""
     return coefficient / (1.0 - coefficient) if is_input(view, sensor) else coefficient
 
-
-def _possible(coefficients: Array, shape: Shapes) -> bool:
-    """Return whether the factor of a reading stays positive."""
-    return abs(float(coefficients[0])) < _LARGEST
