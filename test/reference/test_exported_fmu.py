@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -86,7 +85,7 @@ def test_every_kind_of_element_gives_the_force_of_the_simulation(all_elements: s
     v = np.gradient(x, 1 / RATE)
     columns = {f"{k}.{w}": values for k in ELEMENTS for w, values in (("deflection", x), ("rate", v))}
     names = list(ELEMENTS)
-    found, _ = stepped(all_elements, interface, columns, [f"{k}.force" for k in names])
+    found = stepped(all_elements, interface, columns, [f"{k}.force" for k in names])
     for i, kind in enumerate(names):
         expected = own_force(kind, x, v)
         scale = max(np.abs(expected).max(), 1.0)
@@ -141,7 +140,7 @@ def cab_unit(tmp_path_factory: pytest.TempPathFactory) -> Callable[[ExportModel,
 
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_cab_moves_as_in_the_simulation_and_faster_than_real_time(
+def test_a_cab_moves_as_in_the_simulation(
     version: str, motion: str, cab_unit: Callable[[ExportModel, str], str]
 ) -> None:
     assembly, base = shaken_cab(motion)
@@ -152,7 +151,7 @@ def test_a_cab_moves_as_in_the_simulation_and_faster_than_real_time(
     columns = base_columns(model, assembly, base)
     outputs = [v.name for v in model.variables if v.role in ("state", "output")]
     unit = cab_unit(model, version)
-    found, seconds = stepped(unit, "CoSimulation", columns, outputs)
+    found = stepped(unit, "CoSimulation", columns, outputs)
     size, components = len(assembly.coordinates), len(assembly.components)
     expected = np.hstack([own.coordinates, own.rates, own.accelerations, own.deflection])
     for i in range(3 * size + components):
@@ -163,8 +162,6 @@ def test_a_cab_moves_as_in_the_simulation_and_faster_than_real_time(
         given = found[:, 3 * size + components + i]
         want = force[:, assembly.mount_names.index(mount), "xyz".index(axis)]
         assert np.abs(given - want).max() < AGREEMENT * np.abs(want).max(), (mount, axis)
-    print(f"{SAMPLES / RATE / seconds:.1f} times real time")
-    assert seconds < 0.1 * SAMPLES / RATE, f"{SAMPLES / RATE / seconds:.1f} times real time"
 
 
 class Unit:
@@ -194,10 +191,8 @@ class Unit:
         self.fmu.freeInstance()
 
 
-def stepped(
-    path: str, interface: str, columns: dict[str, np.ndarray], outputs: list[str]
-) -> tuple[np.ndarray, float]:
-    """Return outputs at every sample, shape (N, outputs), and the processor seconds the steps took.
+def stepped(path: str, interface: str, columns: dict[str, np.ndarray], outputs: list[str]) -> np.ndarray:
+    """Return outputs at every sample, shape (N, outputs).
 
     Inputs of sample k are given for the step that ends there (co-simulation) or at its time (model exchange).
     """
@@ -205,7 +200,6 @@ def stepped(
     inputs, wanted = [unit.number[n] for n in columns], [unit.number[n] for n in outputs]
     rows = [unit.get(wanted)]
     table = np.column_stack(list(columns.values()))
-    begun = time.process_time()
     for k in range(1, SAMPLES):
         if interface == "ModelExchange":
             unit.fmu.setTime(k / RATE)
@@ -215,9 +209,8 @@ def stepped(
             unit.set(inputs, table[k])
             unit.fmu.doStep(currentCommunicationPoint=(k - 1) / RATE, communicationStepSize=1 / RATE)
         rows.append(unit.get(wanted))
-    seconds = time.process_time() - begun
     unit.free()
-    return np.array(rows), seconds
+    return np.array(rows)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

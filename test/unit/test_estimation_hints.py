@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
@@ -175,25 +174,23 @@ def test_false_alarms_of_lines_keep_to_their_level(monkeypatch):
 
 
 def fed(hints, share, usable=lambda k: True):
-    """Return what is suspected after blocks of ten ticks of whose forces the model misses a share, and what it cost [s]."""
+    """Return what is suspected after blocks of ten ticks of whose forces the model misses a share."""
     mounts = 100.0 * coloured(np.random.default_rng(1345), round(60.0 * RATE), 6)
-    missing, begin = share * mounts, time.process_time()
+    missing = share * mounts
     for k, start in enumerate(range(0, len(missing), 10)):
         part = slice(start, start + 10)
         if usable(k):
             hints.observe(mounts[part], missing[part], 1.0 / RATE)
         else:
             hints.interrupt()
-    return hints.hints(), time.process_time() - begin
+    return hints.hints()
 
 
-def test_a_gap_begins_anew_and_tests_cost_little():
+def test_a_gap_begins_anew():
     hints = SpectrumHints(CAB)
-    assert fed(hints, 0.35, lambda k: k % 20 != 0)[0] == ()  # never four seconds without a gap
-    found, cost = fed(hints, 0.35)
-    assert [h.location for h in found] == ["cab"]
-    assert cost / 60.0 < 1e-3  # s of processor time per s of data
+    assert fed(hints, 0.35, lambda k: k % 20 != 0) == ()  # never four seconds without a gap
+    assert [h.location for h in fed(hints, 0.35)] == ["cab"]
     assert 0.0 < FALSE_ALARMS_PER_HOUR < 0.1
     hints.reset()
     assert hints.hints() == ()
-    assert fed(SpectrumHints(dataclasses.replace(CAB, base_sensors=(None,) * len(CAB.mounts))), 0.35)[0] == ()
+    assert fed(SpectrumHints(dataclasses.replace(CAB, base_sensors=(None,) * len(CAB.mounts))), 0.35) == ()
