@@ -69,13 +69,14 @@ def with_channel(run: Recording, name: str, **changed: np.ndarray) -> Recording:
     return dataclasses.replace(run, channels={**run.channels, name: dataclasses.replace(run.channels[name], **changed)})
 
 
-def judged(data: Measurement, found: RunForces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return error, standard deviation and true spread of the forces away from the ends."""
+def judged(data: Measurement, found: RunForces, left: tuple[float, float] = (4.0, 99.0)) -> tuple[np.ndarray, ...]:
+    """Return error and standard deviation of the forces so many seconds before the end, and the true spread from 5 s on."""
     start, segment = found.segments[0]
     time = (start - START_NS) * 1e-9 + np.arange(len(segment.force)) * found.dt
-    inside = (time > 5.0) & (time < time[-1] - 4.0)
+    moving, end = time > 5.0, time[-1] - time
+    inside = moving & (end >= left[0]) & (end <= left[1])
     true = true_forces(data, time)
-    return (segment.force - true)[inside], segment.std[inside], np.std(true[inside], axis=0)
+    return (segment.force - true)[inside], segment.std[inside], np.std(true[moving], axis=0)
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,14 @@ def test_forces_are_near_the_truth_and_no_surer_than_they_are(drive_and_forces: 
     assert score[:, 2].mean() < 0.04
     ratio = np.sqrt(np.mean(std**2, axis=0) / np.mean(error**2, axis=0))
     assert 0.7 < np.median(ratio[:, :2]) < 3.0
+    assert np.mean(np.abs(error) < 2.0 * std) > 0.9
+
+
+def test_forces_at_the_end_of_a_run_are_as_near_as_is_stated(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> None:
+    data, _, found = drive_and_forces
+    error, std, size = judged(data, found, (0.1, 3.0))
+    # by the transform alone 54 %
+    assert (np.sqrt(np.mean(error**2, axis=0)) / size)[:, :2].mean() < 0.1
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9
 
 
@@ -183,7 +192,7 @@ def cut(run: Recording, seconds: float) -> Recording:
     return dataclasses.replace(run, channels=channels)
 
 
-def test_forces_of_the_model_count_away_from_the_ends_and_leave_what_is_faster() -> None:
+def test_forces_of_the_model_count_to_the_ends_and_leave_what_is_faster() -> None:
     dt, count = 0.008, 2500
     time = np.arange(count) * dt
     slow = np.sin(2.0 * np.pi * 2.0 * time)[:, None, None] * np.ones((1, 4, 3))
@@ -192,8 +201,7 @@ def test_forces_of_the_model_count_away_from_the_ends_and_leave_what_is_faster()
     fast = np.sin(2.0 * np.pi * 120.0 * np.arange(10_000) * 0.002)[:, None, None] * np.ones((1, 4, 3))
     force, std, deflection = 5.0 + fast, np.full(fast.shape, 10.0), np.ones(fast.shape)
     share = found.fade_in(stamps, np.ones(10_000), force, std, deflection)
-    assert share == pytest.approx((20.0 - 6.0) / 20.0, abs=0.01)
-    np.testing.assert_array_equal(force[:1000], 5.0 + fast[:1000])
+    assert share == pytest.approx(1.0, abs=0.01)
     middle = slice(3000, 7000)
     truth = np.sin(2.0 * np.pi * 2.0 * np.arange(10_000) * 0.002)[:, None, None] + fast
     np.testing.assert_allclose(force[middle], truth[middle], atol=0.02)
@@ -207,6 +215,17 @@ def test_forces_of_the_model_count_away_from_the_ends_and_leave_what_is_faster()
     force, std, deflection = 5.0 + fast, np.full(fast.shape, 10.0), np.ones(fast.shape)
     assert found.fade_in(stamps, np.zeros(10_000), force, std, deflection) == 0.0
     np.testing.assert_array_equal(force, 5.0 + fast)
+
+
+def test_a_segment_fades_where_another_one_goes_on_and_nowhere_else() -> None:
+    dt, count = 0.01, 2000
+    forces = [np.full((count, 4, 3), level) for level in (1.0, 2.0)]
+    segments = [SmoothedSegment(force, 1.0 + 0.0 * force, 0.0 * force, 1.0) for force in forces]
+    found = RunForces(((0, segments[0]), (12_000_000_000, segments[1])), dt)
+    stamps = np.arange(3200, dtype=np.int64) * 10_000_000
+    force, std, deflection = np.zeros((3, 3200, 4, 3))
+    found.fade_in(stamps, np.ones(3200), force, std, deflection)
+    np.testing.assert_allclose(force[[0, 700, 1390, 1500, 1610, 3100], 0, 0], [1.0, 1.0, 1.0, 1.5, 2.0, 2.0], atol=0.01)
 
 
 def test_a_vertical_law_that_is_not_known_as_linear_is_named() -> None:
@@ -226,7 +245,7 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
     # what friction carries slowly no accelerometer shows: it is in the standard deviation
     moving = np.std(error, axis=0) / size
     assert moving[:, 2].mean() < 0.04
-    assert moving[:, :2].mean() < 0.12
+    assert moving[:, :2].mean() < 0.1
     ratio = np.sqrt(np.mean(std**2, axis=0) / np.mean(error**2, axis=0))
     assert 0.7 < np.median(ratio) < 4.0
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 #: length of the part the slow states are estimated from, longest and shortest [s]; segments are smoothed in parts of the former
 _LONGEST_S, _SHORTEST_S = 60.0, 10.0
-#: distance from the end of a segment where its forces begin to count and count alone [s]: integrals of what lies beyond are
-#: missing there (drawn cabs: 48 % of the horizontal force wrong in the last second, 20 % at 2 to 3 s, 7 % from 3 s on)
+#: distance from the end of a segment where its forces begin to count and count alone, where another segment goes on [s]: what
+#: lies beyond the end is missing
 _FROM_S, _FULLY_S = 2.0, 4.0
 #: highest frequency in the forces of the model over its rate; forces beyond are left as they are
 _HIGHEST = 0.33
@@ -77,7 +77,10 @@ class RunForces:
         share = np.zeros(len(stamp_ns))
         for start, segment in self.segments:
             time, own = (stamp_ns - start) * 1e-9, np.arange(len(segment.force)) * self.dt
-            inside = np.clip((np.minimum(time, own[-1] - time) - _FROM_S) / (_FULLY_S - _FROM_S), 0.0, 1.0)
+            inside = np.ones(len(time))
+            for end, distance in ((0.0, time), (own[-1], own[-1] - time)):
+                if self._goes_on(start + 1e9 * end):
+                    inside *= np.clip((distance - _FROM_S) / (_FULLY_S - _FROM_S), 0.0, 1.0)
             at = np.flatnonzero((time >= 0.0) & (time <= own[-1]))
             if len(at) < 2:
                 continue
@@ -91,6 +94,13 @@ class RunForces:
             first = std[at, :, :axes] ** 2
             std[at, :, :axes] = np.sqrt(first + weight * (square - first))
         return float(share.mean())
+
+    def _goes_on(self, stamp_ns: float) -> bool:
+        """Return whether a segment reaches beyond a time, either way, by what another one fades over."""
+        reach = 1e9 * _FULLY_S
+        return any(
+            start + reach <= stamp_ns <= start + 1e9 * (len(segment.force) - 1) * self.dt - reach for start, segment in self.segments
+        )
 
 
 def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:

@@ -19,6 +19,7 @@ from scipy import stats
 from ride_estimation.estimation.model.joint import RENEWALS, JointEstimate, largest
 from ride_estimation.estimation.model.plant import unbalanced
 from ride_estimation.estimation.model.second_order import force_of_second_order
+from ride_estimation.estimation.model.segment_ends import Ends, ends_of
 from ride_estimation.estimation.model.segments import (
     DEFORMS_HZ,
     Model,
@@ -84,6 +85,7 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     v[:, plant.states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
     moving = segment.lines.back(v)
     d = model.dynamics
+    variance += _mend_ends(model, moving, error.ends(moving), segment.lines.dt)
     shape = (len(readings), len(plant.mounts), 3)
     force = model.still + moving @ d.force.T + force_of_second_order(plant, model.constants, d, moving).reshape(len(moving), -1)
     deflection = moving @ d.deflection.T + model.constants.deflected
@@ -91,6 +93,23 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     # stiffness, damping and mass are known up to a common factor: where the mass is held its error is that of every force
     variance += (held * force) ** 2
     return SmoothedSegment(force.reshape(shape), np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
+
+
+def _mend_ends(model: Model, moving: Array, ends: Ends, dt: float) -> Array:
+    """Put the motion near the ends right, (N, V) in place; return by how much the variance of forces is larger there, (N, 3 M).
+
+    How the body accelerates is measured there too: the base deforms, and the body gives way until its mounts push as before.
+    """
+    s, d = model.plant.states, model.dynamics
+    wrench = model.constants.points.T @ d.force
+    follows = -np.linalg.solve(wrench[:, s.relative], wrench)
+    relative = ends.value @ follows[:, s.deformation].T + ends.rate @ follows[:, s.deformation_rate].T
+    moving[:, s.deformation] += ends.value
+    moving[:, s.deformation_rate] += ends.rate
+    moving[:, s.relative] += relative
+    moving[:, s.relative_rate] += np.gradient(relative, dt, axis=0)
+    force = d.force[:, s.deformation] + d.force[:, s.relative] @ follows[:, s.deformation]
+    return np.asarray(ends.variance @ (force**2).T)
 
 
 class _Errors:
@@ -108,7 +127,7 @@ class _Errors:
         self._noise = np.matmul(inverse, inverse.conj().transpose(0, 2, 1))
         self._raw = p.inputs()
         total = segment.lines.smooth(self._noise + np.matmul(self._gain, self._gain.conj().transpose(0, 2, 1)))
-        variance = np.diagonal(total, axis1=1, axis2=2).real
+        self._variance = variance = np.diagonal(total, axis1=1, axis2=2).real
         found, self._power = input_power(segment.lines, self._raw, variance), self._expected_power(variance)
         power = found[:, :, None] * np.eye(len(variance[0]))
         #: weight of the inputs
@@ -154,6 +173,12 @@ class _Errors:
         """Return states and inputs, shape (F, V)."""
         drive = np.matmul(self._weight, self._raw[:, :, None])[:, :, 0]
         return motion_of(self._model.plant.states, self._p, drive, self._deforms[:, None])
+
+    def ends(self, moving: Array) -> Ends:
+        """Return how the deformation of the base near the ends differs from that in the motion (N, V)."""
+        s = self._model.plant.states
+        raw, power, noise = (values[:, s.deforming] for values in (self._raw, self._power, self._variance))
+        return ends_of(self._segment.lines, raw, power, noise, moving[:, s.deformation], moving[:, s.deformation_rate])
 
     def variance(self, v: Complex) -> Array:
         """Return the variance of the forces at states and inputs v, shape (N, 3 M)."""
