@@ -104,6 +104,7 @@ def _without_tilt(original: Callable[..., None]) -> Callable[..., None]:
 def _mechanisms() -> dict[str, Mechanism]:
     from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
     from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+    from ride_estimation.estimation.model.segment_ends import Ends
     from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT
 
     zero6 = np.zeros((6, 6))
@@ -152,6 +153,10 @@ def _mechanisms() -> dict[str, Mechanism]:
         "force beside a law": Mechanism(
             "model.joint", "JointEstimate._free_force", returns(False),
             "the model estimates the force of a mount whose law is not linear as an input",
+        ),
+        "deformation near the ends": Mechanism(
+            "model.smoother", "ends_of", lambda lines, seen, power, noise, value, rate: Ends(*np.zeros((3, *value.shape))),
+            "deformation of the base near the ends of a run from the record as it is, not from the transform",
         ),
         # deflections and forces
         "deformation of the base": Mechanism(

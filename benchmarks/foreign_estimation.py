@@ -7,7 +7,8 @@ FOLDER holds one folder per case: ``run`` (rosbag2), ``vehicle.yaml``, ``truth.j
 ``force``: N x 3 M, on the body by the mount, body axes, static share included). Printed per case: error of the live and smoothed
 forces over the standard deviation of the true force (median over the mounts), share within two standard deviations (median and
 lowest over the mounts), squared error of the CG acceleration over its variance, and how many ``valid`` stiffness and damping
-values lie within two standard deviations, at mounts without and with an effect.
+values lie within two standard deviations, at mounts without and with an effect: as the node states them in the end, and of the
+whole run.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ride_estimation.estimation.common.estimate import Status
+from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.bags import read_recording
@@ -94,16 +97,20 @@ def judge(case: Path) -> dict[str, object]:
     error = run.signals["cg_accel"][keep, :3] - accel
     with np.errstate(divide="ignore", invalid="ignore"):
         figures["cg"] = np.where(covariance > 0, error**2 / covariance**2, np.nan).mean(axis=0)
-    figures["parameters"] = _parameters(run, truth)
+    figures["parameters"] = _parameters(run.parameters, run.mount_names, truth)
+    whole = () if isinstance(run.smoothed, str) else run.smoothed.parameters
+    figures["parameters of the whole run"] = _parameters(whole, run.mount_names, truth)
     return figures
 
 
-def _parameters(run: OfflineRun, truth: dict) -> dict[str, tuple[int, int, list[str]]]:
-    """Return by kind of mount: valid values inside two standard deviations, valid values, those outside in words."""
-    elements = _elements(truth, run.mount_names)
-    affected = _affected(truth, run.mount_names)
-    sums: dict[str, tuple[int, int, list[str]]] = {}
-    for estimate in run.parameters:
+def _parameters(
+    estimates: Sequence[Estimate], mounts: tuple[str, ...], truth: dict
+) -> dict[str, tuple[int, int, list[str], list[float]]]:
+    """Return by kind of mount: valid values inside two standard deviations, valid values, those outside in words, errors."""
+    elements = _elements(truth, mounts)
+    affected = _affected(truth, mounts)
+    sums: dict[str, tuple[int, int, list[str], list[float]]] = {}
+    for estimate in estimates:
         parts = estimate.name.split(".")
         element = elements.get((parts[0], parts[1])) if len(parts) == 3 else None
         if element is None or estimate.status is not Status.VALID:
@@ -111,10 +118,10 @@ def _parameters(run: OfflineRun, truth: dict) -> dict[str, tuple[int, int, list[
         right = float(truth["true_parameters"]["elements"][element]["k" if parts[2] == "stiffness" else "c"])
         score = (estimate.value - right) / estimate.std
         kind = "affected" if parts[0] in affected else "healthy"
-        inside, count, words = sums.get(kind, (0, 0, []))
+        inside, count, words, errors = sums.get(kind, (0, 0, [], []))
         if abs(score) > 2.0:
             words = [*words, f"{estimate.name} {estimate.value / right - 1:+.1%} = {score:+.1f} std"]
-        sums[kind] = (inside + (abs(score) <= 2.0), count + 1, words)
+        sums[kind] = (inside + (abs(score) <= 2.0), count + 1, words, [*errors, abs(estimate.value / right - 1.0)])
     return sums
 
 
@@ -126,7 +133,7 @@ def main() -> None:
     given = parser.parse_args()
     chosen = [c for c in sorted(given.folder.iterdir()) if not given.only or c.name in given.only]
     cases = [c for c in chosen if (c / "vehicle.yaml").exists()]
-    total: dict[str, list[int]] = {}
+    total: dict[tuple[str, str], list[Any]] = {}
     for case in cases:
         figures = judge(case)
         print(f"{figures['case']} ({figures['effect']}), {figures['seconds']:.0f} s")
@@ -137,14 +144,15 @@ def main() -> None:
                 print(f"  {key:18s} error {error:6.1%}, {inside}, std over error {ratio:.1f}")
         ratios = ", ".join(f"{x:.1f}" for x in figures["cg"])  # type: ignore[attr-defined]
         print(f"  CG acceleration, squared error over variance: {ratios}")
-        for kind, (inside, count, words) in figures["parameters"].items():  # type: ignore[attr-defined]
-            print(f"  valid at {kind} mounts: {inside} of {count} inside 2 std")
-            totals = total.setdefault(kind, [0, 0])
-            totals[0], totals[1] = totals[0] + inside, totals[1] + count
-            if given.words:
-                print("".join(f"    {w}\n" for w in words), end="")
-    for kind, (inside, count) in total.items():
-        print(f"all valid stiffness and damping at {kind} mounts: {inside} of {count} inside 2 std")
+        for path in ("parameters", "parameters of the whole run"):
+            for kind, (inside, count, words, errors) in figures[path].items():  # type: ignore[attr-defined]
+                print(f"  {path}, valid at {kind} mounts: {inside} of {count} inside 2 std, median error {np.median(errors):.1%}")
+                totals = total.setdefault((path, kind), [0, 0, []])
+                totals[0], totals[1], totals[2] = totals[0] + inside, totals[1] + count, totals[2] + errors
+                if given.words:
+                    print("".join(f"    {w}\n" for w in words), end="")
+    for (path, kind), (inside, count, errors) in total.items():
+        print(f"all {path}, valid at {kind} mounts: {inside} of {count} inside 2 std, median error {np.median(errors):.1%}")
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 #: fewer say nothing about any signal
 LEAST_TICKS = 8
 #: what :meth:`Replay.to_dataframe` gives
-TABLES = ("parameters", "forces", "deflections", "motion")
+TABLES = ("parameters", "parameters_smoothed", "forces", "deflections", "motion")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -82,8 +82,13 @@ class Replay:
 
     @property
     def parameters(self) -> tuple[Estimate, ...]:
-        """Return the parameters with standard deviation and status."""
+        """Return the parameters with standard deviation and status, as the node publishes them at the end of the run."""
         return self.result.parameters
+
+    @property
+    def parameters_smoothed(self) -> tuple[Estimate, ...]:
+        """Return stiffness and damping estimated from the whole run at once, none where its model does not explain the run."""
+        return self.result.smoothed_parameters
 
     @property
     def plot(self) -> ReplayPlots:
@@ -96,7 +101,7 @@ class Replay:
         Parameters
         ----------
         table
-            ``parameters`` (one row each), or over time ``forces`` (with ``<mount>.<axis>.std``), ``deflections``, ``motion``
+            ``parameters`` (one row each), ``parameters_smoothed`` (those of the whole run), or over time ``forces`` (with ``<mount>.<axis>.std``), ``deflections``, ``motion``
             (acceleration and angular acceleration of the CG).
 
         Raises
@@ -106,10 +111,10 @@ class Replay:
         """
         if table not in TABLES:
             raise ConfigurationError(f"table {table!r}; allowed: {', '.join(TABLES)}")
-        if table == "parameters":
-            keys = ("name", "value", "std", "unit", "prior")
-            columns: dict[str, Any] = {key: [getattr(p, key) for p in self.parameters] for key in keys}
-            return dataframe({**columns, "status": [p.status.value for p in self.parameters]}, "name")
+        if table in ("parameters", "parameters_smoothed"):
+            keys, rows = ("name", "value", "std", "unit", "prior"), getattr(self, table)
+            columns: dict[str, Any] = {key: [getattr(p, key) for p in rows] for key in keys}
+            return dataframe({**columns, "status": [p.status.value for p in rows]}, "name")
         r = self.result
         columns = {"time_s": r.time_s, "valid": r.valid}
         if table == "motion":
@@ -316,12 +321,16 @@ def summary(
     lines = [
         f"{recording.name}: {time[-1]:.1f} s, {len(time)} ticks, {100.0 * result.valid.mean():.1f} % valid",
         layout,
-        f"{'parameter':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status",
+        f"{'parameter':<34}{'value':>12}{'std':>10}{'whole run':>12}{'std':>10}{'prior':>12}  unit    status"
+        if result.smoothed_parameters
+        else f"{'parameter':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status",
     ]
+    whole = {p.name: with_std(p.value, p.std) for p in result.smoothed_parameters}
     reasons: dict[tuple[str, str], list[str]] = {}
     for p in result.parameters:
         value, std = with_std(p.value, p.std)
-        lines.append(f"{p.name:<34}{value:>12}{std:>10}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}")
+        later = "".join(f"{text:>{width}}" for text, width in zip(whole.get(p.name, ("", "")), (12, 10))) if whole else ""
+        lines.append(f"{p.name:<34}{value:>12}{std:>10}{later}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}")
         if p.reason:
             reasons.setdefault((p.status.value, p.reason), []).append(p.name)
     lines += [f"{status} ({len(names)}): {', '.join(names)}: {reason}" for (status, reason), names in reasons.items()]

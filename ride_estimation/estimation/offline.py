@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.common.estimate import Estimate
+from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks
@@ -140,6 +140,17 @@ class OfflineRun:
     def deflection(self) -> Array:
         """Return the best deflections there are, shape (N, M, 3)."""
         return self.signals["mount_deflection"] if isinstance(self.smoothed, str) else self.smoothed.deflection
+
+    @property
+    def smoothed_parameters(self) -> tuple[Estimate, ...]:
+        """Return stiffness and damping estimated from the whole run at once, none where its model does not explain the run."""
+        return () if isinstance(self.smoothed, str) else self.smoothed.parameters
+
+    @property
+    def best_parameters(self) -> tuple[Estimate, ...]:
+        """Return the best parameters there are: of the whole run where they are valid, else as live."""
+        whole = {e.name: e for e in self.smoothed_parameters if e.status is Status.VALID}
+        return tuple(whole.get(e.name, e) for e in self.parameters)
 
     def forces_in_words(self) -> str:
         """Return what the forces of the run are."""

@@ -135,6 +135,7 @@ def result_document(
         "vehicle": {"name": vehicle.name, "checksum": vehicle.checksum},
         "settings": dataclasses.asdict(settings),
         "parameters": [parameter_entry(estimate) for estimate in run.parameters],
+        "parameters_smoothed": [parameter_entry(estimate) for estimate in run.smoothed_parameters],
         "layout": list(layout),
         "identifiability": run.identifiability,
         "fit": channel_fit(run),

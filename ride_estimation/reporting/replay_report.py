@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.assessment.run_assessment import RunAssessment
+from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.frames import AXES
 from ride_estimation.reporting import replay_plots as plots
@@ -200,12 +201,19 @@ def _forces(page: Page, run: OfflineRun, side: SideSignals) -> None:
 def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     page.heading("Parameters")
     rows = []
+    whole = {p.name: p for p in run.smoothed_parameters}
     for p in run.parameters:
         unit, factor = reading_unit(p.unit)
-        value, half = with_std(factor * p.value, 1.96 * factor * p.std)
         words = f"{p.status.value}: {_STATUS_WORDS[p.status.value]}"
-        rows.append([p.name, Digits(value), Digits(half), unit.replace(" ", "\u00a0"), factor * p.prior, words, p.reason])
-    page.table(["parameter", "value", "± 95 %", "unit", "prior", "status", "reason"], rows)
+        own = _of_whole_run(whole.get(p.name), factor) if whole else []
+        rows.append([p.name, *_digits(p, factor), *own, unit.replace(" ", "\u00a0"), factor * p.prior, words, p.reason])
+    heads = ["whole run", "± 95 %", "whole run: status"] if whole else []
+    page.table(["parameter", "value", "± 95 %", *heads, "unit", "prior", "status", "reason"], rows)
+    if whole:
+        page.text(
+            "Whole run: stiffness and damping estimated from all readings at once, together with the errors of the sensors; the "
+            "others are those the node publishes, at the end of the run. Both state what they know by their own standard deviation."
+        )
     if run.health.innovation_ratio > 0.0:
         page.text(
             f"Normalised innovation squared (NIS), last intervals: "
@@ -218,6 +226,15 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
             page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
     page.heading("What these data can and cannot identify")
     page.table(["", "what", "why"], list(_told(run, result["identifiability"])))
+
+
+def _digits(p: Estimate, factor: float) -> list[object]:
+    """Return value and half width of the 95 % interval."""
+    return [Digits(text) for text in with_std(factor * p.value, 1.96 * factor * p.std)]
+
+
+def _of_whole_run(p: Estimate | None, factor: float) -> list[object]:
+    return ["", "", ""] if p is None else [*_digits(p, factor), f"{p.status.value}{f': {p.reason}' if p.reason else ''}"]
 
 
 def _told(run: OfflineRun, identifiability: Mapping[str, Any]) -> Iterator[list[object]]:

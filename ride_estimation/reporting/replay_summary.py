@@ -52,7 +52,7 @@ def summary(
             ("mount", "axis", "static [kN]", "peak [kN]", "rms [kN]", "equivalent amplitude [kN]", "damage [% of all]"), loads
         )})  # fmt: skip
     parts: dict[str, tuple[Sequence[str], list[list[object]]]] = {}
-    found = found_modes(vehicle, run.parameters)
+    found = found_modes(vehicle, run.best_parameters)
     if found:
         parts["Modes with the identified parameters"] = (("mode", "frequency [Hz]", "damping ratio [%]"), [
             [m.label, Digits(with_half(m.frequency_hz, m.frequency_half)),
@@ -84,7 +84,7 @@ def verdict(run: OfflineRun, result: Mapping[str, Any], assessment: RunAssessmen
         )
     elif found:
         words.append("no attachment force is known well enough to state its damage")
-    stiff = [p for p in run.parameters if p.name.endswith(".z.stiffness") and p.value > 0.0]
+    stiff = [p for p in run.best_parameters if p.name.endswith(".z.stiffness") and p.value > 0.0]
     sure = [p for p in stiff if p.status.value == "valid"]
     if stiff:
         known = f"within {plain(100.0 * HALF_95 * max(p.std / p.value for p in sure), 2)} %" if sure else ""

@@ -84,7 +84,7 @@ def side_signals(
         if point.measured is not None:
             accelerations[place_of(point.sensor, point.body)] = point.measured
     offsets, elements = {}, {}
-    found = {p.name: p for p in run.parameters}
+    found = {p.name: p for p in run.best_parameters}
     for m, name in enumerate(run.mount_names):
         mount = vehicle.mounts[name]
         body = vehicle.bodies.get(mount.body)

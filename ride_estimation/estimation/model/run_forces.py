@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from scipy import interpolate, signal
 
 from ride_estimation.errors import RideEstimationError
+from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.model.bracket_shares import learn_shares
 from ride_estimation.estimation.model.joint import LARGEST_NIS, JointEstimate, liveliest
+from ride_estimation.estimation.model.run_parameters import run_parameters
 from ride_estimation.estimation.model.run_readings import run_readings
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
 from ride_estimation.signals.recording import Recording
@@ -42,11 +44,14 @@ class RunForces:
         Sample [s].
     findings
         Sentences: how the vehicle differs from its file.
+    parameters
+        Stiffness and damping of the mounts.
     """
 
     segments: tuple[tuple[int, SmoothedSegment], ...]
     dt: float
     findings: tuple[str, ...] = ()
+    parameters: tuple[Estimate, ...] = ()
 
     def fade_in(
         self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array, axes: int = 3
@@ -136,7 +141,8 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
             smoothed += _smoothed(joint, bridge.start_ns, bridge.readings, bridge.silent)
     for start, readings in zip(found.start_ns, found.segments):
         smoothed += _smoothed(joint, start, readings)
-    return RunForces(tuple(smoothed), found.dt, joint.plant.findings)
+    newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
+    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, run_parameters(joint, newest))
 
 
 def _smoothed(

@@ -30,6 +30,7 @@ from ride_estimation.estimation.kinematics.deflection import DeflectionBlock
 from ride_estimation.estimation.kinematics.deflection_kernel import LARGEST_TURN
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.estimation.model.run_forces import RunForces
+from ride_estimation.estimation.model.run_parameters import beside_online
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.output import OutputBlock
 from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
@@ -74,6 +75,8 @@ class SmoothedForces:
         Why that has none, or none of the vertical forces.
     findings
         Sentences: how the vehicle differs from its file by that model.
+    parameters
+        Stiffness and damping of the mounts by that model, none where it has no share.
     """
 
     force: Array
@@ -83,6 +86,7 @@ class SmoothedForces:
     model_share: float = 0.0
     not_modelled: str = ""
     findings: tuple[str, ...] = ()
+    parameters: tuple[Estimate, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -321,7 +325,8 @@ def second_pass(
     explained = bool(model.findings)
     reason = "" if explained else _not_linear(parameters)
     share = model.fade_in(signals["stamp_ns"], recorder.ordinary(explained), force, std, deflection, 2 if reason else 3)
-    return SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings)
+    found = beside_online(model.parameters, parameters) if share else ()
+    return SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings, found)
 
 
 def _not_linear(parameters: Sequence[Estimate]) -> str:
