@@ -78,13 +78,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-PARAMETER_HEAD = ("parameter", "vehicle file", "true", "found", "std", "error [%]", "unit", "status")
+PARAMETER_HEAD = ("parameter", "vehicle file", "true", "found", "std", "error [%]", "error live [%]", "unit", "status")
 FORCE_HEAD = ("mount", "axis", "NRMSE [%]", "error rms [N]", "within 2 std [%]", "NRMSE live [%]")
 NOTES = (
     "NRMSE is the rms of the error over the standard deviation of the true force. The column 'within 2 std' says whether the "
     "stated uncertainty was honest: about 95 % is right.",
-    "The forces of a recording are smoothed: they use the whole run, before and after every instant. The last column is "
-    "what the node publishes live.",
+    "Forces of a recording are smoothed and parameters estimated from the whole run at once. The columns 'live' are what the node "
+    "publishes.",
     "Run and truth are simulated: what is said about absolute forces rests on simulated runs, not on a truck with load cells.",
 )
 
@@ -162,15 +162,17 @@ class Comparison:
             )  # fmt: skip
 
     def parameter_rows(self) -> list[Row]:
-        """Return one row per estimated parameter that has a true value."""
+        """Return one row per estimated parameter that has a true value: of the whole run where there is one, else as live."""
         true = true_parameters(self.truth)
+        whole = {p["name"]: p for p in self.result["parameters_smoothed"]}
         rows: list[Row] = []
-        for p in self.result["parameters"]:
-            if p["name"] in true and p["value"] is not None:
-                known = true[p["name"]]
-                error = 100.0 * (p["value"] / known - 1.0)
+        for live in self.result["parameters"]:
+            name = live["name"]
+            if name in true and live["value"] is not None:
+                p = whole.get(name, live)
+                errors = [round(100.0 * (e["value"] / true[name] - 1.0), 1) for e in (p, live)]
                 value, std = (float(text) for text in with_std(p["value"], p["std"]))
-                rows.append((p["name"], p["prior"], known, value, std, round(error, 1), p["unit"], p["status"]))
+                rows.append((name, p["prior"], true[name], value, std, *errors, p["unit"], p["status"]))
         return rows
 
     def scores(self, live: bool = False) -> dict[tuple[str, str], SignalScore]:
@@ -257,10 +259,11 @@ def true_parameters(truth: Mapping[str, Any]) -> dict[str, float]:
 
 def as_read(row: Row) -> Row:
     """Return a row of :meth:`Comparison.parameter_rows` in the units people read, with the digits the std leaves."""
-    name, prior, known, value, std, error, unit, status = row
+    name, prior, known, value, std, error, live, unit, status = row
     shown_unit, factor = reading_unit(str(unit))
     prior, known, value, std = (factor * float(str(v)) for v in (prior, known, value, std))
-    return (name, prior, known, *map(Digits, with_std(value, std)), Digits(f"{float(str(error)) + 0.0:.1f}"), shown_unit, status)
+    errors = [Digits(f"{float(str(e)) + 0.0:.1f}") for e in (error, live)]
+    return (name, prior, known, *map(Digits, with_std(value, std)), *errors, shown_unit, status)
 
 
 def text_table(head: Sequence[str], rows: Sequence[Row]) -> str:

@@ -148,8 +148,8 @@ class OfflineRun:
 
     @property
     def best_parameters(self) -> tuple[Estimate, ...]:
-        """Return the best parameters there are: of the whole run where they are valid, else as live."""
-        whole = {e.name: e for e in self.smoothed_parameters if e.status is Status.VALID}
+        """Return the best parameters there are: of the whole run unless suspect there, else as live."""
+        whole = {e.name: e for e in self.smoothed_parameters if e.status is not Status.SUSPECT}
         return tuple(whole.get(e.name, e) for e in self.parameters)
 
     def forces_in_words(self) -> str:

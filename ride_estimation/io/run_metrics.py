@@ -65,9 +65,21 @@ def run_metrics(result: Mapping[str, Any]) -> dict[str, Metric]:
 def _parameters(result: Mapping[str, Any]) -> list[Metric]:
     return [
         Metric(p["name"], float(p["value"]), None if p.get("std") is None else float(p["std"]), p["unit"], p["status"] == "valid")
-        for p in result.get("parameters", ())
+        for p in best_parameters(result)
         if p.get("value") is not None
     ]
+
+
+def best_parameters(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the parameters of a replay: of the whole run unless suspect there, else as the node publishes them.
+
+    Parameters
+    ----------
+    result
+        Content of ``result.json``; an older replay has none of the whole run.
+    """
+    whole = {p["name"]: p for p in result.get("parameters_smoothed", ()) if p["status"] != "suspect"}
+    return [whole.get(p["name"], p) for p in result.get("parameters", ())]
 
 
 def _durability(result: Mapping[str, Any]) -> list[Metric]:

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ride_estimation.io.run_metrics import Metric, run_metrics
+from ride_estimation.io.run_metrics import Metric, best_parameters, run_metrics
 from ride_estimation.reporting.numbers import plain, reading_unit
 from ride_estimation.reporting.outliers import Outlier, find_outliers, run_sentence
 from ride_estimation.reporting.page import Digits, Link, Page
@@ -146,7 +146,7 @@ def _runs(rows: Sequence[Row], odd: Collection[str]) -> tuple[list[str], list[li
     for row in rows:
         metrics = run_metrics(row.result) if row.result else {}
         numbers = [metrics[name].value if name in metrics else "" for name in ("duration", "valid ticks", "warnings")]
-        known = sum(p.get("status") == "valid" for p in row.result.get("parameters", ()))
+        known = sum(p.get("status") == "valid" for p in best_parameters(row.result))
         name: object = Link(row.name, row.report) if row.report else row.name
         what = "outlier" if row.name in odd else row.status
         load, exposure = _most(metrics, _EQUIVALENT), _most(metrics, _EXPOSURE)

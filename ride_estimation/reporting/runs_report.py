@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.frames import AXES
 from ride_estimation.io.result_files import FinishedReplay
-from ride_estimation.io.run_metrics import Metric, run_metrics
+from ride_estimation.io.run_metrics import Metric, best_parameters, run_metrics
 from ride_estimation.reporting.differences import add_differences, replay_differences
 from ride_estimation.reporting.numbers import plain, with_std
 from ride_estimation.reporting.outliers import LEAST_RUNS, OUTLIER, find_outliers, run_sentence
@@ -91,7 +91,7 @@ def _metric(metric: Metric | None, odd: bool) -> str:
 
 
 def _parameter(run: FinishedReplay, name: str) -> str:
-    for p in run.result["parameters"]:
+    for p in best_parameters(run.result):
         if p["name"] == name:
             both = (plain(p["value"]), "?") if p["std"] is None else with_std(p["value"], p["std"])
             text = f"{' ± '.join(both)} {p['unit']}"

@@ -129,6 +129,13 @@ def test_true_parameters_are_those_the_run_was_made_with(finished: Path) -> None
     assert {"cab.mass", "rear_right.y.damping"} <= set(rows)
 
 
+def test_parameters_of_the_whole_run_are_nearer_than_live_ones(finished: Path) -> None:
+    rows = demo.Comparison.of(finished / "replay", shared_path("bags", "nominal")).parameter_rows()
+    errors = np.array([row[5:7] for row in rows if str(row[0]).endswith(("x.stiffness", "y.stiffness"))], dtype=float)
+    assert len(errors) == 8 and np.abs(errors[:, 0]).max() < 5.0
+    assert np.abs(errors[:, 0]).mean() < 0.5 * np.abs(errors[:, 1]).mean()
+
+
 def test_an_installed_package_makes_its_recordings_from_their_recipes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     installed = tmp_path / "share" / "bags" / "nominal"
     installed.mkdir(parents=True)

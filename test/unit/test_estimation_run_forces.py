@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from worlds.roads import Road
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
+from ride_estimation.estimation.model.run_parameters import beside_online, run_parameters
 from ride_estimation.estimation.model.run_readings import run_readings
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
 from ride_estimation.estimation.offline import run_offline
@@ -105,6 +107,57 @@ def test_forces_at_the_end_of_a_run_are_as_near_as_is_stated(drive_and_forces: t
     # by the transform alone 54 %
     assert (np.sqrt(np.mean(error**2, axis=0)) / size)[:, :2].mean() < 0.1
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9
+
+
+def true_laws(seed: int) -> dict[str, float]:
+    """Return stiffness and damping of the cab of :func:`world` by name."""
+    cab = random_vehicle(np.random.default_rng(seed), "air" if seed % 2 == 0 else "rubber")
+    tables = {"stiffness": cab.stiffness, "damping": cab.damping}
+    return {f"{m}.{a}.{r}": t[i, j] for r, t in tables.items() for i, m in enumerate(cab.mount_names) for j, a in enumerate("xyz")}
+
+
+def test_parameters_of_the_whole_run_are_near_and_no_surer_than_they_are(
+    drive_and_forces: tuple[Measurement, Vehicle, RunForces],
+) -> None:
+    _, vehicle, found = drive_and_forces
+    true = true_laws(7303)
+    assert [e.name for e in found.parameters if e.name in true] == [e.name for e in found.parameters] and len(found.parameters) == 24
+    error = {e.name: e.value / true[e.name] - 1.0 for e in found.parameters}
+    prior = {e.name: e.prior / true[e.name] - 1.0 for e in found.parameters}
+    for kind, largest in (("z.stiffness", 0.01), ("z.damping", 0.01), ("x.stiffness", 0.02), ("y.stiffness", 0.02)):
+        names = [n for n in true if n.endswith(kind)]
+        assert max(abs(error[n]) for n in names) < largest < max(abs(prior[n]) for n in names), kind
+    ratio = np.array([abs(e.value - true[e.name]) / e.std for e in found.parameters])
+    assert np.mean(ratio < 2.0) > 0.85 and ratio.max() < 4.0 and np.sqrt(np.mean(ratio**2)) > 0.3
+    assert {e.status for e in found.parameters if e.name.endswith("z.stiffness")} == {Status.VALID}
+    assert all(e.prior == getattr(vehicle.mounts[e.name.split(".")[0]].elements[e.name.split(".")[1]], e.name.split(".")[2])
+               for e in found.parameters)  # fmt: skip
+
+
+def test_the_mass_that_is_held_makes_stiffness_as_uncertain(fitted: tuple[JointEstimate, np.ndarray]) -> None:
+    joint, _ = fitted
+    assert joint.plant.slow.std[joint.plant.slow.log_mass][0] == 0.0  # the file declares it as known
+    found: list[dict[str, Estimate]] = []
+    for mass_std in (0.0, 0.1):
+        other = copy.copy(joint)
+        other.plant = copy.copy(joint.plant)
+        other.plant.mass_std = mass_std
+        found.append({e.name: e for e in run_parameters(other, 0)})
+    for name, e in found[1].items():
+        assert e.std**2 == pytest.approx(found[0][name].std ** 2 + (0.1 * e.value) ** 2)
+
+
+def test_what_the_online_estimator_found_suspect_stays_so_and_what_it_does_not_estimate_is_not_stated() -> None:
+    def one(name: str, status: Status, reason: str = "") -> Estimate:
+        return Estimate(name, 1.0, 0.1, "N/m", 1.0, status, reason, 0)
+
+    whole = [one("a.z.stiffness", Status.VALID), one("b.z.stiffness", Status.SUSPECT, "law"), one("c.z.stiffness", Status.VALID)]
+    online = [one("cab.mass", Status.VALID), one("b.z.stiffness", Status.SUSPECT, "drifts"), one("a.z.stiffness", Status.SUSPECT, "x")]
+    found = beside_online(whole, online)
+    assert [(e.name, e.status, e.reason) for e in found] == [
+        ("b.z.stiffness", Status.SUSPECT, "law"), ("a.z.stiffness", Status.SUSPECT, "x")
+    ]  # fmt: skip
+    assert [e.status for e in beside_online(whole, [one("a.z.stiffness", Status.NOT_IDENTIFIABLE)])] == [Status.VALID]
 
 
 @pytest.fixture(scope="module")
@@ -242,6 +295,8 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
     assert isinstance(found, RunForces), found
     assert found.findings == (f"the force is not that of a linear law at {list(vehicle.mounts)[2]} z",)
     error, std, size = judged(data, found)
+    name = f"{list(vehicle.mounts)[2]}.z.stiffness"
+    assert {e.name: e.status for e in found.parameters}[name] is Status.SUSPECT
     # what friction carries slowly no accelerometer shows: it is in the standard deviation
     moving = np.std(error, axis=0) / size
     assert moving[:, 2].mean() < 0.04

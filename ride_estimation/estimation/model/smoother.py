@@ -128,8 +128,8 @@ class _Errors:
         self._raw = p.inputs()
         total = segment.lines.smooth(self._noise + np.matmul(self._gain, self._gain.conj().transpose(0, 2, 1)))
         self._variance = variance = np.diagonal(total, axis1=1, axis2=2).real
-        found, self._power = input_power(segment.lines, self._raw, variance), self._expected_power(variance)
-        power = found[:, :, None] * np.eye(len(variance[0]))
+        self._shown, self._power = input_power(segment.lines, self._raw, variance), self._expected_power(variance)
+        power = self._shown[:, :, None] * np.eye(len(variance[0]))
         #: weight of the inputs
         self._deforms = 1.0 / (1.0 + (DEFORMS_HZ / segment.lines.frequency) ** 8)
         self._weight = np.matmul(power, np.linalg.inv(power + total))
@@ -175,9 +175,13 @@ class _Errors:
         return motion_of(self._model.plant.states, self._p, drive, self._deforms[:, None])
 
     def ends(self, moving: Array) -> Ends:
-        """Return how the deformation of the base near the ends differs from that in the motion (N, V)."""
-        s = self._model.plant.states
-        raw, power, noise = (values[:, s.deforming] for values in (self._raw, self._power, self._variance))
+        """Return how the deformation of the base near the ends differs from that in the motion (N, V).
+
+        Its spectrum is the one that weighs the inputs, and where that ends the expected one.
+        """
+        s, shown = self._model.plant.states, self._deforms[:, None]
+        spectrum = shown * self._shown + (1.0 - shown) * self._power
+        raw, power, noise = (values[:, s.deforming] for values in (self._raw, spectrum, self._variance))
         return ends_of(self._segment.lines, raw, power, noise, moving[:, s.deformation], moving[:, s.deformation_rate])
 
     def variance(self, v: Complex) -> Array:
