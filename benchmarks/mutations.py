@@ -137,6 +137,19 @@ MUTATIONS = (
         "installation errors of the sensors in k and c",
     ),
     Mutation(
+        "model/smoother.py", "variance += _mend_ends(model, moving, error.ends(moving), segment.lines.dt)",
+        "_mend_ends(model, moving, error.ends(moving), segment.lines.dt)", "the end of a run in the smoothed forces",
+    ),
+    Mutation(
+        "model/segment_ends.py", "wider = np.interp(np.arange(part), instants, np.maximum(left - left[inside], 0.0))",
+        "wider = 0.1 * np.interp(np.arange(part), instants, np.maximum(left - left[inside], 0.0))",
+        "most of the uncertain deformation at the end of a run",
+    ),
+    Mutation(
+        "model/run_parameters.py", "std = float(np.hypot(np.sqrt(joint.covariance[at, at]), held))",
+        "std = float(np.sqrt(joint.covariance[at, at]))", "uncertain mass in k and c of a whole run",
+    ),
+    Mutation(
         "parameters/mass_reference.py", "return math.exp(mean), math.hypot(1.0 / math.sqrt(float(np.sum(weights))), spread)",
         "return math.exp(mean), 1.0 / math.sqrt(float(np.sum(weights)))", "force references that contradict each other",
     ),

@@ -83,8 +83,8 @@ FORCE_HEAD = ("mount", "axis", "NRMSE [%]", "error rms [N]", "within 2 std [%]",
 NOTES = (
     "NRMSE is the rms of the error over the standard deviation of the true force. The column 'within 2 std' says whether the "
     "stated uncertainty was honest: about 95 % is right.",
-    "Forces of a recording are smoothed and parameters estimated from the whole run at once. The columns 'live' are what the node "
-    "publishes.",
+    "Forces of a recording are smoothed and parameters estimated from the whole run at once. The columns 'live' are what the "
+    "node publishes.",
     "Run and truth are simulated: what is said about absolute forces rests on simulated runs, not on a truck with load cells.",
 )
 

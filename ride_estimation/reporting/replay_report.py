@@ -212,7 +212,7 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
     if whole:
         page.text(
             "Whole run: stiffness and damping estimated from all readings at once, together with the errors of the sensors; the "
-            "others are those the node publishes, at the end of the run. Both state what they know by their own standard deviation."
+            "others are those the node publishes at the end of the run."
         )
     if run.health.innovation_ratio > 0.0:
         page.text(

@@ -96,7 +96,8 @@ def mounts(page: Page, run: OfflineRun, side: SideSignals) -> None:
 def _relative_stds(run: OfflineRun, mount: int) -> dict[str, float]:
     """Return the relative standard deviations of vertical stiffness and damping of a mount by role."""
     names = {f"{run.mount_names[mount]}.z.{role}": role for role in ("stiffness", "damping")}
-    return {names[p.name]: p.std / p.value for p in run.best_parameters if p.name in names and p.value > 0.0 and math.isfinite(p.std)}
+    own = (p for p in run.best_parameters if p.name in names)
+    return {names[p.name]: p.std / p.value for p in own if p.value > 0.0 and math.isfinite(p.std)}
 
 
 def _cell(side: SideSignals, mount: str, axis: int) -> Any:

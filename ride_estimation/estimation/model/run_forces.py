@@ -103,9 +103,8 @@ class RunForces:
     def _goes_on(self, stamp_ns: float) -> bool:
         """Return whether a segment reaches beyond a time, either way, by what another one fades over."""
         reach = 1e9 * _FULLY_S
-        return any(
-            start + reach <= stamp_ns <= start + 1e9 * (len(segment.force) - 1) * self.dt - reach for start, segment in self.segments
-        )
+        parts = ((start, start + 1e9 * (len(segment.force) - 1) * self.dt) for start, segment in self.segments)
+        return any(first + reach <= stamp_ns <= last - reach for first, last in parts)
 
 
 def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:

@@ -180,8 +180,8 @@ class _Errors:
         Its spectrum is the one that weighs the inputs, and where that ends the expected one.
         """
         s, shown = self._model.plant.states, self._deforms[:, None]
-        spectrum = shown * self._shown + (1.0 - shown) * self._power
-        raw, power, noise = (values[:, s.deforming] for values in (self._raw, spectrum, self._variance))
+        power = (shown * self._shown + (1.0 - shown) * self._power)[:, s.deforming]
+        raw, noise = self._raw[:, s.deforming], self._variance[:, s.deforming]
         return ends_of(self._segment.lines, raw, power, noise, moving[:, s.deformation], moving[:, s.deformation_rate])
 
     def variance(self, v: Complex) -> Array:
