@@ -68,8 +68,9 @@ def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement
     for block in blocks:
         recorder.take(block)
     signals = {name: joined(blocks, name) for name in SIGNALS}
+    memory, online = pipeline.settings.parameter_memory, (pipeline.parameters(), pipeline.amplitude_std())
     found = [
-        second_pass(recorder, signals, pipeline.tilting, pipeline.settings.parameter_memory, model, pipeline.parameters())
+        second_pass(recorder, signals, pipeline.tilting, memory, model, *online)
         for model in (offline.run_forces(recording(data), pipeline.geometry.vehicle), "not wanted")
     ]
     for one in found:

@@ -338,7 +338,15 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
-        smoothed=second_pass(recorder, first_pass, pipeline.tilting, pipeline.settings.parameter_memory, model(), parameters),
+        smoothed=second_pass(
+            recorder,
+            first_pass,
+            pipeline.tilting,
+            pipeline.settings.parameter_memory,
+            model(),
+            parameters,
+            pipeline.amplitude_std(),
+        ),
         blocks=views,
         reports=reports,
     )

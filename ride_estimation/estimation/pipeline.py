@@ -553,6 +553,10 @@ class Pipeline:
         suspicion = suspicion or self._mass_reference.load_suspicion
         return (self._mass_reference.mass(self._stamp), *self._mass_reference.absolute(self._parameters.estimates(), suspicion))
 
+    def amplitude_std(self) -> dict[str, float]:
+        """Return by name what dependence on the amplitude adds to the standard deviation of the logarithm of a parameter."""
+        return self._parameters.amplitude_std()
+
     def seen(self) -> dict[tuple[str, str], DataRange | None]:
         """Return the motion and preload that the data showed of every mount axis since the start, None where none yet."""
         return dict(zip(self._ports, self._shown.ranges(), strict=True))

@@ -157,9 +157,17 @@ def test_what_the_online_estimator_found_suspect_stays_so_and_what_it_does_not_e
     valid, suspect = Status.VALID, Status.SUSPECT
     whole = [one("a.k", valid), one("b.k", suspect, "law"), one("c.k", valid)]
     online = [one("cab.mass", valid), one("b.k", suspect, "drifts"), one("a.k", suspect, "amplitude")]
-    found = [(e.name, e.status, e.reason) for e in beside_online(whole, online)]
+    found = [(e.name, e.status, e.reason) for e in beside_online(whole, online, {})]
     assert found == [("b.k", suspect, "law"), ("a.k", suspect, "amplitude")]
-    assert [e.status for e in beside_online(whole, [one("a.k", Status.NOT_IDENTIFIABLE)])] == [valid]
+    assert [e.status for e in beside_online(whole, [one("a.k", Status.NOT_IDENTIFIABLE)], {})] == [valid]
+
+
+def test_what_depends_on_the_amplitude_is_as_uncertain_of_the_whole_run_as_online() -> None:
+    whole = [Estimate(name, -50.0, 0.5, "N/m", -60.0, Status.VALID, "", 0) for name in ("a.k", "b.k", "c.k")]
+    slight, strong, none = beside_online(whole, whole, {"a.k": 0.02, "b.k": 0.2})
+    assert slight.std == pytest.approx(np.hypot(0.5, 1.0)) and slight.status is Status.VALID
+    assert strong.std == pytest.approx(np.hypot(0.5, 10.0)) and strong.status is Status.SUSPECT and "amplitude" in strong.reason
+    assert none == whole[2]
 
 
 @pytest.fixture(scope="module")

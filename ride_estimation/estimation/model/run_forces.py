@@ -30,6 +30,7 @@ _FROM_S, _FULLY_S = 2.0, 4.0
 #: highest frequency in the forces of the model over its rate; forces beyond are left as they are
 _HIGHEST = 0.33
 _ORDER = 6
+_A_LOAD = ": the CG is not where the vehicle file states it, the body may carry a load"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,8 +132,9 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
         return str(error)
     if joint.largest_nis > LARGEST_NIS:
         return f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
-    if joint.conflicts():
-        return f"the model misses what the errors {', '.join(joint.conflicts()[:3])} would explain"
+    conflicts = joint.conflicts()
+    if conflicts:
+        return f"the model misses what {', '.join(conflicts[:3])} would explain{_A_LOAD if '.cg.' in conflicts[0] else ''}"
     smoothed = []
     # where there are both, what needs no bridge comes last and counts
     for bridge in found.bridges:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ride_estimation.estimation.parameters.parameter_status import status_of
 from ride_estimation.frames import AXES
 
 _NOT_LINEAR = "the force is not that of a linear law"
+_AMPLITUDE = "depends on the amplitude: friction, play or a nonlinear law"
 _OPEN = "the run does not separate it from other parameters or from errors of the sensors"
 
 
@@ -51,16 +52,22 @@ def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
     return tuple(found)
 
 
-def beside_online(found: Sequence[Estimate], online: Sequence[Estimate]) -> tuple[Estimate, ...]:
+def beside_online(
+    found: Sequence[Estimate], online: Sequence[Estimate], amplitude_std: Mapping[str, float]
+) -> tuple[Estimate, ...]:
     """Return estimates of the whole run of the parameters that the online estimator has, in its order.
 
-    What it found suspect stays so: its tests look at changes and at dependence on the amplitude, the model assumes constants.
+    The model assumes constants and linear laws. What the online estimator found suspect stays so, and what depends on the
+    amplitude is as uncertain as it says (``amplitude_std``, by name, of the logarithm).
     """
     own = {e.name: e for e in found}
-    return tuple(
-        dataclasses.replace(own[e.name], status=e.status, reason=e.reason)
-        if e.status is Status.SUSPECT and own[e.name].status is not Status.SUSPECT
-        else own[e.name]
-        for e in online
-        if e.name in own
-    )
+    out = []
+    for live in (e for e in online if e.name in own):
+        e = own[live.name]
+        std = float(np.hypot(e.std, abs(e.value) * amplitude_std.get(e.name, 0.0)))
+        if e.status is Status.VALID and live.status is Status.SUSPECT:
+            e = dataclasses.replace(e, status=live.status, reason=live.reason)
+        elif e.status is Status.VALID and status_of(std / abs(e.value), np.inf) is not Status.VALID:
+            e = dataclasses.replace(e, status=Status.SUSPECT, reason=_AMPLITUDE)
+        out.append(dataclasses.replace(e, std=std))
+    return tuple(out)

@@ -283,8 +283,7 @@ def project(model: Model, segment: Segment) -> Projected:
     found = _response(model, segment)
     rows = model.rows[:, plant.states.motion]
     late = np.exp(-lines.laplace[:, None] * model.theta[plant.delay_of])
-    pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
-    known = segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T
+    known = known_readings(model, segment, found)
     white = Whitening.of(np.sqrt(segment.factor)[:, None] * segment.noise, segment.wandering, model.lean)
     seen = white.whiten((segment.moving - late * known)[:, :, None])[:, :, 0]
     inputs = np.matmul(rows, found.drive) + model.rows[:, plant.states.drive]
@@ -302,6 +301,13 @@ def project(model: Model, segment: Segment) -> Projected:
     left = left - over @ ends
     cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
     return Projected(found, late, white, white.transform(free), left, over, ends, information, basis, root, seen, jump, cost)
+
+
+def known_readings(model: Model, segment: Segment, found: Response) -> Complex:
+    """Return what the second order adds to the readings, without their delays, shape (F, C)."""
+    pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
+    rows = model.rows[:, model.plant.states.motion]
+    return np.asarray(segment.second_readings + segment.second_accel @ model.direct.T + pushed @ rows.T)
 
 
 def _response(model: Model, segment: Segment) -> Response:

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ride_estimation.elements.base import Parameter
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.saved_state import plain
 from ride_estimation.estimation.common.settings import PipelineSettings
-from ride_estimation.estimation.forces.free_parameters import find_free_parameters
+from ride_estimation.estimation.forces.free_parameters import FreeParameter, find_free_parameters
 from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -324,16 +325,21 @@ class ParameterEstimator:
         for parameter, log, std, own, why in listed:
             suspect = own is Status.VALID and parameter.axis in suspects
             status, reason = (Status.SUSPECT, suspects[parameter.axis]) if suspect else (own, why)
-            mount, axis = self.geometry.mounts[parameter.mount], AXES[parameter.axis]
-            element = mount.elements[axis]
-            for p in element.parameters():
-                if p.role != ROLES[parameter.role]:
-                    continue
-                prior = float(getattr(element, p.name))
+            for name, p, prior in self._scaled(parameter):
                 value = prior * float(np.exp(log))
-                name = f"{mount.name}.{axis}.{p.name}"
                 found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, self.stamp_ns))
         return tuple(found)
+
+    def _scaled(self, parameter: FreeParameter) -> list[tuple[str, Parameter, float]]:
+        """Return name, description and value in the vehicle file of what a multiplier scales."""
+        mount, axis = self.geometry.mounts[parameter.mount], AXES[parameter.axis]
+        own = [p for p in mount.elements[axis].parameters() if p.role == ROLES[parameter.role]]
+        return [(f"{mount.name}.{axis}.{p.name}", p, float(getattr(mount.elements[axis], p.name))) for p in own]
+
+    def amplitude_std(self) -> dict[str, float]:
+        """Return by name what dependence on the amplitude adds to the standard deviation of the logarithm of a parameter."""
+        scaled = zip(self.free_parameters, self._amplitude.std.tolist())
+        return {name: std for parameter, std in scaled for name, _, _ in self._scaled(parameter)}
 
     def _considered(self) -> Array:
         """Return the standard deviation of the position of the CG [``OFFSET_UNIT``], where that is not estimated, and of gains.

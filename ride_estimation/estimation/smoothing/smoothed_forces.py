@@ -218,6 +218,11 @@ class SmootherRecorder:
                 found[piece.first : piece.end] = 0.0
         return found
 
+    @property
+    def loaded(self) -> bool:
+        """Return whether a load was found at any time: its mass is not in what the model takes as known."""
+        return any(piece.model.loaded for pieces, _ in self._stretches for piece in pieces)
+
     def finish(self) -> list[_Recorded]:
         """Return the stretches of ticks without a break."""
         self._close()
@@ -280,7 +285,7 @@ class _SmoothedForces(MountForceEstimator):
 
 def second_pass(
     recorder: SmootherRecorder, signals: Mapping[str, NDArray[Any]], tilting: BracketTilt, memory: float, model: RunForces | str,
-    parameters: Sequence[Estimate],
+    parameters: Sequence[Estimate], amplitude_std: Mapping[str, float],
 ) -> SmoothedForces | str:  # fmt: skip
     """Estimate the forces of a finished run again.
 
@@ -296,8 +301,8 @@ def second_pass(
         Time over which parameters stay similar [s].
     model
         Forces by the model of the whole run, or why there are none.
-    parameters
-        As estimated in the end.
+    parameters, amplitude_std
+        As estimated online in the end, and what dependence on the amplitude adds to them.
 
     Returns
     -------
@@ -325,7 +330,7 @@ def second_pass(
     explained = bool(model.findings)
     reason = "" if explained else _not_linear(parameters)
     share = model.fade_in(signals["stamp_ns"], recorder.ordinary(explained), force, std, deflection, 2 if reason else 3)
-    found = beside_online(model.parameters, parameters) if share else ()
+    found = beside_online(model.parameters, parameters, amplitude_std) if share and not recorder.loaded else ()
     return SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings, found)
 
 
