@@ -137,6 +137,27 @@ def test_parameters_of_the_whole_run_are_near_and_no_surer_than_they_are(
                for e in found.parameters)  # fmt: skip
 
 
+def test_a_second_order_that_is_not_exact_is_in_the_covariance(fitted: tuple[JointEstimate, np.ndarray]) -> None:
+    """What a tenth more of it would do to the estimate is added to the covariance."""
+    joint, _ = fitted
+    free, share = joint.plant.slow.free, 0.1
+    information, gradient = joint.normal_equations(joint.model())
+    other = copy.copy(joint)
+    other.segments = [
+        dataclasses.replace(
+            s, second_readings=(1.0 + share) * s.second_readings, second_accel=(1.0 + share) * s.second_accel
+        )
+        for s in joint.segments
+    ]  # fmt: skip
+    moved = -np.linalg.solve(information, other.normal_equations(other.model())[1] - gradient)
+    delays = np.isin(free, joint._delays)  # of these the common part is taken off
+    added = (joint.covariance[np.ix_(free, free)] - np.linalg.inv(information))[np.ix_(~delays, ~delays)]
+    unit = joint.plant.slow.std[free][~delays]
+    expected = np.outer(moved, moved)[np.ix_(~delays, ~delays)]
+    assert np.linalg.norm((added - expected) / np.outer(unit, unit)) < 0.2 * np.linalg.norm(expected / np.outer(unit, unit))
+    assert np.linalg.norm(expected / np.outer(unit, unit)) > 1e-4
+
+
 def test_the_mass_that_is_held_makes_stiffness_as_uncertain(fitted: tuple[JointEstimate, np.ndarray]) -> None:
     joint, _ = fitted
     assert joint.plant.slow.std[joint.plant.slow.log_mass][0] == 0.0  # the file declares it as known
@@ -152,7 +173,7 @@ def test_the_mass_that_is_held_makes_stiffness_as_uncertain(fitted: tuple[JointE
 
 def test_what_the_online_estimator_found_suspect_stays_so_and_what_it_does_not_estimate_is_not_stated() -> None:
     def one(name: str, status: Status, reason: str = "") -> Estimate:
-        return Estimate(name, 1.0, 0.1, "N/m", 1.0, status, reason, 0)
+        return Estimate(name, 1.0, 0.01, "N/m", 1.0, status, reason, 0)
 
     valid, suspect = Status.VALID, Status.SUSPECT
     whole = [one("a.k", valid), one("b.k", suspect, "law"), one("c.k", valid)]
@@ -253,6 +274,15 @@ def cut(run: Recording, seconds: float) -> Recording:
         at = channel.stamp_ns < channel.stamp_ns[0] + round(1e9 * seconds)
         channels[name] = dataclasses.replace(channel, stamp_ns=channel.stamp_ns[at], values=channel.values[at])
     return dataclasses.replace(run, channels=channels)
+
+
+def test_a_cg_far_from_the_file_is_taken_for_a_load(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> None:
+    data, vehicle, found = drive_and_forces
+    body = vehicle.bodies["cab"]
+    moved = dataclasses.replace(body, cg=np.asarray(body.cg) + [0.0, 0.06, 0.0])
+    refused = run_forces(recording(data), dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": moved}))
+    assert isinstance(refused, str) and "the CG is not where the vehicle file states it" in refused
+    assert isinstance(found, RunForces)
 
 
 def test_forces_of_the_model_count_to_the_ends_and_leave_what_is_faster() -> None:
