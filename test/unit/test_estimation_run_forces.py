@@ -279,7 +279,7 @@ def cut(run: Recording, seconds: float) -> Recording:
 def test_a_cg_far_from_the_file_is_taken_for_a_load(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> None:
     data, vehicle, found = drive_and_forces
     body = vehicle.bodies["cab"]
-    moved = dataclasses.replace(body, cg=np.asarray(body.cg) + [0.0, 0.06, 0.0])
+    moved = dataclasses.replace(body, cg=np.asarray(body.cg) + np.array([0.0, 0.06, 0.0]))
     refused = run_forces(recording(data), dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": moved}))
     assert isinstance(refused, str) and "the CG is not where the vehicle file states it" in refused
     assert isinstance(found, RunForces)
