@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from scipy import linalg, signal
+from scipy.spatial.transform import Rotation
 from worlds.adapters import vehicle_of_text
 from worlds.cab import random_sensors, random_vehicle
 from worlds.vehicle_text import vehicle_yaml
@@ -263,6 +264,28 @@ def test_slopes_of_the_second_order_are_its_derivative(vehicle: Vehicle) -> None
         for law, column in (("stiffness", place), ("damping", 12 + place)):
             slope = (accel(law, place, 1e-3) - accel(law, place, -1e-3)) / 2e-3
             np.testing.assert_allclose(found[:, :, column], slope, atol=1e-5 * np.abs(found).max())
+
+
+def test_a_faulty_sensor_reads_the_second_order_as_it_reads_the_first(vehicle: Vehicle) -> None:
+    rng, plant = np.random.default_rng(8), Plant(vehicle)
+    slow, count = plant.slow, 50
+    v, base_rate = 0.01 * rng.normal(size=(count, plant.states.size)), 0.1 * rng.normal(size=(count, 3))
+    gain, turn = np.array([-0.3, 0.1, 0.2]), np.array([0.3, -0.1, 0.2])
+    bent = slow.mean.copy()
+    for sensor in plant.sensors[:2] + plant.base_sensors[:2]:
+        bent[slow.sensors[sensor.name]["gain"]], bent[slow.sensors[sensor.name]["misalignment"]] = gain, turn
+    models = [segments.Model.of(plant, theta) for theta in (slow.mean, bent)]
+    right, wrong = (second_order(plant, m.constants, m.dynamics, m.theta, v, base_rate).readings for m in models)
+    rotation = Rotation.from_rotvec(turn).as_matrix()
+    for n, sensor in enumerate(plant.sensors):
+        at = slice(3 * n, 3 * n + 3)
+        if sensor in plant.transducers or not np.any(bent[slow.sensors[sensor.name]["gain"]]):
+            np.testing.assert_allclose(wrong[:, at], right[:, at], rtol=1e-9)
+            continue
+        np.testing.assert_allclose(wrong[:, at], (1.0 + gain) * (right[:, at] @ rotation), rtol=1e-9)
+        for name in ("direct", "lean"):
+            before, after = (getattr(m, name)[at] for m in models)
+            np.testing.assert_allclose(after, (1.0 + gain)[:, None] * (rotation.T @ before), rtol=1e-9, atol=1e-12)
 
 
 def test_shares_of_bracket_tilt_are_learned_from_a_frame_that_twists_about_another_height(vehicle: Vehicle) -> None:

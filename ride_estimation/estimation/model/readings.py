@@ -30,13 +30,18 @@ def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array) -> tuple[Ar
         place = 3 * mount + AXES.index(sensor.axis)
         rows = d.deflection[place][None]
         still = d.constants.deflected[place : place + 1]
-        turn = np.eye(1)
     else:
         rows = point_rows(plant, d, sensor, d.constants.cg) - skew(error["position"]) @ _spin(plant, d, sensor)
         still = np.array([0.0, 0.0, plant.gravity]) + theta[plant.slow.mean_accel] + _leaning(plant, d, sensor)
-        turn = axes(sensor, error["misalignment"]).T
-    scale = 1.0 + error["gain"]
-    return scale[:, None] * (turn @ rows), scale * (turn @ still) + error["bias"]
+    read = as_read(plant, sensor, theta)
+    return read @ rows, read @ still + error["bias"]
+
+
+def as_read(plant: Plant, sensor: Sensor, theta: Array) -> Array:
+    """Return the matrix from what acts on a sensor, in the axes of its body, to its channels: misalignment and gain."""
+    error = {kind: theta[part] for kind, part in plant.slow.sensors[sensor.name].items()}
+    turn = np.eye(1) if sensor.kind == "displacement" else axes(sensor, error["misalignment"]).T
+    return np.asarray((1.0 + error["gain"])[:, None] * turn)
 
 
 def readings(plant: Plant, d: Dynamics, theta: Array) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.model.dynamics import Dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
-from ride_estimation.estimation.model.readings import axes
+from ride_estimation.estimation.model.readings import as_read
 
 Array = NDArray[np.float64]
 
@@ -63,17 +63,15 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
         if sensor.kind == "displacement":
             mount = next(j for j, p in enumerate(plant.mounts) if p.name == sensor.mount)
             part = arc[:, mount, ["xyz".index(sensor.axis)]]
+        elif i is None:
+            part = _turned_twice(rate, sensor.position - m.cg)
         else:
-            turned = axes(sensor, theta[plant.slow.sensors[sensor.name]["misalignment"]])
-            if i is None:
-                part = _turned_twice(rate, sensor.position - m.cg) @ turned
-            else:
-                centripetal = _turned_twice(rate, arms[i])
-                part = centripetal + np.cross(turn[:, i], point[:, i] + centripetal)
-                part += 0.5 * np.cross(turn[:, i], np.cross(turn[:, i], point[:, i] + upright))
-                part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
-                part = (part - np.cross(bracket_accel[:, i], deflection[:, i])) @ turned
-        parts.append(part)
+            centripetal = _turned_twice(rate, arms[i])
+            part = centripetal + np.cross(turn[:, i], point[:, i] + centripetal)
+            part += 0.5 * np.cross(turn[:, i], np.cross(turn[:, i], point[:, i] + upright))
+            part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
+            part = part - np.cross(bracket_accel[:, i], deflection[:, i])
+        parts.append(part @ as_read(plant, sensor, theta).T)
     load = extra.reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
     return SecondOrder(np.hstack(parts), load @ m.mobility[:6])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.model.dynamics import Dynamics, dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
-from ride_estimation.estimation.model.readings import readings
+from ride_estimation.estimation.model.readings import as_read, readings
 from ride_estimation.estimation.model.second_order import second_order, slopes_of_laws
 from ride_estimation.estimation.model.spectral import Lines, Response, response
 from ride_estimation.estimation.model.states import FastStates
@@ -81,7 +81,8 @@ class Model:
         """Effect of an acceleration of the body and of carried bodies on the readings, shape (C, 6 + Q)."""
         found = np.zeros((len(self.rows), 6 + self.plant.carried.count))
         for i, s in enumerate(self.plant.geometry.body_sensors):
-            found[3 * i : 3 * i + 3, :6] = s.rotation.T @ point_motion_matrix(s.position - self.constants.cg)
+            read = as_read(self.plant, s, self.theta)
+            found[3 * i : 3 * i + 3, :6] = read @ point_motion_matrix(s.position - self.constants.cg)
         return found
 
     @functools.cached_property
@@ -93,7 +94,7 @@ class Model:
         for i, s in enumerate(self.plant.base_sensors):
             turn = tilt[3 * i : 3 * i + 3]
             tilted = self.plant.gravity * np.stack([turn[1], -turn[0], 0.0 * turn[2]])
-            found[first + 3 * i : first + 3 * i + 3] = s.rotation.T @ tilted
+            found[first + 3 * i : first + 3 * i + 3] = as_read(self.plant, s, self.theta) @ tilted
         return found
 
     def response(self, lines: Lines) -> Response:
