@@ -156,12 +156,10 @@ class OfflineRun:
         """Return what the forces of the run are."""
         if isinstance(self.smoothed, str):
             return f"causal forces, as published live; not smoothed: {self.smoothed}"
-        rest = 100.0 * (1.0 - self.smoothed.share)
-        return (
-            "smoothed forces: deflections and parameters from the whole run, before and after every instant; "
-            f"the live estimate is used for {rest:.0f} % of it (ends of the run, near gaps, where its stated error is smaller); "
-            f"{self._model_in_words()}"
-        )
+        rest = 100.0 * (1.0 - self.smoothed.share) * (1.0 - self.smoothed.model_share)
+        live = f"the live estimate is used for {rest:.0f} % of it (ends of the run, near gaps, where its stated error is smaller)"
+        words = ["smoothed forces: deflections and parameters from the whole run, before and after every instant"]
+        return "; ".join([*words, *([live] if rest >= 0.5 else []), self._model_in_words()])
 
     def _model_in_words(self) -> str:
         assert not isinstance(self.smoothed, str)

@@ -207,8 +207,8 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
         words = f"{p.status.value}: {_STATUS_WORDS[p.status.value]}"
         own = _of_whole_run(whole.get(p.name), factor) if whole else []
         rows.append([p.name, *_digits(p, factor), *own, unit.replace(" ", "\u00a0"), factor * p.prior, words, p.reason])
-    heads = ["whole run", "± 95 %", "whole run: status"] if whole else []
-    page.table(["parameter", "value", "± 95 %", *heads, "unit", "prior", "status", "reason"], rows)
+    heads = ["live", "± 95 %", "whole run", "± 95 %", "whole run: status"] if whole else ["value", "± 95 %"]
+    page.table(["parameter", *heads, "unit", "prior", "live: status" if whole else "status", "reason"], rows)
     if whole:
         page.text(
             "Whole run: stiffness and damping estimated from all readings at once, together with the errors of the sensors; the "

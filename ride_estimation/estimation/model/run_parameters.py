@@ -16,7 +16,11 @@ from ride_estimation.frames import AXES
 
 _NOT_LINEAR = "the force is not that of a linear law"
 _AMPLITUDE = "depends on the amplitude: friction, play or a nonlinear law"
-_OPEN = "the run does not separate it from other parameters or from errors of the sensors"
+_OPEN = {
+    Status.VALID: "",
+    Status.ESTIMATING: "uncertain by more than 5 %",
+    Status.NOT_IDENTIFIABLE: "the run does not separate it from other parameters or errors of the sensors",
+}
 
 
 def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
@@ -43,7 +47,7 @@ def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
                     status, reason = Status.SUSPECT, _NOT_LINEAR
                 else:
                     status = status_of(std, float(np.hypot(slow.std[at], held)))
-                    reason = "" if status is Status.VALID else _OPEN
+                    reason = _OPEN[status]
                 for p in mount.elements[axis].parameters():
                     if p.role == role:
                         prior = float(getattr(mount.elements[axis], p.name))
