@@ -489,7 +489,7 @@ class Pipeline:
             self._load = self._travel.found()
             reference.take_static_travel(self._load)
         off = p.offset_of_cg()
-        there = off is not None and not self._travel.excludes(reference.least_share(off))
+        there = off is not None and not self._travel.excludes(self.geometry.least_load_share(off))
         if self._load is not None:
             p.take_load(True)
         elif there is not p.loaded:
@@ -515,7 +515,7 @@ class Pipeline:
         weight, offset, std = self._parameters.unnoticed_offset()
         if weight == 0.0 or not self._motion.residual_test().passed:
             return cg_std, 0.0
-        share = self._mass_reference.likely_share(offset)
+        share = self.geometry.likely_load_share(offset)
         return np.sqrt(cg_std**2 + weight * (offset**2 + std**2)), math.sqrt(0.5 * weight) * share
 
     def _apply(self) -> None:

@@ -281,8 +281,9 @@ def test_a_cg_far_from_the_file_is_taken_for_a_load(drive_and_forces: tuple[Meas
     body = vehicle.bodies["cab"]
     moved = dataclasses.replace(body, cg=np.asarray(body.cg) + np.array([0.0, 0.06, 0.0]))
     refused = run_forces(recording(data), dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": moved}))
-    assert isinstance(refused, str) and "the CG is not where the vehicle file states it" in refused
-    assert isinstance(found, RunForces)
+    assert isinstance(refused, RunForces) and not refused.segments and "the CG of 'cab' is 6" in refused.refused
+    assert 0.05 < refused.load_share < 0.3
+    assert isinstance(found, RunForces) and not found.refused and found.load_share == 0.0
 
 
 def test_forces_of_the_model_count_to_the_ends_and_leave_what_is_faster() -> None:

@@ -13,8 +13,11 @@ from worlds.adapters import START_NS, believed_vehicle, recording
 from worlds.cab import drive, measure, random_sensors, random_vehicle, simulate
 from worlds.roads import Road, base_motion
 
+from ride_estimation.api.replaying import all_warnings
+from ride_estimation.estimation import offline
 from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.forces.force_basis import ForceModel
+from ride_estimation.estimation.model.run_forces import RunForces
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
@@ -135,6 +138,18 @@ def test_the_online_estimate_and_its_digest_stay_what_they_are() -> None:
     assert isinstance(bare.smoothed, str)
     assert bare.force is bare.signals["mount_force"]
     assert "not smoothed" in bare.forces_in_words()
+
+
+def test_a_load_of_which_only_the_cg_is_seen_widens_smoothed_forces_and_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, vehicle, record = drawn()
+    runs = []
+    for model in ("not wanted", RunForces((), 1.0, refused="the CG is elsewhere", load_share=0.2)):
+        monkeypatch.setattr(offline, "run_forces", lambda *_, found=model: found)
+        runs.append(run_offline(record, Pipeline(vehicle)))
+    without, loaded = runs
+    np.testing.assert_allclose(loaded.force_std, np.hypot(without.force_std, 0.2 * np.abs(without.force)))
+    assert "the CG is elsewhere" in loaded.forces_in_words()
+    assert ["the CG is elsewhere" in all_warnings(record, vehicle, {}, run) for run in runs] == [False, True]
 
 
 def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:

@@ -240,7 +240,7 @@ class JointEstimate:
         And a CG that is far from where the file states it: the body carries a load, and everything is known over its mass only.
         """
         std, slow = np.sqrt(np.diag(self.covariance)), self.plant.slow
-        off = np.abs(self.theta - slow.mean)[slow.cg] > _FAULT * slow.std[slow.cg]
+        off = np.abs(self.cg_offset()) > _FAULT * slow.std[slow.cg]
         found = [f"{self.plant.geometry.body.name}.cg.{axis}" for axis, far in zip(AXES, off) if far]
         for name, parts in slow.sensors.items():
             for kind, part in parts.items():
@@ -249,6 +249,10 @@ class JointEstimate:
                 far = (np.abs(self.theta[part]) > _CONFLICT * learned) & (std[part] >= DETERMINED * prior)
                 found += [error for error, conflict in zip(slow.names(name, kind), far) if conflict]
         return tuple(found)
+
+    def cg_offset(self) -> Array:
+        """Return where the CG is, from where the vehicle file states it, shape (3,) [m]."""
+        return np.asarray((self.theta - self.plant.slow.mean)[self.plant.slow.cg])
 
     def _inverse(self, information: Array) -> Array:
         """Return the inverse of an information, computed in units of the prior standard deviations."""

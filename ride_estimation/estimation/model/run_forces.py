@@ -30,7 +30,6 @@ _FROM_S, _FULLY_S = 2.0, 4.0
 #: highest frequency in the forces of the model over its rate; forces beyond are left as they are
 _HIGHEST = 0.33
 _ORDER = 6
-_A_LOAD = ": the CG is not where the vehicle file states it, the body may carry a load"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,12 +46,18 @@ class RunForces:
         Sentences: how the vehicle differs from its file.
     parameters
         Stiffness and damping of the mounts.
+    refused
+        Why there are no segments.
+    load_share
+        Share of the mass that a load has whose CG this run shows and whose mass it does not, 0 where there is none.
     """
 
     segments: tuple[tuple[int, SmoothedSegment], ...]
     dt: float
     findings: tuple[str, ...] = ()
     parameters: tuple[Estimate, ...] = ()
+    refused: str = ""
+    load_share: float = 0.0
 
     def fade_in(
         self, stamp_ns: NDArray[np.int64], trusted: Array, force: Array, std: Array, deflection: Array, axes: int = 3
@@ -133,8 +138,10 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
     if joint.largest_nis > LARGEST_NIS:
         return f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
     conflicts = joint.conflicts()
+    if conflicts and ".cg." in conflicts[0]:
+        return _loaded(joint, found.dt)
     if conflicts:
-        return f"the model misses what {', '.join(conflicts[:3])} would explain{_A_LOAD if '.cg.' in conflicts[0] else ''}"
+        return f"the model misses what {', '.join(conflicts[:3])} would explain"
     smoothed = []
     # where there are both, what needs no bridge comes last and counts
     for bridge in found.bridges:
@@ -144,6 +151,19 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
         smoothed += _smoothed(joint, start, readings)
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
     return RunForces(tuple(smoothed), found.dt, joint.plant.findings, run_parameters(joint, newest))
+
+
+def _loaded(joint: JointEstimate, dt: float) -> RunForces:
+    """Return what a run shows of a load: that there is one."""
+    geometry, offset = joint.plant.geometry, joint.cg_offset()
+    least, share = geometry.least_load_share(offset), geometry.likely_load_share(offset)
+    distance = float(np.linalg.norm(offset))
+    words = (
+        f"the CG of {geometry.body.name!r} is {1e3 * distance:.0f} mm from where the vehicle file states it: a load "
+        f"of {least * geometry.file_mass:.0f} kg or more that the file does not contain, or a wrong CG; forces, stiffness and "
+        f"damping are uncertain by {share:.0%}"
+    )
+    return RunForces((), dt, refused=words, load_share=share)
 
 
 def _smoothed(

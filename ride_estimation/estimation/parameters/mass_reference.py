@@ -223,18 +223,7 @@ class MassReference:
         """Return the share of a load in the mass that puts the CG where it is: at the edge of the mounts or halfway to it."""
         if self._load is not None or self.moved_cg is None:
             return 0.0
-        return self.likely_share(self.moved_cg[0])
-
-    def likely_share(self, offset: Array) -> float:
-        """Return the share of the mass that a load has halfway to the edge of the mounts where the CG is off by (3,) [m]."""
-        return min(1.5 * self.least_share(offset), 1.0)
-
-    def least_share(self, offset: Array) -> float:
-        """Return the share of the mass that a load between the mounts has at least where the CG is off by (3,) [m]."""
-        distance, arms = float(np.linalg.norm(offset[:2])), self.geometry.arms[:, :2]
-        if distance == 0.0:
-            return 0.0
-        return distance / max(float(np.max(arms @ offset[:2])) / distance, distance)
+        return self.geometry.likely_load_share(self.moved_cg[0])
 
     @property
     def load_suspicion(self) -> str:

@@ -77,6 +77,8 @@ class SmoothedForces:
         Sentences: how the vehicle differs from its file by that model.
     parameters
         Stiffness and damping of the mounts by that model, none where it has no share.
+    load_share
+        Share of the mass that a load may have whose mass nothing shows; it is in ``std``.
     """
 
     force: Array
@@ -87,6 +89,7 @@ class SmoothedForces:
     not_modelled: str = ""
     findings: tuple[str, ...] = ()
     parameters: tuple[Estimate, ...] = ()
+    load_share: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -326,6 +329,10 @@ def second_pass(
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
     if isinstance(model, str):
         return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model)
+    if model.refused:
+        load = 0.0 if recorder.loaded else model.load_share
+        std = np.hypot(std, load * np.abs(force))
+        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model.refused, load_share=load)
     # a force beside a law explains why the law is not valid and its base suspect
     explained = bool(model.findings)
     reason = "" if explained else _not_linear(parameters)
