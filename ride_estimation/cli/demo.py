@@ -25,6 +25,7 @@ from ride_estimation.cli.progress import Progress
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.io.results import output_folder
+from ride_estimation.io.run_metrics import best_parameters
 from ride_estimation.reporting.demo_report import force_figure, write_demo_report
 from ride_estimation.reporting.diagnosis_report import Truth
 from ride_estimation.reporting.numbers import plain, reading_unit, with_std
@@ -162,14 +163,12 @@ class Comparison:
             )  # fmt: skip
 
     def parameter_rows(self) -> list[Row]:
-        """Return one row per estimated parameter that has a true value: of the whole run where there is one, else as live."""
+        """Return one row per estimated parameter that has a true value, the best there is of it."""
         true = true_parameters(self.truth)
-        whole = {p["name"]: p for p in self.result["parameters_smoothed"]}
         rows: list[Row] = []
-        for live in self.result["parameters"]:
+        for p, live in zip(best_parameters(self.result), self.result["parameters"], strict=True):
             name = live["name"]
             if name in true and live["value"] is not None:
-                p = whole.get(name, live)
                 errors = [round(100.0 * (e["value"] / true[name] - 1.0), 1) for e in (p, live)]
                 value, std = (float(text) for text in with_std(p["value"], p["std"]))
                 rows.append((name, p["prior"], true[name], value, std, *errors, p["unit"], p["status"]))

@@ -39,9 +39,9 @@ def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array) -> tuple[Ar
 
 def as_read(plant: Plant, sensor: Sensor, theta: Array) -> Array:
     """Return the matrix from what acts on a sensor, in the axes of its body, to its channels: misalignment and gain."""
-    error = {kind: theta[part] for kind, part in plant.slow.sensors[sensor.name].items()}
-    turn = np.eye(1) if sensor.kind == "displacement" else axes(sensor, error["misalignment"]).T
-    return np.asarray((1.0 + error["gain"])[:, None] * turn)
+    parts = plant.slow.sensors[sensor.name]
+    turn = np.eye(1) if sensor.kind == "displacement" else axes(sensor, theta[parts["misalignment"]]).T
+    return np.asarray((1.0 + theta[parts["gain"]])[:, None] * turn)
 
 
 def readings(plant: Plant, d: Dynamics, theta: Array) -> tuple[Array, Array]:
