@@ -37,6 +37,7 @@ from worlds.vehicle_text import Belief  # noqa: E402
 from ride_estimation.estimation import offline  # noqa: E402
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.model.drive_calibration import calibrate_drive  # noqa: E402
+from ride_estimation.estimation.model.run_forces import RunForces  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
@@ -71,7 +72,7 @@ def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement
     memory, online = pipeline.settings.parameter_memory, (pipeline.parameters(), pipeline.amplitude_std())
     found = [
         second_pass(recorder, signals, pipeline.tilting, memory, model, *online)
-        for model in (offline.run_forces(recording(data), pipeline.geometry.vehicle), "not wanted")
+        for model in (offline.run_forces(recording(data), pipeline.geometry.vehicle), RunForces(refused="not wanted"))
     ]
     for one in found:
         if isinstance(one, str):

@@ -44,7 +44,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 #: fewer say nothing about any signal
 LEAST_TICKS = 8
 #: what :meth:`Replay.to_dataframe` gives
-TABLES = ("parameters", "parameters_smoothed", "forces", "deflections", "motion")
+TABLES = ("parameters", "parameters_smoothed", "mass_properties", "forces", "deflections", "motion")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -91,6 +91,11 @@ class Replay:
         return self.result.smoothed_parameters
 
     @property
+    def mass_properties(self) -> tuple[Estimate, ...]:
+        """Return CG and moments of inertia of the body, estimated from the whole run with :attr:`parameters_smoothed`."""
+        return self.result.mass_properties
+
+    @property
     def plot(self) -> ReplayPlots:
         """Return the pictures, one method each."""
         return ReplayPlots(self.result)
@@ -101,7 +106,7 @@ class Replay:
         Parameters
         ----------
         table
-            ``parameters`` (one row each), ``parameters_smoothed`` (those of the whole run), or over time ``forces`` (with
+            ``parameters`` (one row each), ``parameters_smoothed`` and ``mass_properties`` (of the whole run), or over time ``forces`` (with
             ``<mount>.<axis>.std``), ``deflections``, ``motion`` (acceleration and angular acceleration of the CG).
 
         Raises
@@ -111,7 +116,7 @@ class Replay:
         """
         if table not in TABLES:
             raise ConfigurationError(f"table {table!r}; allowed: {', '.join(TABLES)}")
-        if table in ("parameters", "parameters_smoothed"):
+        if table in TABLES[:3]:
             keys, rows = ("name", "value", "std", "unit", "prior"), getattr(self, table)
             columns: dict[str, Any] = {key: [getattr(p, key) for p in rows] for key in keys}
             return dataframe({**columns, "status": [p.status.value for p in rows]}, "name")
@@ -336,6 +341,11 @@ def summary(
         if p.reason:
             reasons.setdefault((p.status.value, p.reason), []).append(p.name)
     lines += [f"{status} ({len(names)}): {', '.join(names)}: {reason}" for (status, reason), names in reasons.items()]
+    if result.mass_properties:
+        lines.append(f"{'mass properties, whole run':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status")
+    for p in result.mass_properties:
+        value, std = with_std(p.value, p.std)
+        lines.append(f"{p.name:<34}{value:>12}{std:>10}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}")
     if result.mount_names:
         heads = (_three_words(f"mean {axis}" for axis in AXES), _three_words(f"peak {axis}" for axis in AXES))
         lines.append(f"{'force on the body by mount [N]':<34}{heads[0]:>32}{heads[1]:>32}  (peak: max |F - mean|)")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.common.estimate import Estimate, Status
+from ride_estimation.estimation.common.estimate import Estimate, best_of
 from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks
@@ -149,8 +149,12 @@ class OfflineRun:
     @property
     def best_parameters(self) -> tuple[Estimate, ...]:
         """Return the best parameters there are: of the whole run unless suspect there, else as live."""
-        whole = {e.name: e for e in self.smoothed_parameters if e.status is not Status.SUSPECT}
-        return tuple(whole.get(e.name, e) for e in self.parameters)
+        return tuple(best_of(self.parameters, self.smoothed_parameters, lambda e: (e.name, e.status.value)))
+
+    @property
+    def mass_properties(self) -> tuple[Estimate, ...]:
+        """Return CG and moments of inertia of the body, estimated with :attr:`smoothed_parameters`."""
+        return () if isinstance(self.smoothed, str) else self.smoothed.mass_properties
 
     def forces_in_words(self) -> str:
         """Return what the forces of the run are."""
@@ -221,7 +225,7 @@ def run_offline(
     """
     recorder = SmootherRecorder(pipeline.geometry, "" if smoothing else SWITCHED_OFF)
     if recorder.reason:
-        return _run(recording, pipeline, on_progress, recorder, lambda: recorder.reason, on_stage)
+        return _run(recording, pipeline, on_progress, recorder, RunForces, on_stage)
     # beside the estimation: the model needs the recording only
     with futures.ThreadPoolExecutor(1) as pool:
         model = pool.submit(run_forces, recording, pipeline.geometry.vehicle)
@@ -230,7 +234,7 @@ def run_offline(
 
 def _run(
     recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None], recorder: SmootherRecorder,
-    model: Callable[[], RunForces | str], on_stage: Callable[[str], None],
+    model: Callable[[], RunForces], on_stage: Callable[[str], None],
 ) -> OfflineRun:  # fmt: skip
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
@@ -310,7 +314,7 @@ class _History:
 
 def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
-    recorder: SmootherRecorder, reports: tuple[ParameterReport, ...], model: Callable[[], RunForces | str],
+    recorder: SmootherRecorder, reports: tuple[ParameterReport, ...], model: Callable[[], RunForces],
 ) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]

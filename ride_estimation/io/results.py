@@ -136,6 +136,7 @@ def result_document(
         "settings": dataclasses.asdict(settings),
         "parameters": [parameter_entry(estimate) for estimate in run.parameters],
         "parameters_smoothed": [parameter_entry(estimate) for estimate in run.smoothed_parameters],
+        "mass_properties": [parameter_entry(estimate) for estimate in run.mass_properties],
         "layout": list(layout),
         "identifiability": run.identifiability,
         "fit": channel_fit(run),

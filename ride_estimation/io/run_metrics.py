@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ride_estimation.estimation.common.estimate import best_of
+
 
 @dataclasses.dataclass(frozen=True)
 class Metric:
@@ -65,7 +67,7 @@ def run_metrics(result: Mapping[str, Any]) -> dict[str, Metric]:
 def _parameters(result: Mapping[str, Any]) -> list[Metric]:
     return [
         Metric(p["name"], float(p["value"]), None if p.get("std") is None else float(p["std"]), p["unit"], p["status"] == "valid")
-        for p in best_parameters(result)
+        for p in [*best_parameters(result), *result.get("mass_properties", ())]
         if p.get("value") is not None
     ]
 
@@ -78,8 +80,8 @@ def best_parameters(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     result
         Content of ``result.json``; an older replay has none of the whole run.
     """
-    whole = {p["name"]: p for p in result.get("parameters_smoothed", ()) if p["status"] != "suspect"}
-    return [whole.get(p["name"], p) for p in result.get("parameters", ())]
+    live, whole = (result.get(key, ()) for key in ("parameters", "parameters_smoothed"))
+    return best_of(live, whole, lambda p: (p["name"], p["status"]))
 
 
 def _durability(result: Mapping[str, Any]) -> list[Metric]:

@@ -214,6 +214,7 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
             "Whole run: stiffness and damping estimated from all readings at once, together with the errors of the sensors; the "
             "others are those the node publishes at the end of the run."
         )
+    _mass_properties(page, run)
     if run.health.innovation_ratio > 0.0:
         page.text(
             f"Normalised innovation squared (NIS), last intervals: "
@@ -226,6 +227,18 @@ def _parameters(page: Page, run: OfflineRun, result: Mapping[str, Any]) -> None:
             page.figure(plots.parameter_convergence(run, names, kind), f"{kind}: value over prior with ± 2 std", tight=False)
     page.heading("What these data can and cannot identify")
     page.table(["", "what", "why"], list(_told(run, result["identifiability"])))
+
+
+def _mass_properties(page: Page, run: OfflineRun) -> None:
+    rows = []
+    for p in run.mass_properties:
+        unit, factor = ("mm", 1e3) if p.unit == "m" else reading_unit(p.unit)
+        off = Digits(with_std(factor * (p.value - p.prior), factor * p.std)[0])
+        status = f"{p.status.value}{f': {p.reason}' if p.reason else ''}"
+        rows.append([p.name, *_digits(p, factor), unit.replace(" ", "\u00a0"), Digits(plain(factor * p.prior)), off, status])
+    if rows:
+        page.table(["mass property, whole run", "value", "± 95 %", "unit", "vehicle file", "value - file", "status"], rows)
+        page.text("CG and moments of inertia of the body without what it carries, the latter for the mass of the vehicle file.")
 
 
 def _digits(p: Estimate, factor: float) -> list[object]:

@@ -85,7 +85,7 @@ def test_files_have_the_shapes_outsiders_rely_on(case: Case) -> None:
     assert set(result["run"]["channels"]) == set(case.recording.channels)
     assert all({"samples", "rate_hz", "gaps", "clipped"} <= set(c) for c in result["run"]["channels"].values())
     assert result["vehicle"]["checksum"] == load_vehicle(case.vehicle).checksum
-    for p in result["parameters"] + result["parameters_smoothed"]:
+    for p in result["parameters"] + result["parameters_smoothed"] + result["mass_properties"]:
         assert set(p) == {"name", "value", "std", "unit", "prior", "status", "reason"}
 
 
@@ -94,7 +94,7 @@ def test_smoothing_can_be_left_out_and_the_forces_are_then_those_of_the_node(cas
     bare, whole = (json.loads((place / "result.json").read_text()) for place in (tmp_path / "bare", case.out))
     assert whole["forces"]["smoothed"] and not bare["forces"]["smoothed"]
     assert "not asked for" in bare["forces"]["meaning"]["mount_force_smoothed"]
-    assert bare["digest"] == whole["digest"] and bare["parameters_smoothed"] == []
+    assert bare["digest"] == whole["digest"] and bare["parameters_smoothed"] == bare["mass_properties"] == []
     with np.load(tmp_path / "bare" / "signals.npz") as live, np.load(case.out / "signals.npz") as both:
         smoothed = {"mount_force_smoothed", "mount_force_smoothed_std", "mount_deflection_smoothed"}
         before = {name.replace("smoothed", "hindsight") for name in smoothed}

@@ -143,7 +143,7 @@ def test_the_online_estimate_and_its_digest_stay_what_they_are() -> None:
 def test_a_load_of_which_only_the_cg_is_seen_widens_smoothed_forces_and_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     _, vehicle, record = drawn()
     runs = []
-    for model in ("not wanted", RunForces((), 1.0, refused="the CG is elsewhere", load_share=0.2)):
+    for model in (RunForces(refused="not wanted"), RunForces(refused="the CG is elsewhere", load_share=0.2)):
         monkeypatch.setattr(offline, "run_forces", lambda *_, found=model: found)
         runs.append(run_offline(record, Pipeline(vehicle)))
     without, loaded = runs

@@ -33,19 +33,20 @@ def drawn_belief(belief: Belief, seed: int) -> Belief:
     )  # fmt: skip
 
 
-def drawn_split(cab: CabVehicle, seed: int) -> np.ndarray:
+def drawn_split(cab: CabVehicle, seed: int, draw: int = 0) -> np.ndarray:
     """Return what the static forces differ by from upright shares by stiffness, shape (M, 3) [N]: drawn, and without a wrench.
 
-    Loads err as those of mounts of one model, and brackets lean at rest as the sensors on them do.
+    Loads err as those of mounts of one model, and brackets lean at rest as the sensors on them do. No accelerometer sees a split:
+    one recording can be judged with many draws.
     """
     size = STATIC_LOAD_STD * cab.static_force[:, 2]
     arms = cab.mounts - cab.cg
     wrench = np.vstack([np.ones(len(arms)), arms[:, 0], arms[:, 1]])
-    drawn = size * np.random.default_rng([seed, 12]).standard_normal(len(arms))
+    drawn = size * np.random.default_rng([seed, 12, draw]).standard_normal(len(arms))
     spread = size[:, None] ** 2 * wrench.T
     split = np.zeros((len(arms), 3))
     split[:, 2] = drawn - spread @ np.linalg.solve(wrench @ spread, wrench @ drawn)
-    lean = np.random.default_rng([seed, 13]).normal(scale=USUAL.misalignment, size=(len(arms), 2))
+    lean = np.random.default_rng([seed, 13, draw]).normal(scale=USUAL.misalignment, size=(len(arms), 2))
     sideways = np.hstack([np.vstack([np.eye(3), skew(arm)])[:, :2] for arm in arms])
     pushed = (cab.static_force[:, 2:] * lean).ravel()
     split[:, :2] = (pushed - np.linalg.pinv(sideways) @ (sideways @ pushed)).reshape(-1, 2)

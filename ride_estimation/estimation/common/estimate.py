@@ -5,6 +5,10 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class Status(enum.Enum):
@@ -25,7 +29,7 @@ class Estimate:
     Attributes
     ----------
     name
-        ``<mount>.<axis>.<parameter>`` or ``<body>.mass``.
+        ``<mount>.<axis>.<parameter>``, ``<body>.mass``, ``<body>.cg.<axis>`` or ``<body>.inertia.<axes>``.
     value, std
         In ``unit``; ``std`` is one standard deviation.
     prior
@@ -44,3 +48,21 @@ class Estimate:
     status: Status
     reason: str
     stamp_ns: int
+
+
+def best_of(live: Sequence[T], whole: Sequence[T], name_and_status: Callable[[T], tuple[str, str]]) -> list[T]:
+    """Return the best estimates there are: of the whole run unless suspect there, else as live.
+
+    Parameters
+    ----------
+    live, whole
+        As the node publishes them, and estimated from the whole run.
+    name_and_status
+        Of an estimate, whatever it is kept in.
+    """
+    better = {}
+    for entry in whole:
+        name, status = name_and_status(entry)
+        if status != Status.SUSPECT.value:
+            better[name] = entry
+    return [better.get(name_and_status(entry)[0], entry) for entry in live]

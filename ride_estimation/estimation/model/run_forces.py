@@ -14,7 +14,7 @@ from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.model.bracket_shares import learn_shares
 from ride_estimation.estimation.model.joint import LARGEST_NIS, JointEstimate, liveliest
-from ride_estimation.estimation.model.run_parameters import run_parameters
+from ride_estimation.estimation.model.run_parameters import mass_properties, run_parameters
 from ride_estimation.estimation.model.run_readings import run_readings
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
 from ride_estimation.signals.recording import Recording
@@ -41,21 +41,22 @@ class RunForces:
     segments
         First stamp [ns] and forces of every segment.
     dt
-        Sample [s].
+        Sample [s], not a number where the run was not read.
     findings
         Sentences: how the vehicle differs from its file.
-    parameters
-        Stiffness and damping of the mounts.
+    parameters, mass_properties
+        Stiffness and damping of the mounts; CG and inertia of the body.
     refused
         Why there are no segments.
     load_share
         Share of the mass that a load has whose CG this run shows and whose mass it does not, 0 where there is none.
     """
 
-    segments: tuple[tuple[int, SmoothedSegment], ...]
-    dt: float
+    segments: tuple[tuple[int, SmoothedSegment], ...] = ()
+    dt: float = math.nan
     findings: tuple[str, ...] = ()
     parameters: tuple[Estimate, ...] = ()
+    mass_properties: tuple[Estimate, ...] = ()
     refused: str = ""
     load_share: float = 0.0
 
@@ -113,8 +114,8 @@ class RunForces:
         return any(first + reach <= stamp_ns <= last - reach for first, last in parts)
 
 
-def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
-    """Return the forces of a run, or why the model has none.
+def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
+    """Return the forces of a run, or why the model has none (``refused``).
 
     Parameters
     ----------
@@ -128,20 +129,21 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
     try:
         found = run_readings(recording, heard)
         if sum(len(s) for s in found.segments) * found.dt < _SHORTEST_S:
-            return f"less than {_SHORTEST_S:g} s in which every sensor has data without a gap"
+            return RunForces(refused=f"less than {_SHORTEST_S:g} s in which every sensor has data without a gap")
         part = liveliest(found.segments, round(_LONGEST_S / found.dt))
         joint = JointEstimate(found.plant, [part], found.dt, free_forces=True)
         joint.fit()
         learn_shares(joint)
     except RideEstimationError as error:
-        return str(error)
+        return RunForces(refused=str(error))
     if joint.largest_nis > LARGEST_NIS:
-        return f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
+        words = f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
+        return RunForces(refused=words)
     conflicts = joint.conflicts()
     if conflicts and ".cg." in conflicts[0]:
-        return _loaded(joint, found.dt)
+        return _loaded(joint)
     if conflicts:
-        return f"the model misses what {', '.join(conflicts[:3])} would explain"
+        return RunForces(refused=f"the model misses what {', '.join(conflicts[:3])} would explain")
     smoothed = []
     # where there are both, what needs no bridge comes last and counts
     for bridge in found.bridges:
@@ -150,10 +152,11 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces | str:
     for start, readings in zip(found.start_ns, found.segments):
         smoothed += _smoothed(joint, start, readings)
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
-    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, run_parameters(joint, newest))
+    estimates = run_parameters(joint, newest), mass_properties(joint, newest)
+    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, *estimates)
 
 
-def _loaded(joint: JointEstimate, dt: float) -> RunForces:
+def _loaded(joint: JointEstimate) -> RunForces:
     """Return what a run shows of a load: that there is one."""
     geometry, offset = joint.plant.geometry, joint.cg_offset()
     least, share = geometry.least_load_share(offset), geometry.likely_load_share(offset)
@@ -163,7 +166,7 @@ def _loaded(joint: JointEstimate, dt: float) -> RunForces:
         f"of {least * geometry.file_mass:.0f} kg or more that the file does not contain, or a wrong CG; forces, stiffness and "
         f"damping are uncertain by {share:.0%}"
     )
-    return RunForces((), dt, refused=words, load_share=share)
+    return RunForces(refused=words, load_share=share)
 
 
 def _smoothed(

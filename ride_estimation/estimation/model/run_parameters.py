@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Stiffness and damping of the mounts as the model estimates them from a whole run, together with the errors of the sensors."""
+"""Stiffness, damping and mass properties as the model estimates them from a whole run, together with errors of sensors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.forces.mount_law import ROLES
-from ride_estimation.estimation.model.joint import JointEstimate
+from ride_estimation.estimation.model.joint import DETERMINED, JointEstimate
 from ride_estimation.estimation.parameters.parameter_status import status_of
 from ride_estimation.frames import AXES
 
@@ -54,6 +54,37 @@ def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
                         name, value = f"{mount.name}.{axis}.{p.name}", prior * factor
                         found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, stamp_ns))
     return tuple(found)
+
+
+def mass_properties(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
+    """Return CG [m] and moments of inertia about it [kg m^2] of the body, without what it carries.
+
+    A value is ``valid`` where the run at least halved the standard deviation that the vehicle file states. The moments are
+    known over the mass: its standard deviation is in theirs.
+
+    Parameters
+    ----------
+    joint, stamp_ns
+        As in :func:`run_parameters`.
+    """
+    plant, slow = joint.plant, joint.plant.slow
+    body, constants = plant.geometry.body, plant.constants(joint.theta)
+    std = np.sqrt(np.diag(joint.covariance))
+    moments = np.diag(constants.inertia)
+    stds = [moments * np.hypot(s[slow.log_inertia], plant.mass_std) for s in (std, slow.std)]
+    columns = [(f"inertia.{axis}{axis}" for axis in AXES), moments, np.diag(body.inertia), *stds, 3 * ("kg m^2",)]
+    rows = [*zip((f"cg.{axis}" for axis in AXES), constants.cg, body.cg, std[slow.cg], slow.std[slow.cg], 3 * ("m",))]
+    return tuple(
+        Estimate(f"{body.name}.{name}", float(value), float(own), unit, float(prior), *_learned(own, before), stamp_ns)
+        for name, value, prior, own, before, unit in [*rows, *zip(*columns)]
+    )
+
+
+def _learned(std: float, prior_std: float) -> tuple[Status, str]:
+    """Return status and reason of a value by how much surer a run made it."""
+    if std <= DETERMINED * prior_std:
+        return Status.VALID, ""
+    return Status.NOT_IDENTIFIABLE, "the run says little more than the vehicle file"
 
 
 def beside_online(

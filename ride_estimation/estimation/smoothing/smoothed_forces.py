@@ -75,8 +75,8 @@ class SmoothedForces:
         Why that has none, or none of the vertical forces.
     findings
         Sentences: how the vehicle differs from its file by that model.
-    parameters
-        Stiffness and damping of the mounts by that model, none where it has no share.
+    parameters, mass_properties
+        Stiffness and damping of the mounts, CG and inertia of the body by that model, none where it has no share.
     load_share
         Share of the mass that a load may have whose mass nothing shows; it is in ``std``.
     """
@@ -89,6 +89,7 @@ class SmoothedForces:
     not_modelled: str = ""
     findings: tuple[str, ...] = ()
     parameters: tuple[Estimate, ...] = ()
+    mass_properties: tuple[Estimate, ...] = ()
     load_share: float = 0.0
 
 
@@ -287,7 +288,7 @@ class _SmoothedForces(MountForceEstimator):
 
 
 def second_pass(
-    recorder: SmootherRecorder, signals: Mapping[str, NDArray[Any]], tilting: BracketTilt, memory: float, model: RunForces | str,
+    recorder: SmootherRecorder, signals: Mapping[str, NDArray[Any]], tilting: BracketTilt, memory: float, model: RunForces,
     parameters: Sequence[Estimate], amplitude_std: Mapping[str, float],
 ) -> SmoothedForces | str:  # fmt: skip
     """Estimate the forces of a finished run again.
@@ -303,7 +304,7 @@ def second_pass(
     memory
         Time over which parameters stay similar [s].
     model
-        Forces by the model of the whole run, or why there are none.
+        Forces by the model of the whole run.
     parameters, amplitude_std
         As estimated online in the end, and what dependence on the amplitude adds to them.
 
@@ -327,8 +328,6 @@ def second_pass(
         return f"no stretch of the run without a break is {_SHORTEST:g} s long"
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
-    if isinstance(model, str):
-        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model)
     if model.refused:
         load = 0.0 if recorder.loaded else model.load_share
         std = np.hypot(std, load * np.abs(force))
@@ -337,8 +336,11 @@ def second_pass(
     explained = bool(model.findings)
     reason = "" if explained else _not_linear(parameters)
     share = model.fade_in(signals["stamp_ns"], recorder.ordinary(explained), force, std, deflection, 2 if reason else 3)
-    found = beside_online(model.parameters, parameters, amplitude_std) if share and not recorder.loaded else ()
-    return SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings, found)
+    found = SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings)
+    if not share or recorder.loaded:
+        return found
+    known = beside_online(model.parameters, parameters, amplitude_std)
+    return dataclasses.replace(found, parameters=known, mass_properties=model.mass_properties)
 
 
 def _not_linear(parameters: Sequence[Estimate]) -> str:
