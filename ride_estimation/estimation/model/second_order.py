@@ -46,7 +46,6 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     speed = speed.reshape(-1, count, 3)
     deflection = (v @ d.deflection.T).reshape(-1, count, 3)
     turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
-    point = (v @ (m.points @ d.accel).T).reshape(-1, count, 3)
     upright = np.array([0.0, 0.0, plant.gravity])
 
     angle, speed_of, accel_of = v[:, s.relative][:, 3:], relative_rate[:, 3:], (v @ d.A[s.relative_rate].T)[:, 3:]
@@ -55,7 +54,10 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     arc_accel = np.stack(
         [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
     )
-    extra = force_of_second_order(plant, m, d, v)
+    load = force_of_second_order(plant, m, d, v).reshape(len(v), -1) @ m.points
+    load[:, 3:] -= np.cross(rate, rate @ m.inertia)
+    accel = load @ m.mobility[:6]
+    point = ((v @ d.accel.T + accel[:, :6]) @ m.points.T).reshape(-1, count, 3)
 
     parts = []
     for sensor in plant.sensors:
@@ -72,19 +74,18 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
             part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
             part = part - np.cross(bracket_accel[:, i], deflection[:, i])
         parts.append(part @ as_read(plant, sensor, theta).T)
-    load = extra.reshape(len(v), -1) @ m.points
-    load[:, 3:] -= np.cross(rate, rate @ m.inertia)
-    return SecondOrder(np.hstack(parts), load @ m.mobility[:6])
+    return SecondOrder(np.hstack(parts), accel)
 
 
 def force_of_second_order(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
     """Return what the second order adds to the forces of the mounts, from states and inputs v (T, V), shape (T, M, 3)."""
     count = len(plant.mounts)
-    force = (v @ d.force.T).reshape(-1, count, 3)
     turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
     arc, arc_rate = _arcs(plant, m, v)
-    extra = 0.5 * np.cross(turn, np.cross(turn, m.static + force)) - np.cross(turn, force)
-    return np.asarray(extra - m.stiffness.reshape(-1, 3) * arc - m.damping.reshape(-1, 3) * arc_rate)
+    added = -m.stiffness.reshape(-1, 3) * arc - m.damping.reshape(-1, 3) * arc_rate
+    # in bracket axes: the first order in body axes contains the turned static force
+    force = (v @ d.force.T).reshape(-1, count, 3) + np.cross(turn, m.static) + added
+    return np.asarray(added + 0.5 * np.cross(turn, np.cross(turn, m.static + force)) - np.cross(turn, force))
 
 
 def slopes_of_laws(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
@@ -107,7 +108,7 @@ def slopes_of_laws(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
     found = []
     for law, moved, arc in zip((m.stiffness, m.damping), (v @ d.deflection.T, speed), _arcs(plant, m, v)):
         shape = (len(v), count, 3, 1)
-        found.append(-law.reshape(count, 3, 1) * (moved.reshape(shape) * both + arc[..., None] * to_accel))
+        found.append(-law.reshape(count, 3, 1) * ((moved.reshape(shape) + arc[..., None]) * both + arc[..., None] * to_accel))
     return np.concatenate([f.reshape(len(v), 3 * count, -1) for f in found], axis=1).transpose(0, 2, 1)
 
 

@@ -33,7 +33,7 @@ ENDS_HZ = 0.5
 #: rms of the inputs [m/s^2, rad/s^2] and of the deformation of the base [m] before they are estimated: rough roads stay below
 _FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
 #: angular rates slower than this are left out of the second order [Hz]
-_RATE_HZ = 0.2
+_RATE_HZ = 0.1
 #: octaves in which the residual is judged: begin of the first [Hz], which contains what is slower, and how many
 _FIRST_OCTAVE_HZ, _OCTAVES = 0.5, 12
 #: highest frequency at which a force beside the law of a mount is looked for [Hz]: cabs move below
@@ -390,9 +390,7 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     states = plant.states
     v, power = states_of(model, segment, p)
     v[:, states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
-    fast = 1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2)
-    rate = v[:, states.base_accel][:, 3:] * (fast / lines.laplace)[:, None]
-    both = lines.back(np.hstack([v, rate]))
+    both = lines.back(np.hstack([v, _rate(lines, v[:, states.base_accel][:, 3:])]))
     found = second_order(plant, model.constants, model.dynamics, model.theta, both[:, :-3], both[:, -3:])
     excess = np.sum(np.abs(p.left) ** 2, axis=1) / (p.left.shape[1] - segment.silent) * segment.factor
     segment.second_mean = found.readings.mean(axis=0)
@@ -407,6 +405,19 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     segment.twisting = _twisting(plant, deforming)
     segment.size = np.sqrt(2.0 * power.sum(axis=0) / lines.count)
     segment.deformation = float(np.sqrt(np.mean(both[:, states.deformation] ** 2)))
+
+
+def _rate(lines: Lines, accel: Complex) -> Complex:
+    """Return the angular rate (F, 3) of an angular acceleration, without what is slower than :data:`_RATE_HZ`.
+
+    The rate before a segment less that after it is not in the acceleration: it is the one with which least is slow.
+    """
+    fast = (1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2))[:, None]
+    jump = (1.0 / (1.0 - np.exp(-lines.laplace * lines.dt)))[:, None]
+    found = accel / lines.laplace[:, None]
+    slow = (1.0 - fast) * jump
+    ends = np.sum((slow.conj() * (1.0 - fast) * found).real, axis=0) / np.sum(np.abs(slow) ** 2)
+    return np.asarray(fast * (found - ends * jump))
 
 
 def _twisting(plant: Plant, power: Array) -> Array:
