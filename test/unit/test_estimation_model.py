@@ -11,7 +11,8 @@ import yaml
 from scipy import linalg, signal
 from scipy.spatial.transform import Rotation
 from worlds.adapters import vehicle_of_text
-from worlds.cab import random_sensors, random_vehicle
+from worlds.cab import _second_derivative, bracket_motion, drive, random_sensors, random_vehicle, true_signal
+from worlds.roads import Road
 from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.errors import ConfigurationError, InputDataError
@@ -264,6 +265,45 @@ def test_slopes_of_the_second_order_are_its_derivative(vehicle: Vehicle) -> None
         for law, column in (("stiffness", place), ("damping", 12 + place)):
             slope = (accel(law, place, 1e-3) - accel(law, place, -1e-3)) / 2e-3
             np.testing.assert_allclose(found[:, :, column], slope, atol=1e-5 * np.abs(found).max())
+
+
+def test_exact_states_and_second_order_are_what_ideal_sensors_read() -> None:
+    """A cab on a rigid base that pitches: without second order 3 % of the readings are left, with it a thirtieth of that."""
+    rng = np.random.default_rng(7400)
+    cab = random_vehicle(rng, "air")
+    sensors = random_sensors(cab, rng)
+    run = drive(cab, dataclasses.replace(Road.random(rng), follow=(0.0, 0.0), twist=0.0, local=0.0), 12.0, 7400)
+    plant = Plant(vehicle_of_text(vehicle_yaml(cab, sensors)))
+    slow, states, theta = plant.slow, plant.states, plant.slow.mean.copy()
+    theta[slow.log_stiffness], theta[slow.log_damping] = np.log(cab.stiffness.ravel()), np.log(cab.damping.ravel())
+    model = segments.Model.of(plant, theta)
+    place, attitude, rate = (x[:, 0] for x in bracket_motion(run.base, np.zeros((1, 3))))
+    moved = np.einsum("nji,nj->ni", attitude, run.state[:, :3] - place) - cab.cg
+    turned = Rotation.from_matrix(np.einsum("nji,njk->nik", attitude, run.rotation)).as_rotvec()
+    v = np.zeros((len(run.time), states.size))
+    v[:, states.relative] = np.hstack([moved, turned])
+    v[:, states.relative_rate] = np.gradient(v[:, states.relative], run.step, axis=0)
+    base_rate = run.angular_rate - v[:, states.relative_rate][:, 3:]
+    first, relative = v @ model.dynamics.A[states.relative_rate].T, _second_derivative(v[:, states.relative], run.step)
+    for _ in range(2):  # what the base does is what moves the body as it moves
+        second = second_order(plant, model.constants, model.dynamics, theta, v, base_rate)
+        v[:, states.base_accel] = first + second.accel - relative
+    linear = v @ model.rows.T + model.constant
+    whole = linear + second.readings + second.accel @ model.direct.T
+    brackets, inside = bracket_motion(run.base, cab.mounts), slice(2000, -2000)
+    true = np.hstack([true_signal(run, sensor, brackets) for sensor in sensors])
+    left, missing = (np.sqrt(np.mean((x - true)[inside] ** 2, axis=0)).reshape(-1, 3) for x in (whole, linear))
+    assert np.all(np.sum(missing[:, [0, 2]], axis=1) > 0.02)
+    np.testing.assert_array_less(left.max(axis=0), 0.05 * missing.max(axis=0))
+
+
+def test_rates_of_a_segment_that_ends_unlike_it_begins_are_those_of_the_motion() -> None:
+    time, frequency = DT * np.arange(1700), np.array([0.43, 1.1, 2.7])
+    accel, rate = (f(2.0 * np.pi * frequency * time[:, None] + 0.3) * a for f, a in ((np.cos, 2.0 * np.pi * frequency), (np.sin, 1.0)))
+    lines = Lines.of(len(time), DT)
+    found = lines.back(segments.rates(lines, lines.transform(accel)))
+    middle = slice(200, -200)
+    assert np.all(np.std((found - rate)[middle], axis=0) < 0.1 * np.std(rate, axis=0))
 
 
 def test_a_faulty_sensor_reads_the_second_order_as_it_reads_the_first(vehicle: Vehicle) -> None:

@@ -32,7 +32,7 @@ DEFORMS_HZ = 0.3
 ENDS_HZ = 0.5
 #: rms of the inputs [m/s^2, rad/s^2] and of the deformation of the base [m] before they are estimated: rough roads stay below
 _FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
-#: angular rates slower than this are left out of the second order [Hz]
+#: angular rates slower than this are left out of the second order [Hz]: they are not separated from the ramp of :func:`rates`
 _RATE_HZ = 0.1
 #: octaves in which the residual is judged: begin of the first [Hz], which contains what is slower, and how many
 _FIRST_OCTAVE_HZ, _OCTAVES = 0.5, 12
@@ -390,7 +390,7 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     states = plant.states
     v, power = states_of(model, segment, p)
     v[:, states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
-    both = lines.back(np.hstack([v, _rate(lines, v[:, states.base_accel][:, 3:])]))
+    both = lines.back(np.hstack([v, rates(lines, v[:, states.base_accel][:, 3:])]))
     found = second_order(plant, model.constants, model.dynamics, model.theta, both[:, :-3], both[:, -3:])
     excess = np.sum(np.abs(p.left) ** 2, axis=1) / (p.left.shape[1] - segment.silent) * segment.factor
     segment.second_mean = found.readings.mean(axis=0)
@@ -407,10 +407,11 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     segment.deformation = float(np.sqrt(np.mean(both[:, states.deformation] ** 2)))
 
 
-def _rate(lines: Lines, accel: Complex) -> Complex:
-    """Return the angular rate (F, 3) of an angular acceleration, without what is slower than :data:`_RATE_HZ`.
+def rates(lines: Lines, accel: Complex) -> Complex:
+    """Return the angular rate (F, 3) of an angular acceleration (F, 3), without what is slower than :data:`_RATE_HZ`.
 
-    The rate before a segment less that after it is not in the acceleration: it is the one with which least is slow.
+    What the rate is before a segment less what it is after it is not in the acceleration: it is that with which least is slow.
+    Without it the rates of a segment of 15 s contained a ramp as large as they are.
     """
     fast = (1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2))[:, None]
     jump = (1.0 / (1.0 - np.exp(-lines.laplace * lines.dt)))[:, None]
