@@ -106,8 +106,9 @@ class Replay:
         Parameters
         ----------
         table
-            ``parameters`` (one row each), ``parameters_smoothed`` and ``mass_properties`` (of the whole run), or over time ``forces`` (with
-            ``<mount>.<axis>.std``), ``deflections``, ``motion`` (acceleration and angular acceleration of the CG).
+            ``parameters`` (one row each), ``parameters_smoothed`` and ``mass_properties`` (of the whole run), or over time
+            ``forces`` (with ``<mount>.<axis>.std``), ``deflections``, ``motion`` (acceleration and angular acceleration of the
+            CG).
 
         Raises
         ------

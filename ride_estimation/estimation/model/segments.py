@@ -32,8 +32,9 @@ DEFORMS_HZ = 0.3
 ENDS_HZ = 0.5
 #: rms of the inputs [m/s^2, rad/s^2] and of the deformation of the base [m] before they are estimated: rough roads stay below
 _FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
-#: angular rates slower than this are left out of the second order [Hz]: they are not separated from the ramp of :func:`rates`
-_RATE_HZ = 0.1
+#: angular rates slower than this are left out of the second order [Hz]; accelerations slower than this tell how a rate differs
+#: between the ends of a segment [Hz]: by slow rates instead, in which errors of sensors are integrated, two foreign cabs ran away
+_RATE_HZ, _IMPULSE_HZ = 0.2, 0.3
 #: octaves in which the residual is judged: begin of the first [Hz], which contains what is slower, and how many
 _FIRST_OCTAVE_HZ, _OCTAVES = 0.5, 12
 #: highest frequency at which a force beside the law of a mount is looked for [Hz]: cabs move below
@@ -410,15 +411,15 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
 def rates(lines: Lines, accel: Complex) -> Complex:
     """Return the angular rate (F, 3) of an angular acceleration (F, 3), without what is slower than :data:`_RATE_HZ`.
 
-    What the rate is before a segment less what it is after it is not in the acceleration: it is that with which least is slow.
-    Without it the rates of a segment of 15 s contained a ramp as large as they are.
+    What the rate is before a segment less what it is after it is an impulse that the acceleration does not contain. A vehicle
+    turns with little slow acceleration: it is the impulse that leaves least of that. Without it the rates of a segment of 15 s
+    contained a ramp as large as they are.
     """
-    fast = (1.0 / (1.0 + (_RATE_HZ / lines.frequency) ** 2))[:, None]
-    jump = (1.0 / (1.0 - np.exp(-lines.laplace * lines.dt)))[:, None]
-    found = accel / lines.laplace[:, None]
-    slow = (1.0 - fast) * jump
-    ends = np.sum((slow.conj() * (1.0 - fast) * found).real, axis=0) / np.sum(np.abs(slow) ** 2)
-    return np.asarray(fast * (found - ends * jump))
+    frequency = lines.frequency[:, None]
+    jump = 1.0 / (1.0 - np.exp(-lines.laplace * lines.dt))[:, None]
+    impulse, slow = lines.laplace[:, None] * jump, 1.0 / (1.0 + (frequency / _IMPULSE_HZ) ** 8)
+    ends = np.sum(slow * (impulse.conj() * accel).real, axis=0) / np.sum(slow * np.abs(impulse) ** 2)
+    return np.asarray((accel / lines.laplace[:, None] - ends * jump) / (1.0 + (_RATE_HZ / frequency) ** 2))
 
 
 def _twisting(plant: Plant, power: Array) -> Array:
