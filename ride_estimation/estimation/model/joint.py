@@ -45,7 +45,7 @@ _LARGEST_STEP = 0.5
 _FIRST_S, _LONGEST_S = 15.0, 60.0
 #: scoring steps at most; converged when the largest step is this share of its standard deviation, not before the second order
 #: was renewed so often
-_STEPS, _CONVERGED, RENEWALS = 12, 0.1, 3
+_STEPS, _CONVERGED, _RENEWALS = 12, 0.1, 3
 #: times a step is halved at most while it does not lower the cost by more than its rounding
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
 #: share of the second order that is not known (exact states leave 0.01 to 0.04 of it in the readings of drawn cabs with pitch up
@@ -141,7 +141,7 @@ class JointEstimate:
                     raise
                 self.plant, self.theta, self.segments, self._free_forces = plant, theta, segments, False
         self.segments = [Segment.of(s, self.dt, self.plant) for s in self._raw]
-        for _ in range(RENEWALS):
+        for _ in range(_RENEWALS):
             self.renew()
         self._iterate()
         if self.plant.freed:
@@ -294,7 +294,7 @@ class JointEstimate:
                 self.theta = start
             moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(inverse))
             self._renew(model, projected)
-            if scale == 1.0 and moved.max() < _CONVERGED and step >= RENEWALS:
+            if scale == 1.0 and moved.max() < _CONVERGED and step >= _RENEWALS:
                 break
             projected = self._projected(model)
 

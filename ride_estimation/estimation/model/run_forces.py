@@ -151,6 +151,8 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
             smoothed += _smoothed(joint, bridge.start_ns, bridge.readings, bridge.silent)
     for start, readings in zip(found.start_ns, found.segments):
         smoothed += _smoothed(joint, start, readings)
+    if not smoothed:
+        return RunForces(refused="the model explains the readings of no part of the run")
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
     estimates = run_parameters(joint, newest), mass_properties(joint, newest)
     return RunForces(tuple(smoothed), found.dt, joint.plant.findings, *estimates)
