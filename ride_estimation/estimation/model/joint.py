@@ -48,8 +48,8 @@ _FIRST_S, _LONGEST_S = 15.0, 60.0
 _STEPS, _CONVERGED, _RENEWALS = 12, 0.1, 3
 #: times a step is halved at most while it does not lower the cost by more than its rounding
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
-#: share of the second order that is not known (exact states leave 0.01 to 0.04 of it in the readings of drawn cabs with pitch up
-#: to 0.9 degrees rms)
+#: share of the second order that is not known: its states are estimated, without rates below 0.2 Hz (exact ones leave 0.003 to
+#: 0.03 of it in the readings of drawn cabs with pitch up to 1.1 degrees rms)
 _HIGHER_ORDER = 0.05
 #: standard deviations of its prior from which an error is a fault of the sensor (a bias of 0.25 m/s^2 of one sensor on a cab left
 #: 14 % of the horizontal forces wrong, freed 4 %: foreign run cab_12)

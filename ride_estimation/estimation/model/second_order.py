@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Second order of the kinematics, computed from the last estimated states and added as known inputs.
+"""Second order of the kinematics and what the third adds, from the last estimated states, added as known inputs.
 
 Centripetal terms at sensors and mounts, rotation of the moving forces and of the body's specific force into bracket axes,
 Coriolis and Euler terms of the deflection, the arc of a finite rotation as a deflection of the law, the gyroscopic moment.
@@ -43,21 +43,25 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     speed = relative_rate @ m.points.T + v[:, s.deformation_rate] @ plant.patterns.T
     bracket_rate = rate[:, None] - (speed @ m.tilt.T).reshape(-1, count, 3)
     bracket_accel = (v @ d.spin.T).reshape(-1, count, 3)
-    speed = speed.reshape(-1, count, 3)
-    deflection = (v @ d.deflection.T).reshape(-1, count, 3)
+    arc, arc_rate = _arcs(plant, m, v)
+    speed = speed.reshape(-1, count, 3) + arc_rate
+    deflection = (v @ d.deflection.T).reshape(-1, count, 3) + arc
     turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
     upright = np.array([0.0, 0.0, plant.gravity])
 
-    angle, speed_of, accel_of = v[:, s.relative][:, 3:], relative_rate[:, 3:], (v @ d.A[s.relative_rate].T)[:, 3:]
-    arms = [p.position - m.cg for p in plant.mounts]
-    arc, _ = _arcs(plant, m, v)
-    arc_accel = np.stack(
-        [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
-    )
     load = force_of_second_order(plant, m, d, v).reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
     accel = load @ m.mobility[:6]
     point = ((v @ d.accel.T + accel[:, :6]) @ m.points.T).reshape(-1, count, 3)
+
+    angle, speed_of = v[:, s.relative][:, 3:], relative_rate[:, 3:]
+    accel_of = (v @ d.A[s.relative_rate].T + accel[:, :6])[:, 3:]
+    arms = [p.position - m.cg for p in plant.mounts]
+    arc_accel = np.stack(
+        [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
+    )
+    further = np.cross(accel_of[:, None], arc) + 2.0 * np.cross(speed_of[:, None], arc_rate) + np.cross(angle[:, None], arc_accel)
+    arc_accel += further / 3.0
 
     parts = []
     for sensor in plant.sensors:
@@ -72,7 +76,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
             part = centripetal + np.cross(turn[:, i], point[:, i] + centripetal)
             part += 0.5 * np.cross(turn[:, i], np.cross(turn[:, i], point[:, i] + upright))
             part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
-            part = part - np.cross(bracket_accel[:, i], deflection[:, i])
+            part -= np.cross(bracket_accel[:, i], deflection[:, i]) + _turned_twice(bracket_rate[:, i], deflection[:, i])
         parts.append(part @ as_read(plant, sensor, theta).T)
     return SecondOrder(np.hstack(parts), accel)
 
@@ -113,11 +117,16 @@ def slopes_of_laws(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
 
 
 def _arcs(plant: Plant, m: Constants, v: Array) -> tuple[Array, Array]:
-    """Return deflection and rate that a finite rotation adds, the mount moves along an arc: shape (T, M, 3)."""
-    angle, speed = v[:, plant.states.relative][:, 3:], v[:, plant.states.relative_rate][:, 3:]
+    """Return deflection and rate that a finite rotation adds, the mount moves along an arc: shape (T, M, 3).
+
+    To third order, ``theta x (theta x r) / 2 + theta x (theta x (theta x r)) / 6``: mounts are stiff along the last.
+    """
+    angle, speed = (v[:, part][:, 3:] for part in (plant.states.relative, plant.states.relative_rate))
     arms = [p.position - m.cg for p in plant.mounts]
     arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
-    return arc, np.stack([0.5 * (_twice(speed, angle, r) + _twice(angle, speed, r)) for r in arms], axis=1)
+    rate = np.stack([0.5 * (_twice(speed, angle, r) + _twice(angle, speed, r)) for r in arms], axis=1)
+    angle, speed = angle[:, None], speed[:, None]
+    return arc + np.cross(angle, arc) / 3.0, rate + (np.cross(speed, arc) + np.cross(angle, rate)) / 3.0
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:
