@@ -202,6 +202,19 @@ def fitted(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> tuple[Jo
     return joint, part
 
 
+def test_what_an_unknown_second_order_moves_is_no_conflict(fitted: tuple[JointEstimate, np.ndarray]) -> None:
+    joint, slow = copy.copy(fitted[0]), fitted[0].plant.slow
+    sensor = next(iter(slow.sensors))
+    place = slow.sensors[sensor]["position"].start
+    joint.theta, joint.covariance = slow.mean.copy(), np.diag(slow.std**2)
+    joint.theta[place] += 1.5 * slow.std[place]
+    joint._considered = np.zeros(len(joint.theta))
+    assert joint.conflicts() == (f"{sensor}.position.x",)
+    joint._considered[place] = slow.std[place]
+    joint.covariance[place, place] *= 2.0
+    assert joint.conflicts() == ()
+
+
 def test_brackets_follow_the_twist_of_the_frame_and_not_what_mounts_move_by_themselves(
     fitted: tuple[JointEstimate, np.ndarray],
 ) -> None:
