@@ -43,8 +43,9 @@ from ride_estimation.vehicles.vehicle import Vehicle
 
 #: fewer say nothing about any signal
 LEAST_TICKS = 8
-#: what :meth:`Replay.to_dataframe` gives
-TABLES = ("parameters", "parameters_smoothed", "mass_properties", "forces", "deflections", "motion")
+#: what :meth:`Replay.to_dataframe` gives: one row per estimate, or over time
+_ESTIMATES = ("parameters", "parameters_smoothed", "mass_properties")
+TABLES = (*_ESTIMATES, "forces", "deflections", "motion")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -117,7 +118,7 @@ class Replay:
         """
         if table not in TABLES:
             raise ConfigurationError(f"table {table!r}; allowed: {', '.join(TABLES)}")
-        if table in TABLES[:3]:
+        if table in _ESTIMATES:
             keys, rows = ("name", "value", "std", "unit", "prior"), getattr(self, table)
             columns: dict[str, Any] = {key: [getattr(p, key) for p in rows] for key in keys}
             return dataframe({**columns, "status": [p.status.value for p in rows]}, "name")
@@ -336,17 +337,14 @@ def summary(
     whole = {p.name: with_std(p.value, p.std) for p in result.smoothed_parameters}
     reasons: dict[tuple[str, str], list[str]] = {}
     for p in result.parameters:
-        value, std = with_std(p.value, p.std)
         later = "".join(f"{text:>{width}}" for text, width in zip(whole.get(p.name, ("", "")), (12, 10))) if whole else ""
-        lines.append(f"{p.name:<34}{value:>12}{std:>10}{later}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}")
+        lines.append(_estimate_line(p, later))
         if p.reason:
             reasons.setdefault((p.status.value, p.reason), []).append(p.name)
     lines += [f"{status} ({len(names)}): {', '.join(names)}: {reason}" for (status, reason), names in reasons.items()]
     if result.mass_properties:
         lines.append(f"{'mass properties, whole run':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status")
-    for p in result.mass_properties:
-        value, std = with_std(p.value, p.std)
-        lines.append(f"{p.name:<34}{value:>12}{std:>10}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}")
+    lines += [_estimate_line(p) for p in result.mass_properties]
     if result.mount_names:
         heads = (_three_words(f"mean {axis}" for axis in AXES), _three_words(f"peak {axis}" for axis in AXES))
         lines.append(f"{'force on the body by mount [N]':<34}{heads[0]:>32}{heads[1]:>32}  (peak: max |F - mean|)")
@@ -368,6 +366,12 @@ def summary(
         lines.append(f"... {len(warnings) - 12} more warnings in result.json")
     lines.append(f"digest {result.digest}")
     return "\n".join(lines)
+
+
+def _estimate_line(p: Estimate, later: str = "") -> str:
+    """Return the line of an estimate; ``later`` are the columns between its standard deviation and its prior."""
+    value, std = with_std(p.value, p.std)
+    return f"{p.name:<34}{value:>12}{std:>10}{later}{plain(p.prior):>12}  {p.unit:<7} {p.status.value}"
 
 
 def _three(values: Sequence[float]) -> str:

@@ -234,8 +234,7 @@ def _mass_properties(page: Page, run: OfflineRun) -> None:
     for p in run.mass_properties:
         unit, factor = ("mm", 1e3) if p.unit == "m" else reading_unit(p.unit)
         off = Digits(with_std(factor * (p.value - p.prior), factor * p.std)[0])
-        status = f"{p.status.value}{f': {p.reason}' if p.reason else ''}"
-        rows.append([p.name, *_digits(p, factor), unit.replace(" ", "\u00a0"), Digits(plain(factor * p.prior)), off, status])
+        rows.append([p.name, *_digits(p, factor), unit.replace(" ", "\u00a0"), Digits(plain(factor * p.prior)), off, _status(p)])
     if rows:
         page.table(["mass property, whole run", "value", "± 95 %", "unit", "vehicle file", "value - file", "status"], rows)
         page.text("CG and moments of inertia of the body without what it carries, the latter for the mass of the vehicle file.")
@@ -247,7 +246,11 @@ def _digits(p: Estimate, factor: float) -> list[object]:
 
 
 def _of_whole_run(p: Estimate | None, factor: float) -> list[object]:
-    return ["", "", ""] if p is None else [*_digits(p, factor), f"{p.status.value}{f': {p.reason}' if p.reason else ''}"]
+    return ["", "", ""] if p is None else [*_digits(p, factor), _status(p)]
+
+
+def _status(p: Estimate) -> str:
+    return f"{p.status.value}: {p.reason}" if p.reason else p.status.value
 
 
 def _told(run: OfflineRun, identifiability: Mapping[str, Any]) -> Iterator[list[object]]:

@@ -44,7 +44,7 @@ def data() -> Measurement:
     sensors[1] = dataclasses.replace(sensors[1], true_rotation=Rotation.from_rotvec(TURN).as_matrix())
     sensors[2] = dataclasses.replace(sensors[2], true_position=sensors[2].position + MOVED)
     sensors[5] = dataclasses.replace(sensors[5], delay_s=0.001)
-    run = drive(cab, Road(follow=(0.6, 0.6)), 22.0, 7)
+    run = drive(cab, Road(follow=(0.6, 0.6)), 40.0, 7)
     return measure(run, tuple(sensors), 200.0, 7, noise_share=0.01, anti_alias=0.0)
 
 
@@ -68,8 +68,7 @@ def test_hidden_errors_come_back(found: DriveCalibration) -> None:
     assert sensors[1].errors["misalignment"][2] == pytest.approx(TURN[2], abs=np.radians(0.15))
     assert sensors[2].errors["position"][1] == pytest.approx(MOVED[1], abs=0.005)
     delays = np.array([c.errors["delay"][0] for c in sensors])
-    own = sensors[5].stds["delay"][0]
-    assert own < 6e-5 and delays[5] - np.mean(np.delete(delays, 5)) == pytest.approx(0.001, abs=2.5 * own)
+    assert delays[5] - np.mean(np.delete(delays, 5)) == pytest.approx(0.001, abs=1e-4)
     assert sensors[0].determined["gain"].all() and found.usable and found.nis == pytest.approx(1.0, abs=0.1)
     assert found.covariance.shape == (len(found.names),) * 2
     assert "relative to the mean of all sensors" in "\n".join(summary_lines(found))

@@ -268,11 +268,11 @@ def test_slopes_of_the_second_order_are_its_derivative(vehicle: Vehicle) -> None
 
 
 def test_exact_states_and_second_order_are_what_ideal_sensors_read() -> None:
-    """A cab on a rigid base that pitches: without second order 3 % of the readings are left, with it a thirtieth of that."""
-    rng = np.random.default_rng(7400)
+    """A cab on a rigid base that rolls and pitches by a degree: what the linear model leaves of the readings is explained."""
+    rng = np.random.default_rng(9506)
     cab = random_vehicle(rng, "air")
     sensors = random_sensors(cab, rng)
-    run = drive(cab, dataclasses.replace(Road.random(rng), follow=(0.0, 0.0), twist=0.0, local=0.0), 12.0, 7400)
+    run = drive(cab, dataclasses.replace(Road.random(rng), follow=(0.0, 0.0), twist=0.0, local=0.0), 12.0, 9506)
     plant = Plant(vehicle_of_text(vehicle_yaml(cab, sensors)))
     slow, states, theta = plant.slow, plant.states, plant.slow.mean.copy()
     theta[slow.log_stiffness], theta[slow.log_damping] = np.log(cab.stiffness.ravel()), np.log(cab.damping.ravel())
@@ -294,7 +294,7 @@ def test_exact_states_and_second_order_are_what_ideal_sensors_read() -> None:
     true = np.hstack([true_signal(run, sensor, brackets) for sensor in sensors])
     left, missing = (np.sqrt(np.mean((x - true)[inside] ** 2, axis=0)).reshape(-1, 3) for x in (whole, linear))
     assert np.all(np.sum(missing[:, [0, 2]], axis=1) > 0.02)
-    np.testing.assert_array_less(left.max(axis=0), 0.05 * missing.max(axis=0))
+    np.testing.assert_array_less(left.max(axis=0), 0.02 * missing.max(axis=0))
 
 
 def test_rates_of_a_segment_that_ends_unlike_it_begins_are_those_of_the_motion() -> None:

@@ -210,7 +210,7 @@ def test_what_an_unknown_second_order_moves_is_no_conflict(fitted: tuple[JointEs
     joint.theta[place] += 1.5 * slow.std[place]
     joint._considered = np.zeros(len(joint.theta))
     assert joint.conflicts() == (f"{sensor}.position.x",)
-    joint._considered[place] = slow.std[place]
+    joint._considered[place] = slow.std[place] ** 2
     joint.covariance[place, place] *= 2.0
     assert joint.conflicts() == ()
 

@@ -8,7 +8,7 @@ import enum
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
 class Status(enum.Enum):
@@ -50,7 +50,7 @@ class Estimate:
     stamp_ns: int
 
 
-def best_of(live: Sequence[T], whole: Sequence[T], name_and_status: Callable[[T], tuple[str, str]]) -> list[T]:
+def best_of(live: Sequence[_T], whole: Sequence[_T], name_and_status: Callable[[_T], tuple[str, str]]) -> list[_T]:
     """Return the best estimates there are: of the whole run unless suspect there, else as live.
 
     Parameters

@@ -107,7 +107,7 @@ class JointEstimate:
         self.theta = plant.slow.mean.copy()
         self.covariance = np.diag(plant.slow.std**2)
         self.nis = self.largest_nis = np.nan
-        #: what the second order that is not known moves the slow states by, shape (P,)
+        #: part of the variances that the second order causes which is not known, shape (P,)
         self._considered = np.zeros(len(self.theta))
 
     def model(self, theta: Array | None = None) -> Model:
@@ -153,10 +153,10 @@ class JointEstimate:
         information, _ = self.normal_equations(model, projected)
         free, inverse = self.plant.slow.free, self._inverse(information)
         higher = _HIGHER_ORDER * inverse @ self._along_second_order(model, projected)
-        out = np.zeros((len(self.theta),) * 2)
-        out[np.ix_(free, free)] = inverse + np.outer(higher, higher)
-        self.covariance = self._relative(out)
-        self._considered[free] = higher
+        learned, considered = np.zeros((2, *self.covariance.shape))
+        learned[np.ix_(free, free)], considered[np.ix_(free, free)] = inverse, np.outer(higher, higher)
+        self.covariance = self._relative(learned + considered)
+        self._considered = np.diag(self._relative(considered))
 
     def _fit_part(self, part: Array) -> None:
         """Estimate from one part alone; refuse motion that the second order does not describe."""
@@ -243,7 +243,7 @@ class JointEstimate:
 
         And a CG that is far from where the file states it: the body carries a load, and everything is known over its mass only.
         """
-        slow, considered = self.plant.slow, self._considered**2
+        slow, considered = self.plant.slow, self._considered
         std = np.sqrt(np.maximum(np.diag(self.covariance) - considered, 0.0))
         off = np.abs(self.cg_offset()) > _FAULT * slow.std[slow.cg]
         found = [f"{self.plant.geometry.body.name}.cg.{axis}" for axis, far in zip(AXES, off) if far]

@@ -54,14 +54,11 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     accel = load @ m.mobility[:6]
     point = ((v @ d.accel.T + accel[:, :6]) @ m.points.T).reshape(-1, count, 3)
 
-    angle, speed_of = v[:, s.relative][:, 3:], relative_rate[:, 3:]
-    accel_of = (v @ d.A[s.relative_rate].T + accel[:, :6])[:, 3:]
-    arms = [p.position - m.cg for p in plant.mounts]
-    arc_accel = np.stack(
-        [0.5 * (_twice(accel_of, angle, r) + _twice(angle, accel_of, r)) + _turned_twice(speed_of, r) for r in arms], axis=1
-    )
-    further = np.cross(accel_of[:, None], arc) + 2.0 * np.cross(speed_of[:, None], arc_rate) + np.cross(angle[:, None], arc_accel)
-    arc_accel += further / 3.0
+    arms = _arms(plant, m)
+    angle, speed_of = v[:, None, s.relative][..., 3:], relative_rate[:, None, 3:]
+    accel_of = (v @ d.A[s.relative_rate].T + accel[:, :6])[:, None, 3:]
+    arc_accel = 0.5 * (_twice(accel_of, angle, arms) + _twice(angle, accel_of, arms)) + _turned_twice(speed_of, arms)
+    arc_accel += (np.cross(accel_of, arc) + 2.0 * np.cross(speed_of, arc_rate) + np.cross(angle, arc_accel)) / 3.0
 
     parts = []
     for sensor in plant.sensors:
@@ -121,12 +118,15 @@ def _arcs(plant: Plant, m: Constants, v: Array) -> tuple[Array, Array]:
 
     To third order, ``theta x (theta x r) / 2 + theta x (theta x (theta x r)) / 6``: mounts are stiff along the last.
     """
-    angle, speed = (v[:, part][:, 3:] for part in (plant.states.relative, plant.states.relative_rate))
-    arms = [p.position - m.cg for p in plant.mounts]
-    arc = np.stack([0.5 * _turned_twice(angle, r) for r in arms], axis=1)
-    rate = np.stack([0.5 * (_twice(speed, angle, r) + _twice(angle, speed, r)) for r in arms], axis=1)
-    angle, speed = angle[:, None], speed[:, None]
+    arms = _arms(plant, m)
+    angle, speed = (v[:, None, part][..., 3:] for part in (plant.states.relative, plant.states.relative_rate))
+    arc, rate = 0.5 * _turned_twice(angle, arms), 0.5 * (_twice(speed, angle, arms) + _twice(angle, speed, arms))
     return arc + np.cross(angle, arc) / 3.0, rate + (np.cross(speed, arc) + np.cross(angle, rate)) / 3.0
+
+
+def _arms(plant: Plant, m: Constants) -> Array:
+    """Return where the mounts are, from the CG, shape (M, 3)."""
+    return np.array([p.position for p in plant.mounts]) - m.cg
 
 
 def _turned_twice(rate: Array, arm: Array) -> Array:
