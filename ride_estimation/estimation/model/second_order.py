@@ -43,9 +43,8 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     speed = relative_rate @ m.points.T + v[:, s.deformation_rate] @ plant.patterns.T
     bracket_rate = rate[:, None] - (speed @ m.tilt.T).reshape(-1, count, 3)
     bracket_accel = (v @ d.spin.T).reshape(-1, count, 3)
-    arc, arc_rate = _arcs(plant, m, v)
-    speed = speed.reshape(-1, count, 3) + arc_rate
-    deflection = (v @ d.deflection.T).reshape(-1, count, 3) + arc
+    speed = speed.reshape(-1, count, 3)
+    deflection = (v @ d.deflection.T).reshape(-1, count, 3)
     turn = (v @ (m.tilt @ d.deflection).T).reshape(-1, count, 3)
     upright = np.array([0.0, 0.0, plant.gravity])
 
@@ -54,11 +53,10 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     accel = load @ m.mobility[:6]
     point = ((v @ d.accel.T + accel[:, :6]) @ m.points.T).reshape(-1, count, 3)
 
-    arms = _arms(plant, m)
+    arms, (arc, _) = _arms(plant, m), _arcs(plant, m, v)
     angle, speed_of = v[:, None, s.relative][..., 3:], relative_rate[:, None, 3:]
     accel_of = (v @ d.A[s.relative_rate].T + accel[:, :6])[:, None, 3:]
     arc_accel = 0.5 * (_twice(accel_of, angle, arms) + _twice(angle, accel_of, arms)) + _turned_twice(speed_of, arms)
-    arc_accel += (np.cross(accel_of, arc) + 2.0 * np.cross(speed_of, arc_rate) + np.cross(angle, arc_accel)) / 3.0
 
     parts = []
     for sensor in plant.sensors:
@@ -73,7 +71,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
             part = centripetal + np.cross(turn[:, i], point[:, i] + centripetal)
             part += 0.5 * np.cross(turn[:, i], np.cross(turn[:, i], point[:, i] + upright))
             part -= arc_accel[:, i] + 2.0 * np.cross(bracket_rate[:, i], speed[:, i])
-            part -= np.cross(bracket_accel[:, i], deflection[:, i]) + _turned_twice(bracket_rate[:, i], deflection[:, i])
+            part -= np.cross(bracket_accel[:, i], deflection[:, i])
         parts.append(part @ as_read(plant, sensor, theta).T)
     return SecondOrder(np.hstack(parts), accel)
 
