@@ -78,7 +78,7 @@ def _equations(joint: JointEstimate, segment: Segment) -> tuple[Array, Array]:
     others = np.linalg.qr(np.column_stack([plant.twist, np.eye(len(plant.twist))]))[0][:, 1:]
     deformations = p.inputs()[:, plant.states.deforming]
     found, twist = deformations @ others, deformations[at] @ plant.twist
-    noise = np.sum(np.abs(np.matmul(others.T, np.linalg.inv(p.root)[:, plant.states.deforming])) ** 2, axis=2)
+    noise = np.sum(np.abs(np.matmul(others.T, p.unroot[:, plant.states.deforming])) ** 2, axis=2)
     spectrum = np.maximum(lines.smooth(np.abs(lines.taper(found)) ** 2), noise)[at]
     slope = np.matmul(others.T, _slope(model, segment, p)[at, plant.states.deforming])
     columns = np.concatenate([slope, np.broadcast_to(twist[:, None, None], (*slope.shape[:2], 1))], axis=2)

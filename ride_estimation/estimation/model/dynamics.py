@@ -51,6 +51,11 @@ class Dynamics:
     base: Array
     spin: Array
 
+    @property
+    def parts(self) -> Array:
+        """Return what sensors read combinations of: ``accel``, ``base``, ``spin``, ``deflection``, shape (6 + 9 M, V)."""
+        return np.vstack([self.accel, self.base, self.spin, self.deflection])
+
 
 def dynamics(plant: Plant, m: Constants) -> Dynamics:
     """Return the continuous-time model of a plant with given constants."""
@@ -77,7 +82,7 @@ def dynamics(plant: Plant, m: Constants) -> Dynamics:
     A[s.relative, s.relative_rate] = np.eye(6)
     A[s.carried, s.carried_rate] = np.eye(plant.carried.count)
     A[s.carried_rate] = accelerated[6:]
-    A[s.relative_rate] = accel + np.linalg.pinv(m.points) @ lean
+    A[s.relative_rate] = accel + np.linalg.solve(m.points.T @ m.points, m.points.T @ lean)
     A[s.relative_rate, s.base_accel] -= np.eye(6)
     A[s.deformation, s.deformation_rate] = A[s.deformation_rate, s.deformation_accel] = np.eye(n)
 

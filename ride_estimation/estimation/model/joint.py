@@ -43,8 +43,8 @@ Complex = NDArray[np.complex128]
 _LARGEST_STEP = 0.5
 #: length of the part that is estimated from first; longer segments are divided into equal ones [s]
 _FIRST_S, _LONGEST_S = 15.0, 60.0
-#: scoring steps at most; converged when the largest step is this share of its standard deviation, not before the second order
-#: was renewed so often
+#: scoring steps at most; converged when the largest step is this share of its standard deviation; how often the second order of
+#: the whole run is renewed before
 _STEPS, _CONVERGED, _RENEWALS = 12, 0.1, 3
 #: times a step is halved at most while it does not lower the cost by more than its rounding
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
@@ -150,9 +150,9 @@ class JointEstimate:
             self._settle_laws()
         model = self.model()
         projected = self._projected(model)
-        information, _ = self.normal_equations(model, projected)
+        information, _, along = self.normal_equations(model, projected)
         free, inverse = self.plant.slow.free, self._inverse(information)
-        higher = _HIGHER_ORDER * inverse @ self._along_second_order(model, projected)
+        higher = _HIGHER_ORDER * inverse @ along
         learned, considered = np.zeros((2, *self.covariance.shape))
         learned[np.ix_(free, free)], considered[np.ix_(free, free)] = inverse, np.outer(higher, higher)
         self.covariance = self._relative(learned + considered)
@@ -212,7 +212,7 @@ class JointEstimate:
         if not len(faulty):
             return 0.0
         free = slow.free
-        information, gradient = self.normal_equations(self.model())
+        information, gradient, _ = self.normal_equations(self.model())
         at = np.searchsorted(free, faulty)
         prior = slow.std[faulty] ** -2.0
         information[at, at] -= (1.0 - 1.0 / _FAULT**2) * prior
@@ -278,8 +278,8 @@ class JointEstimate:
         laws = free < slow.log_damping.stop
         model = self.model()
         projected = self._projected(model)
-        for step in range(_STEPS):
-            information, gradient = self.normal_equations(model, projected)
+        for _ in range(_STEPS):
+            information, gradient, _ = self.normal_equations(model, projected)
             if not (np.all(np.isfinite(information)) and np.all(np.isfinite(gradient))):
                 raise InputDataError(_UNFIT)
             inverse = self._inverse(information)
@@ -298,7 +298,7 @@ class JointEstimate:
                 self.theta = start
             moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(inverse))
             self._renew(model, projected)
-            if scale == 1.0 and moved.max() < _CONVERGED and step >= _RENEWALS:
+            if scale == 1.0 and moved.max() < _CONVERGED:
                 break
             projected = self._projected(model)
 
@@ -367,24 +367,33 @@ class JointEstimate:
         wanders = np.full(patterns, segment.deformation / np.sqrt(duration * ENDS_HZ))
         return rows, np.concatenate([change, wanders, moves / slow, moves])
 
-    def normal_equations(self, model: Model, projected: Sequence[Projected] = ()) -> tuple[Array, Array]:
-        """Return information and gradient of the negative log-likelihood, priors included, of the free slow states.
+    def normal_equations(self, model: Model, projected: Sequence[Projected] = ()) -> tuple[Array, Array, Array]:
+        """Return the normal equations of the free slow states.
+
+        A common factor on the second order is known to :data:`_HIGHER_ORDER`: it is considered and not estimated (Schmidt, in
+        Bierman, Factorization Methods, 1977, VIII). Without, the stiffness of front and rear mounts, told by the second order,
+        was 4 standard deviations off along x in a foreign cab that moves much.
 
         Parameters
         ----------
         model, projected
             As in :meth:`cost`.
+
+        Returns
+        -------
+        tuple
+            Information (P, P) and gradient (P,) of the negative log-likelihood, priors included; gradient by that factor (P,).
         """
         slow, free = self.plant.slow, self.plant.slow.free
         sensitivity = Sensitivity.of(model)
-        information = np.diag(slow.std[free] ** -2.0)
+        information, along = np.diag(slow.std[free] ** -2.0), np.zeros(len(free))
         gradient = (self.theta - slow.mean)[free] / slow.std[free] ** 2
         squares, counts = np.zeros((2, 1))
         for segment, p in zip(self.segments, projected or self._projected(model)):
-            v, _ = states_of(model, segment, p)
-            own, cross, score = self._jacobian(sensitivity, segment, p, v)
+            own, cross, scores = self._jacobian(sensitivity, segment, p, states_of(model, segment, p)[0])
             information += 2.0 * (own - cross @ np.linalg.solve(p.ends_information, cross.T))
-            gradient -= 2.0 * score
+            gradient -= 2.0 * scores[:, 0]
+            along += 2.0 * scores[:, 1]
             white, offset = self._offset(model, segment)
             slope = white @ sensitivity.constants[:, self._means(segment)].T
             information += slope.T @ slope
@@ -392,41 +401,33 @@ class JointEstimate:
             own_squares, own_counts = p.squares(segment)
             squares, counts = squares + own_squares, counts + own_counts
         self.nis, self.largest_nis = float(squares.sum() / counts.sum()), largest(squares, counts)
-        return information, gradient
-
-    def _along_second_order(self, model: Model, projected: Sequence[Projected]) -> Array:
-        """Return the gradient by a common factor on the second order, shape (P,), of the free slow states.
-
-        It is known to :data:`_HIGHER_ORDER`: the factor is considered and not estimated (Schmidt, in Bierman, Factorization
-        Methods, 1977, VIII). Without, the stiffness of front and rear mounts, told by the second order, was 4 standard
-        deviations off along x in a foreign cab that moves much.
-        """
-        sensitivity, found = Sensitivity.of(model), np.zeros(len(self.plant.slow.free))
-        for segment, p in zip(self.segments, projected):
-            known = p.late * known_readings(model, segment, p.response)
-            left = np.matmul(p.free, known[:, :, None])[:, :, 0]
-            ends = np.linalg.solve(p.ends_information, np.einsum("frx,fr->x", p.jump.conj(), left).real)
-            alone = dataclasses.replace(p, left=left - p.jump @ ends)
-            found += 2.0 * self._jacobian(sensitivity, segment, alone, states_of(model, segment, p)[0])[2]
-        return found
+        return information, gradient, along
 
     def _jacobian(self, sensitivity: Sensitivity, segment: Segment, p: Projected, v: Complex) -> tuple[Array, Array, Array]:
-        """Return sums over the lines: Jacobian by itself (P, P), by the ends (P, X), by the residual (P,)."""
+        """Return sums over the lines: Jacobian by itself (P, P), by the ends (P, X), by residual and second order (P, 2)."""
         parameters = len(self.plant.slow.free)
-        own, cross, score = np.zeros((parameters,) * 2), np.zeros((parameters, len(p.ends))), np.zeros(parameters)
-        common = np.searchsorted(self.plant.slow.free, self._delays)
+        own, cross, scores = np.zeros((parameters,) * 2), np.zeros((parameters, len(p.ends))), np.zeros((parameters, 2))
+        common, ends = np.searchsorted(self.plant.slow.free, self._delays), np.zeros(len(p.ends))
+        second = p.late * known_readings(sensitivity.model, segment, p.response)
         for first in range(0, len(v), _CHUNK):
             at = slice(first, first + _CHUNK)
             J = sensitivity.readings(segment, p, v, at)
             if len(common):
                 J[:, :, common] -= J[:, :, common].mean(axis=2, keepdims=True)
-            J = np.matmul(p.free[at], J).reshape(-1, parameters)
-            real = np.vstack([J.real, J.imag])
-            own += real.T @ real
-            over, left = p.jump[at].reshape(-1, len(p.ends)), p.left[at].ravel()
-            cross += real.T @ np.vstack([over.real, over.imag])
-            score += real.T @ np.r_[left.real, left.imag]
-        return own, cross, score
+            J = _real(np.matmul(p.free[at], J))
+            over, left = _real(p.jump[at]), _real(np.dstack([p.left[at], np.matmul(p.free[at], second[at, :, None])[:, :, 0]]))
+            own += J.T @ J
+            cross += J.T @ over
+            scores += J.T @ left
+            ends += over.T @ left[:, 1]
+        scores[:, 1] -= cross @ np.linalg.solve(p.ends_information, ends)
+        return own, cross, scores
+
+
+def _real(values: Complex) -> Array:
+    """Return complex values (F, R, K) as rows of real and imaginary parts, shape (2 F R, K)."""
+    flat = values.reshape(-1, values.shape[2])
+    return np.vstack([flat.real, flat.imag])
 
 
 def largest(squares: Array, counts: Array) -> float:

@@ -56,8 +56,9 @@ class Constants:
         What it carries.
     points
         P, shape (3 M, 6): from rigid motion at the CG to the motion of the mounts.
-    static, static_covariance
-        Force of the mounts on the body at rest, shape (M, 3) [N], and what equilibrium leaves of its covariance, (3 M, 3 M).
+    static, static_left
+        Force of the mounts on the body at rest, shape (M, 3) [N], and what equilibrium leaves of the covariance of loads that the
+        file states or that springs share, (3 M, 3 M).
     mean
         Mean specific force of base and body beyond gravity, shape (3,) [m/s^2].
     deflected
@@ -73,7 +74,7 @@ class Constants:
     carried: CarriedParts
     points: Array
     static: Array
-    static_covariance: Array
+    static_left: Array
     mean: Array
     deflected: Array
 
@@ -188,7 +189,6 @@ class Plant:
         load = np.append(mass * theta[s.mean_accel], np.zeros(3))
         deflected = -points @ np.linalg.solve(points.T @ (k[:, None] * points), load)
         tilt = self.untwisted + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
-        left = left + self._leaning(points, k, static)
         c = np.exp(theta[s.log_damping])
         return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel], deflected)
 
@@ -228,13 +228,16 @@ class Plant:
         places = [f"{self.mounts[i // 3].name} {AXES[i % 3]}" for i in sorted(self.freed)]
         return (f"the force is not that of a linear law at {', '.join(places)}",) if places else ()
 
-    def _leaning(self, points: Array, stiffness: Array, static: Array) -> Array:
-        """Return the covariance of the horizontal static forces, (3 M, 3 M): brackets lean at rest as their sensors do."""
+    def static_covariance(self, m: Constants) -> Array:
+        """Return the covariance of the static forces that equilibrium leaves, (3 M, 3 M).
+
+        Horizontal ones are there because brackets lean at rest as their sensors do.
+        """
         lean = [s.stated_installation.misalignment for s in self.base_sensors]
-        sideways = np.zeros(static.shape)
-        sideways[:, :2] = np.outer(lean * static[:, 2], np.ones(2)) ** 2
-        left = unbalanced(points, stiffness)
-        return np.asarray((left * sideways.ravel()) @ left.T)
+        sideways = np.zeros(m.static.shape)
+        sideways[:, :2] = np.outer(lean * m.static[:, 2], np.ones(2)) ** 2
+        left = unbalanced(m.points, m.stiffness)
+        return np.asarray(m.static_left + (left * sideways.ravel()) @ left.T)
 
 
 def unbalanced(points: Array, stiffness: Array) -> Array:

@@ -1,9 +1,11 @@
 # Copyright 2026 ride_estimation contributors
-"""What sensors read of the state: rows and constants, with bias, gain, misalignment, position and delay of every sensor.
+"""What sensors read: combinations of accelerations and deflections, and constants.
+
+Every sensor errs by bias, gain, misalignment, position and delay.
 
 An accelerometer whose axes are turned by phi (sensor axes) at ``r + dr`` reads
 ``y = (1 + gain) E(phi)^T R^T (a + alpha x dr + g e_z)(t - delay) + bias``, with ``E(phi)`` the rotation by phi. The delay is a
-phase and not in these rows.
+phase and not in these combinations.
 """
 
 from __future__ import annotations
@@ -14,27 +16,47 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ride_estimation.estimation.model.dynamics import Dynamics
-from ride_estimation.estimation.model.plant import Plant
+from ride_estimation.estimation.model.plant import Constants, Plant
+from ride_estimation.estimation.model.states import reading_width, slices_of
 from ride_estimation.frames import AXES, point_motion_matrix, skew
 from ride_estimation.sensors.sensor import Sensor
 
 Array = NDArray[np.float64]
 
 
-def reading(plant: Plant, d: Dynamics, sensor: Sensor, theta: Array) -> tuple[Array, Array]:
-    """Return rows (C, V) and constant part (C,) of one sensor's reading, without its delay."""
-    error = {kind: theta[part] for kind, part in plant.slow.sensors[sensor.name].items()}
+def combination(plant: Plant, sensor: Sensor, theta: Array, cg: Array) -> Array:
+    """Return what a sensor reads as combination of :attr:`Dynamics.parts`, without its delay, shape (C, 6 + 9 M)."""
+    count = 3 * len(plant.mounts)
+    accel, base, spin, deflection = slices_of([6, count, count, count])
+    found = np.zeros((reading_width(sensor), deflection.stop))
+    read, i = as_read(plant, sensor, theta), plant.base_of.get(sensor.name)
     if sensor.kind == "displacement":
-        mount = next(i for i, m in enumerate(plant.mounts) if m.name == sensor.mount)
-        place = 3 * mount + AXES.index(sensor.axis)
-        rows = d.deflection[place][None]
-        still = d.constants.deflected[place : place + 1]
+        found[0, deflection.start + _travel(plant, sensor)] = read[0, 0]
+        return found
+    moved = skew(theta[plant.slow.sensors[sensor.name]["position"]])
+    if i is None:
+        found[:, accel] = read @ (point_motion_matrix(sensor.position - cg) - np.hstack([np.zeros((3, 3)), moved]))
     else:
-        rows = point_rows(plant, d, sensor, d.constants.cg) - skew(error["position"]) @ _spin(plant, d, sensor)
-        still = np.array([0.0, 0.0, plant.gravity]) + theta[plant.slow.mean_accel] + _leaning(plant, d, sensor)
-    read = as_read(plant, sensor, theta)
-    return read @ rows, read @ still + error["bias"]
+        at = 3 * i
+        found[:, base.start + at : base.start + at + 3] = read
+        found[:, spin.start + at : spin.start + at + 3] = -read @ (skew(sensor.position - plant.mounts[i].position) + moved)
+    return found
+
+
+def combinations_of(plant: Plant, theta: Array, cg: Array) -> Array:
+    """Return the combinations of all sensors, shape (C, 6 + 9 M)."""
+    return np.vstack([combination(plant, s, theta, cg) for s in plant.sensors])
+
+
+def constant(plant: Plant, m: Constants, sensor: Sensor, theta: Array) -> Array:
+    """Return what a sensor reads of a vehicle that stands, shape (C,): gravity and bias."""
+    bias = theta[plant.slow.sensors[sensor.name]["bias"]]
+    if sensor.kind == "displacement":
+        place = _travel(plant, sensor)
+        still = m.deflected[place : place + 1]
+    else:
+        still = np.array([0.0, 0.0, plant.gravity]) + m.mean + _leaning(plant, m, sensor)
+    return np.asarray(as_read(plant, sensor, theta) @ still + bias)
 
 
 def as_read(plant: Plant, sensor: Sensor, theta: Array) -> Array:
@@ -42,21 +64,6 @@ def as_read(plant: Plant, sensor: Sensor, theta: Array) -> Array:
     parts = plant.slow.sensors[sensor.name]
     turn = np.eye(1) if sensor.kind == "displacement" else axes(sensor, theta[parts["misalignment"]]).T
     return np.asarray((1.0 + theta[parts["gain"]])[:, None] * turn)
-
-
-def readings(plant: Plant, d: Dynamics, theta: Array) -> tuple[Array, Array]:
-    """Return rows (C, V) and constant part (C,) of all readings."""
-    parts = [reading(plant, d, s, theta) for s in plant.sensors]
-    return np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-
-
-def point_rows(plant: Plant, d: Dynamics, sensor: Sensor, cg: Array) -> Array:
-    """Return the moving specific force where an accelerometer is declared to be, axes of its body, shape (3, V)."""
-    i = plant.base_of.get(sensor.name)
-    if i is None:
-        return np.asarray(point_motion_matrix(sensor.position - cg) @ d.accel)
-    part = slice(3 * i, 3 * i + 3)
-    return np.asarray(d.base[part] - skew(sensor.position - plant.mounts[i].position) @ d.spin[part])
 
 
 def axes(sensor: Sensor, misalignment: Array) -> Array:
@@ -69,15 +76,15 @@ def _rotation(x: float, y: float, z: float) -> Array:
     return np.asarray(Rotation.from_rotvec([x, y, z]).as_matrix())
 
 
-def _leaning(plant: Plant, d: Dynamics, sensor: Sensor) -> Array:
+def _leaning(plant: Plant, m: Constants, sensor: Sensor) -> Array:
     """Return what gravity adds at a bracket, against which the body leans at rest, shape (3,)."""
     i = plant.base_of.get(sensor.name)
     if i is None:
         return np.zeros(3)
-    turn = d.constants.tilt[3 * i : 3 * i + 3] @ d.constants.deflected
+    turn = m.tilt[3 * i : 3 * i + 3] @ m.deflected
     return np.asarray(plant.gravity * np.array([turn[1], -turn[0], 0.0]))
 
 
-def _spin(plant: Plant, d: Dynamics, sensor: Sensor) -> Array:
-    i = plant.base_of.get(sensor.name)
-    return d.accel[3:] if i is None else d.spin[3 * i : 3 * i + 3]
+def _travel(plant: Plant, sensor: Sensor) -> int:
+    """Return which of the 3 M deflections a transducer measures."""
+    return 3 * next(i for i, m in enumerate(plant.mounts) if m.name == sensor.mount) + AXES.index(sensor.axis)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.model.dynamics import Dynamics, dynamics
 from ride_estimation.estimation.model.plant import Constants, Plant
-from ride_estimation.estimation.model.readings import as_read, readings
+from ride_estimation.estimation.model.readings import as_read, combinations_of, constant
 from ride_estimation.estimation.model.second_order import second_order, slopes_of_laws
 from ride_estimation.estimation.model.spectral import Lines, Response, response
 from ride_estimation.estimation.model.states import FastStates
@@ -53,24 +53,27 @@ class Model:
         What it was built from, shape (P,).
     constants, dynamics
         Slow states in physical units, equations of motion.
-    rows, constant
-        Readings: rows over states and inputs (C, V), part that does not move: gravity and bias, shape (C,).
+    combinations, rows, constant
+        Readings: combinations of :attr:`Dynamics.parts`, with them rows over states and inputs (C, V), part that does not move:
+        gravity and bias, shape (C,).
     """
 
     plant: Plant
     theta: Array
     constants: Constants
     dynamics: Dynamics
+    combinations: Array
     rows: Array
     constant: Array
 
     @classmethod
-    def of(cls, plant: Plant, theta: Array) -> Model:
-        """Return the model of a plant at slow states."""
+    def of(cls, plant: Plant, theta: Array, combinations: Array | None = None) -> Model:
+        """Return the model of a plant at slow states; ``combinations`` are given where no sensor and no CG differs."""
         m = plant.constants(theta)
         d = dynamics(plant, m)
-        rows, constant = readings(plant, d, theta)
-        return cls(plant, theta, m, d, rows, constant)
+        read = combinations_of(plant, theta, m.cg) if combinations is None else combinations
+        still = np.concatenate([constant(plant, m, s, theta) for s in plant.sensors])
+        return cls(plant, theta, m, d, read, read @ d.parts, still)
 
     @property
     def still(self) -> Array:
@@ -116,7 +119,7 @@ class Model:
         """
         straight = dynamics(self.plant, dataclasses.replace(self.constants, tilt=self.plant.untwisted))
         at = self.plant.states.accelerated
-        return self.dynamics.A[at] - straight.A[at], self.rows - readings(self.plant, straight, self.theta)[0]
+        return self.dynamics.A[at] - straight.A[at], self.rows - self.combinations @ straight.parts
 
 
 @dataclasses.dataclass
@@ -195,8 +198,8 @@ class Projected:
         What whitens what no input explains, shape (F, C - W, C), and the residual there, (F, C - W).
     jump, ends, ends_information
         Effect of the ends on that residual, shape (F, C - W, X), their estimate (X,) and its information (X, X).
-    basis, root
-        Factors of T, shape (F, C, W) and (F, W, W).
+    basis, root, unroot
+        Factors of T, shape (F, C, W) and (F, W, W), and the inverse of the latter.
     seen
         Readings less what is known, shape (F, C).
     jump_readings
@@ -215,6 +218,7 @@ class Projected:
     ends_information: Array
     basis: Complex
     root: Complex
+    unroot: Complex
     seen: Complex
     jump_readings: Complex
     cost: float
@@ -233,12 +237,16 @@ class Projected:
 
     def inverse(self) -> Complex:
         """Return ``T^+``: from whitened readings to the inputs, shape (F, W, C)."""
-        return np.asarray(np.linalg.solve(self.root, self.basis.conj().transpose(0, 2, 1)))
+        return np.matmul(self.unroot, self.basis.conj().transpose(0, 2, 1))
+
+    @property
+    def input_noise(self) -> Array:
+        """Return the variance of the noise in the inputs, shape (F, W)."""
+        return np.asarray(np.sum(np.abs(self.unroot) ** 2, axis=2))
 
     def inputs(self) -> Complex:
         """Return ``T^+ (y - G b)``, shape (F, W)."""
-        moved = self.seen - self.jump_readings @ self.ends
-        return np.asarray(np.matmul(self.inverse(), moved[:, :, None])[:, :, 0])
+        return _inverted(self.basis, self.unroot, self.seen - self.jump_readings @ self.ends)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -268,7 +276,7 @@ class Whitening:
 
     def whiten(self, values: Complex) -> Complex:
         """Return whitened columns, shape (F, C, K)."""
-        found = values / self.std[:, :, None]
+        found = values * (1.0 / self.std)[:, :, None]
         found[self.lines] = np.matmul(self.matrix, found[self.lines])
         return np.asarray(found)
 
@@ -276,7 +284,8 @@ class Whitening:
         """Return rows over whitened readings as rows over readings, shape (F, K, C)."""
         found = rows.copy()
         found[self.lines] = np.matmul(found[self.lines], self.matrix)
-        return np.asarray(found / self.std[:, None, :])
+        found *= (1.0 / self.std)[:, None, :]
+        return np.asarray(found)
 
 
 def project(model: Model, segment: Segment) -> Projected:
@@ -296,13 +305,15 @@ def project(model: Model, segment: Segment) -> Projected:
     count = inputs.shape[2]
     basis, free, root = q[:, :, :count], q[:, :, count:].conj().transpose(0, 2, 1), r[:, :count]
     left, over = np.matmul(free, seen[:, :, None])[:, :, 0], np.matmul(free, jump)
-    prior = ends_std(plant, basis, root, seen, lines)
+    unroot = np.linalg.inv(root)
+    prior = ends_std(plant, _inverted(basis, unroot, seen), lines)
     stacked = over.reshape(-1, over.shape[2])
     information = (stacked.conj().T @ stacked).real + np.diag(0.5 * prior**-2.0)
     ends = np.linalg.solve(information, (stacked.conj().T @ left.ravel()).real)
     left = left - over @ ends
     cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
-    return Projected(found, late, white, white.transform(free), left, over, ends, information, basis, root, seen, jump, cost)
+    free = white.transform(free)
+    return Projected(found, late, white, free, left, over, ends, information, basis, root, unroot, seen, jump, cost)
 
 
 def known_readings(model: Model, segment: Segment, found: Response) -> Complex:
@@ -341,9 +352,16 @@ def force_scores(model: Model, segment: Segment, p: Projected) -> tuple[Array, f
     return np.asarray(np.sum((shown / size - 1.0)[inside], axis=0)), float(inside.sum())
 
 
-def ends_std(plant: Plant, basis: Complex, root: Complex, seen: Complex, lines: Lines) -> Array:
-    """Return the standard deviation of the difference of the states between both ends, shape (X,), as transforms count it."""
-    raw = np.linalg.solve(root, np.matmul(basis.conj().transpose(0, 2, 1), seen[:, :, None]))[:, :, 0]
+def _inverted(basis: Complex, unroot: Complex, seen: Complex) -> Complex:
+    """Return the inputs (F, W) that whitened readings (F, C) show."""
+    return np.asarray(np.matmul(unroot, np.matmul(seen.conj()[:, None], basis).conj().transpose(0, 2, 1))[:, :, 0])
+
+
+def ends_std(plant: Plant, raw: Complex, lines: Lines) -> Array:
+    """Return the standard deviation of the difference of the states between both ends, shape (X,), as transforms count it.
+
+    ``raw``: inputs as the readings show them, shape (F, W).
+    """
     rms = np.sqrt(2.0 * np.sum(np.abs(raw[lines.frequency > ENDS_HZ]) ** 2, axis=0) / lines.count)
     slow = 2.0 * np.pi * ENDS_HZ
     rigid, patterns = np.append(rms[:6], np.full(plant.carried.count, rms[:6].max())), rms[plant.states.deforming]
@@ -358,7 +376,7 @@ def states_of(model: Model, segment: Segment, p: Projected) -> tuple[Complex, Ar
     """
     lines, states = segment.lines, model.plant.states
     raw = p.inputs()
-    power = input_power(lines, raw, np.sum(np.abs(np.linalg.inv(p.root)) ** 2, axis=2))
+    power = input_power(lines, raw, p.input_noise)
     information = np.matmul(p.root.conj().transpose(0, 2, 1), p.root)
     total = information + np.eye(raw.shape[1]) / power[:, :, None]
     drive = np.linalg.solve(total, np.matmul(information, raw[:, :, None]))[:, :, 0]
@@ -403,7 +421,7 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     deforming = power[:, states.deforming]
     own = np.median(deforming, axis=1) / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8)
     segment.wandering = own / np.abs(lines.laplace) ** 4
-    segment.twisting = _twisting(plant, deforming)
+    segment.twisting = _twisting(plant, lines, deforming)
     segment.size = np.sqrt(2.0 * power.sum(axis=0) / lines.count)
     segment.deformation = float(np.sqrt(np.mean(both[:, states.deformation] ** 2)))
 
@@ -422,13 +440,17 @@ def rates(lines: Lines, accel: Complex) -> Complex:
     return np.asarray((accel / lines.laplace[:, None] - ends * jump) / (1.0 + (_RATE_HZ / frequency) ** 2))
 
 
-def _twisting(plant: Plant, power: Array) -> Array:
-    """Return the share of the twist of the base in the power that the mounts show of it.
+def _twisting(plant: Plant, lines: Lines, power: Array) -> Array:
+    """Return the share of the twist of the base in the power (F, n) that the mounts show of it.
 
     Brackets follow the twist, not what a mount moves by itself: of the twist W + n that is seen, ``S_W / (S_W + S_n)`` is the
-    best estimate of W.
+    best estimate of W. Where the base deforms too slowly to show it is taken to be what it is in the octave above: there it changed
+    by leaps, and the steps of a fit went round in a circle (foreign run cab_00).
     """
     if not np.any(plant.twist):
         return np.ones(len(power))
     seen = power @ (plant.twist / np.linalg.norm(plant.twist)) ** 2
-    return np.asarray(np.clip(1.0 - np.median(power, axis=1) / seen, 0.0, 1.0))
+    share = np.clip(1.0 - np.median(power, axis=1) / seen, 0.0, 1.0)
+    slow = lines.frequency < DEFORMS_HZ
+    share[slow] = share[~slow & (lines.frequency < 2.0 * DEFORMS_HZ)].mean()
+    return np.asarray(share)

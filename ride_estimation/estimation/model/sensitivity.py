@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.model.readings import reading
+from ride_estimation.estimation.model.readings import combination, constant
 from ride_estimation.estimation.model.segments import Model, Projected, Segment
 from ride_estimation.estimation.model.states import reading_width
 
@@ -21,7 +22,7 @@ _STEP = 1e-5
 
 @dataclasses.dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives with slow states, P of them, at a model.
+    """Derivatives with slow states, P of them, of which B describe body, mounts and base and are the first.
 
     Attributes
     ----------
@@ -30,11 +31,13 @@ class Sensitivity:
     places
         Which of the slow states, ascending, shape (P,).
     accel
-        Of the accelerations of body and carried bodies, shape (P, 6 + Q, V).
+        Of the accelerations of body and carried bodies, shape (B, 6 + Q, V).
     rows, constants
-        Of rows and constant part of the readings, shape (P, C, V) and (P, C).
+        Of rows and constant part of the readings, shape (B, C, V) and (P, C).
+    own
+        Per sensor its readings, which of the P are its errors, E of them, and the derivative of those rows, (E, own C, V).
     force, still
-        Of the rows of the forces and of the forces that do not move, shape (P, 3 M, V) and (P, 3 M).
+        Of the rows of the forces and of the forces that do not move, shape (B, 3 M, V) and (B, 3 M).
     laws
         Which of the P are a ln k or ln c, and which of those 6 M they are.
     """
@@ -44,6 +47,7 @@ class Sensitivity:
     accel: Array
     rows: Array
     constants: Array
+    own: tuple[tuple[slice, slice, Array], ...]
     force: Array
     still: Array
     laws: tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -51,68 +55,85 @@ class Sensitivity:
     @classmethod
     def of(cls, model: Model, places: NDArray[np.int64] | None = None) -> Sensitivity:
         """Return the derivatives at a model, with all free slow states unless places are given."""
-        plant = model.plant
+        plant, theta = model.plant, model.theta
         slow, rate = plant.slow, plant.states.accelerated
         free = slow.free if places is None else places
-        accel = np.zeros((len(free), rate.stop - rate.start, plant.states.size))
-        rows, constants = np.zeros((len(free), *model.rows.shape)), np.zeros((len(free), len(model.constant)))
-        force, still = np.zeros((len(free), *model.dynamics.force.shape)), np.zeros((len(free), len(model.still)))
-        owners = {
-            place: sensor for sensor in plant.sensors for part in slow.sensors[sensor.name].values()
-            for place in range(part.start, part.stop)
-        }  # fmt: skip
-        first = dict(zip((s.name for s in plant.sensors), np.cumsum([0, *(reading_width(s) for s in plant.sensors)]).tolist()))
-        for n, i in enumerate(free.tolist()):
-            theta = model.theta.copy()
-            theta[i] += _STEP
-            if i in owners:
-                sensor = owners[i]
-                at = slice(first[sensor.name], first[sensor.name] + reading_width(sensor))
-                own, constant = reading(plant, model.dynamics, sensor, theta)
-                rows[n, at], constants[n, at] = (own - model.rows[at]) / _STEP, (constant - model.constant[at]) / _STEP
-            else:
-                other = Model.of(plant, theta)
-                accel[n] = (other.dynamics.A[rate] - model.dynamics.A[rate]) / _STEP
-                rows[n], constants[n] = (other.rows - model.rows) / _STEP, (other.constant - model.constant) / _STEP
-                force[n] = (other.dynamics.force - model.dynamics.force) / _STEP
-                still[n] = (other.still - model.still) / _STEP
+        errors = np.searchsorted(free, slow.mean_accel.stop)
+        constants, others = np.zeros((len(free), len(model.constant))), []
+        for n, i in enumerate(free[:errors].tolist()):
+            moved = Model.of(plant, _stepped(theta, i), None if slow.cg.start <= i < slow.cg.stop else model.combinations)
+            constants[n] = (moved.constant - model.constant) / _STEP
+            others.append(moved)
+
+        def slope(name: Callable[[Model], Array]) -> Array:
+            start = name(model)
+            return np.asarray((np.array([name(m) for m in others]).reshape(errors, *start.shape) - start) / _STEP)
+
+        own, first, parts = [], 0, model.dynamics.parts
+        for sensor in plant.sensors:
+            at, found = slice(first, first + reading_width(sensor)), list(slow.sensors[sensor.name].values())
+            begin, end = np.searchsorted(free, [found[0].start, found[-1].stop]).tolist()
+            rows = np.zeros((end - begin, at.stop - at.start, plant.states.size))
+            for n in range(begin, end):
+                stepped = _stepped(theta, int(free[n]))
+                change = combination(plant, sensor, stepped, model.constants.cg) - model.combinations[at]
+                rows[n - begin] = change @ parts / _STEP
+                constants[n, at] = (constant(plant, model.constants, sensor, stepped) - model.constant[at]) / _STEP
+            own.append((at, slice(begin, end), rows))
+            first = at.stop
         laws = np.flatnonzero(free < slow.log_damping.stop)
-        return cls(model, free, accel, rows, constants, force, still, (laws, free[laws] - slow.log_stiffness.start))
+        return cls(
+            model, free, slope(lambda m: m.dynamics.A[rate]), slope(lambda m: m.rows), constants, tuple(own),
+            slope(lambda m: m.dynamics.force), slope(lambda m: m.still), (laws, free[laws] - slow.log_stiffness.start),
+        )  # fmt: skip
 
     def pushes(self, segment: Segment, v: Complex, at: slice) -> Complex:
-        """Return the derivative of the accelerations at given states and inputs v (F, V), lines ``at``: (L, 6 + Q, P).
+        """Return the derivative of the accelerations at given states and inputs v (F, V), lines ``at``: (L, 6 + Q, B).
 
         With stiffness and damping that of the second order too.
         """
-        found = self._shared(self._applied(self.accel, v[at]), segment, at)
+        found = self._shared(_applied(self.accel, v[at]), segment, at)
         found[:, :, self.laws[0]] += segment.second_slopes[at][:, :, self.laws[1]]
         return found
 
     def readings(self, segment: Segment, p: Projected, v: Complex, at: slice) -> Complex:
         """Return the derivative of the readings at given inputs, lines ``at``, shape (L, C, P)."""
         plant, x = self.model.plant, v[at]
+        found = np.zeros((len(x), len(plant.delay_of), len(self.places)), dtype=np.complex128)
         effect = np.matmul(self.model.rows[:, plant.states.motion], p.response.accel[at])
-        found = np.matmul(effect, self.pushes(segment, v, at)) + self._shared(self._applied(self.rows, x), segment, at)
-        found[:, :, self.laws[0]] += np.matmul(self.model.direct, segment.second_slopes[at][:, :, self.laws[1]])
+        body = self._shared(_applied(self.rows, x), segment, at) + np.matmul(effect, self.pushes(segment, v, at))
+        body[:, :, self.laws[0]] += np.matmul(self.model.direct, segment.second_slopes[at][:, :, self.laws[1]])
+        found[:, :, : body.shape[2]] = body
+        for channels, errors, rows in self.own:
+            found[:, channels, errors] = _applied(rows, x)
         moving = x @ self.model.rows.T
         for channel, place in enumerate(plant.delay_of):
             if place in self.places:
                 found[:, channel, np.searchsorted(self.places, place)] = -segment.lines.laplace[at] * moving[:, channel]
-        return np.asarray(p.late[at][:, :, None] * found)
+        found *= p.late[at][:, :, None]
+        return found
 
     def forces(self, v: Complex) -> Complex:
-        """Return the derivative of the moving forces at given states and inputs v (F, V), shape (F, 3 M, P)."""
-        return self._applied(self.force, v)
-
-    def _applied(self, derivative: Array, x: Complex) -> Complex:
-        flat = derivative.transpose(2, 1, 0).reshape(derivative.shape[2], -1)
-        return times_real(x, flat).reshape(len(x), derivative.shape[1], len(derivative))
+        """Return the derivative of the moving forces at given states and inputs v (F, V), shape (F, 3 M, B)."""
+        return _applied(self.force, v)
 
     def _shared(self, found: Complex, segment: Segment, at: slice) -> Complex:
         """Take of the effect of bracket tilt the share of the deformations that is twist of the base."""
-        tilt = self.model.plant.slow.tilt_shares
-        found[:, :, (self.places >= tilt.start) & (self.places < tilt.stop)] *= segment.twisting[at, None, None]
+        tilt, places = self.model.plant.slow.tilt_shares, self.places[: found.shape[2]]
+        found[:, :, (places >= tilt.start) & (places < tilt.stop)] *= segment.twisting[at, None, None]
         return found
+
+
+def _stepped(theta: Array, place: int) -> Array:
+    found = theta.copy()
+    found[place] += _STEP
+    return found
+
+
+def _applied(derivative: Array, x: Complex) -> Complex:
+    """Return what derivatives of rows (K, C, V) make of states and inputs x (L, V), shape (L, C, K)."""
+    flat = derivative.transpose(2, 1, 0).reshape(derivative.shape[2], -1)
+    return times_real(x, flat).reshape(len(x), derivative.shape[1], len(derivative))
 
 
 def times_real(values: Complex, matrix: Array) -> Complex:

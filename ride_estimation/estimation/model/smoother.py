@@ -136,8 +136,7 @@ class _Errors:
         #: root of the covariance of the slow states
         self._root = vectors * np.sqrt(np.maximum(values, 0.0))
         self._gain = self._of_slow_states(states_of(model, segment, p)[0])
-        inverse = np.linalg.inv(p.root)
-        self._noise = np.matmul(inverse, inverse.conj().transpose(0, 2, 1))
+        self._noise = np.matmul(p.unroot, p.unroot.conj().transpose(0, 2, 1))
         self._raw = p.inputs()
         total = segment.lines.smooth(self._noise + np.matmul(self._gain, self._gain.conj().transpose(0, 2, 1)))
         self._variance = variance = np.diagonal(total, axis1=1, axis2=2).real
@@ -210,13 +209,14 @@ class _Errors:
         direct = self._sensitivity.forces(v) + np.matmul(
             np.matmul(model.dynamics.force[:, motion], p.response.accel), self._sensitivity.pushes(self._segment, v, everything)
         )
-        changes = np.matmul(weighted, self._gain) + times_real(direct, self._root)
-        still = self._sensitivity.still.T @ self._root
+        body = self._root[: direct.shape[2]]
+        changes = np.matmul(weighted, self._gain) + times_real(direct, body)
+        still = self._sensitivity.still.T @ body
         found = np.empty((lines.count, len(steady)))
         for i in range(len(steady)):
             moving = lines.back(changes[:, i])
             found[:, i] = np.einsum("np,np->n", moving, moving) + 2.0 * moving @ still[i] + still[i] @ still[i]
-        means = np.diag(model.constants.static_covariance) + self._unknown_means(v)
+        means = np.diag(model.plant.static_covariance(model.constants)) + self._unknown_means(v)
         return np.asarray(found + 2.0 / lines.count * steady + means)
 
     def _unknown_means(self, v: Complex) -> Array:

@@ -103,7 +103,7 @@ class Response:
 
 
 def response(A: Array, lines: Lines, rate: slice, driven: int) -> Response:
-    """Return the response of ``x' = A v``, shape (X, V).
+    """Return the response of ``x' = A v``, shape (X, V), by the modes of the states.
 
     Parameters
     ----------
@@ -112,28 +112,27 @@ def response(A: Array, lines: Lines, rate: slice, driven: int) -> Response:
     rate
         States that accelerations change.
     driven
-        The first so many states follow the others without acting on them.
+        The first so many states follow the others without acting on them; the others are integrated twice: their matrix N has
+        ``N^2 = 0``.
     """
-    size = len(A)
+    size, laplace, count = len(A), lines.laplace[:, None, None], len(lines.frequency)
+    first, last, inputs = slice(0, driven), slice(driven, size), A.shape[1] - size
+    values, modes = np.linalg.eig(A[first, first])
+    into, twice = np.linalg.inv(modes), A[last, last]
+    found = np.empty((count, size, inputs + rate.stop - rate.start), dtype=np.complex128)
     right = np.hstack([A[:, size:], np.eye(size)[:, rate]])
-    found = _inverse(lines.laplace, np.ones(1), A[:, :size], driven) @ right
-    shift = np.exp(-lines.laplace * lines.dt)
-    jump = _inverse(np.ones(1), shift, np.asarray(sl.expm(A[:, :size] * lines.dt)), driven)
-    inputs = A.shape[1] - size
+    once, again, across = 1.0 / laplace, 1.0 / laplace**2, into @ A[first, last]
+    acting = into @ right[first] + once * (across @ right[last]) + again * (across @ twice @ right[last])
+    np.matmul(modes, acting / (laplace - values[:, None]), out=found[:, first])
+    found[:, last] = once * right[last] + again * (twice @ right[last])
+
+    jump = np.zeros((count, size, size), dtype=np.complex128)
+    follow = into @ np.asarray(sl.expm(A[:, :size] * lines.dt))[first, last]
+    shift = np.exp(-laplace * lines.dt)
+    once = 1.0 / (1.0 - shift)
+    again = shift * lines.dt * once**2
+    modal = 1.0 / (1.0 - shift * np.exp(values * lines.dt)[:, None])
+    np.matmul(modes, modal * into, out=jump[:, first, first])
+    np.matmul(modes, modal * shift * (once * follow + again * (follow @ twice)), out=jump[:, first, last])
+    jump[:, last, last] = once * np.eye(size - driven) + again * twice
     return Response(found[:, :, :inputs], found[:, :, inputs:], jump)
-
-
-def _inverse(one: Complex | Array, factor: Complex | Array, matrix: Array, driven: int) -> Complex:
-    """Return ``(one 1 - factor M)^-1`` per line, shape (F, X, X), of a matrix that is zero below its first ``driven`` columns.
-
-    By blocks: a quarter of the work.
-    """
-    size, lines = len(matrix), max(len(one), len(factor))
-    found = np.zeros((lines, size, size), dtype=np.complex128)
-    first, last = slice(0, driven), slice(driven, size)
-    for part in (first, last):
-        own = matrix[part, part]
-        found[:, part, part] = np.linalg.inv(one[:, None, None] * np.eye(len(own)) - factor[:, None, None] * own)
-    between = np.matmul(found[:, first, first], factor[:, None, None] * matrix[first, last])
-    found[:, first, last] = np.matmul(between, found[:, last, last])
-    return found
