@@ -40,12 +40,18 @@ class CarriedParts:
         Shape (6 + Q, Q): minus the generalised force per q and q'.
     weight
         Force and moment about the CG of the body that carry them at rest, shape (6,).
+    masses, arms, moved
+        Per carried body its mass [kg], shape (B,), where its CG is from that of the body, shape (B, 3) [m], and how it moves with q,
+        shape (B, 3, Q).
     """
 
     inertia: Array
     stiffness: Array
     damping: Array
     weight: Array
+    masses: Array
+    arms: Array
+    moved: Array
 
 
 class Carried:
@@ -107,7 +113,7 @@ class Carried:
         q, bodies = self.count, len(self._bodies)
         inertia, stiffness, damping, weight = np.zeros((6 + q, 6 + q)), np.zeros((6 + q, q)), np.zeros((6 + q, q)), np.zeros(6)
         if not q:
-            return CarriedParts(inertia, stiffness, damping, weight)
+            return CarriedParts(inertia, stiffness, damping, weight, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 0)))
         masses = np.exp(logs[:bodies]) * [b.mass.value for b in self._bodies]
         blocks = []
         for body, mass, rows in zip(self._bodies, masses, np.split(self._selection, bodies)):
@@ -123,7 +129,8 @@ class Carried:
         for log, (of_stiffness, of_damping) in zip(logs[bodies:], self._laws):
             stiffness[6:] += np.exp(log) * of_stiffness
             damping[6:] += np.exp(log) * of_damping
-        return CarriedParts(motion.T @ sl.block_diag(*blocks) @ motion, stiffness, damping, weight)
+        arms, moved = np.array([b.cg - cg for b in self._bodies]), self._selection.reshape(bodies, 6, q)[:, :3]
+        return CarriedParts(motion.T @ sl.block_diag(*blocks) @ motion, stiffness, damping, weight, masses, arms, moved)
 
 
 def _selection(model: LinearModel, bodies: tuple[Body, ...]) -> Array:

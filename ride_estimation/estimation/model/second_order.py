@@ -50,7 +50,8 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
 
     load = force_of_second_order(plant, m, d, v).reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
-    accel = load @ m.mobility[:6]
+    accel = np.hstack([load, np.zeros((len(v), plant.carried.count))]) + _load_of_carried(plant, m, d, v, rate)
+    accel = accel @ m.mobility
     point = ((v @ d.accel.T + accel[:, :6]) @ m.points.T).reshape(-1, count, 3)
 
     arms, (arc, _) = _arms(plant, m), _arcs(plant, m, v)
@@ -74,6 +75,23 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
             part -= np.cross(bracket_accel[:, i], deflection[:, i])
         parts.append(part @ as_read(plant, sensor, theta).T)
     return SecondOrder(np.hstack(parts), accel)
+
+
+def _load_of_carried(plant: Plant, m: Constants, d: Dynamics, v: Array, rate: Array) -> Array:
+    """Return what the second order adds to the wrench of carried bodies and the forces along their coordinates, (T, 6 + Q).
+
+    A body at ``r + d`` that moves by d: ``a x d + w x (w x r) + 2 w x d'`` more acceleration, and what it has acts at d from r.
+    """
+    s, carried = plant.states, m.carried
+    found, accel = np.zeros((len(v), 6 + plant.carried.count)), v @ d.accel.T
+    for mass, arm, moved in zip(carried.masses, carried.arms, carried.moved):
+        away, speed = v[:, s.carried] @ moved.T, v[:, s.carried_rate] @ moved.T
+        first = accel[:, :3] + np.cross(accel[:, 3:], arm) + v @ (moved @ d.A[s.carried_rate]).T
+        second = np.cross(accel[:, 3:], away) + _turned_twice(rate, arm) + 2.0 * np.cross(rate, speed)
+        found[:, :3] -= mass * second
+        found[:, 3:6] -= mass * (np.cross(arm, second) + np.cross(away, first))
+        found[:, 6:] -= mass * second @ moved
+    return found
 
 
 def force_of_second_order(plant: Plant, m: Constants, d: Dynamics, v: Array) -> Array:
