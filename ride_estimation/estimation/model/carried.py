@@ -41,8 +41,8 @@ class CarriedParts:
     weight
         Force and moment about the CG of the body that carry them at rest, shape (6,).
     masses, arms, moved
-        Per carried body its mass [kg], shape (B,), where its CG is from that of the body, shape (B, 3) [m], and how it moves with q,
-        shape (B, 3, Q).
+        Per carried body its mass [kg], shape (B,), where its CG is from that of the body, shape (B, 3) [m], and how it moves
+        with q, shape (B, 3, Q).
     """
 
     inertia: Array

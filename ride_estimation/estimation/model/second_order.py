@@ -50,7 +50,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
 
     load = force_of_second_order(plant, m, d, v).reshape(len(v), -1) @ m.points
     load[:, 3:] -= np.cross(rate, rate @ m.inertia)
-    accel = np.hstack([load, np.zeros((len(v), plant.carried.count))]) + _load_of_carried(plant, m, d, v, rate)
+    accel = np.hstack([load, np.zeros((len(v), plant.carried.count))]) + load_of_carried(plant, m, d, v, rate)
     accel = accel @ m.mobility
     point = ((v @ d.accel.T + accel[:, :6]) @ m.points.T).reshape(-1, count, 3)
 
@@ -77,7 +77,7 @@ def second_order(plant: Plant, m: Constants, d: Dynamics, theta: Array, v: Array
     return SecondOrder(np.hstack(parts), accel)
 
 
-def _load_of_carried(plant: Plant, m: Constants, d: Dynamics, v: Array, rate: Array) -> Array:
+def load_of_carried(plant: Plant, m: Constants, d: Dynamics, v: Array, rate: Array) -> Array:
     """Return what the second order adds to the wrench of carried bodies and the forces along their coordinates, (T, 6 + Q).
 
     A body at ``r + d`` that moves by d: ``a x d + w x (w x r) + 2 w x d'`` more acceleration, and what it has acts at d from r.
