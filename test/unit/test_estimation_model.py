@@ -273,6 +273,20 @@ def test_second_order_of_a_carried_body_is_that_of_a_point_moving_in_a_turning_b
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
+def test_where_a_base_deforms_too_slowly_to_show_it_the_share_of_twist_is_that_of_the_octave_above(vehicle: Vehicle) -> None:
+    plant, lines = Plant(vehicle), Lines.of(3000, DT)
+    slow = lines.frequency < segments.DEFORMS_HZ
+    octave = ~slow & (lines.frequency < 2.0 * segments.DEFORMS_HZ)
+    power = np.random.default_rng(4).uniform(0.5, 1.5, (len(slow), plant.patterns.shape[1]))
+    twist = plant.twist / np.linalg.norm(plant.twist)
+    power += 5.0 * lines.frequency[:, None] * twist**2
+    share = segments._twisting(plant, lines, power)
+    np.testing.assert_allclose(share[slow], share[octave].mean())
+    assert share[octave].mean() > 0.1
+    power[slow] *= 1e9 * np.arange(1, slow.sum() + 1)[:, None] ** np.arange(power.shape[1])
+    np.testing.assert_allclose(segments._twisting(plant, lines, power), share)
+
+
 def test_slopes_of_the_second_order_are_its_derivative(vehicle: Vehicle) -> None:
     plant = Plant(vehicle)
     slow, rng = plant.slow, np.random.default_rng(3)

@@ -60,9 +60,8 @@ _UNFIT = "the errors of the sensors cannot be estimated: the vehicle file does n
 #: an error is determined where its standard deviation fell below this share of the prior
 DETERMINED = 0.5
 #: mean normalised square of what no input explains, in the octave where it is largest, above which the model does not explain the
-#: readings. Drawn cabs 1.0 to 1.2, two that move most 2.0 and 3.4 (90 and 88 % of the sensors' errors inside two standard
-#: deviations); slight degressive dampers, softening and hardening springs of foreign cabs 5.6, 5.1, 6.4 (mean over all lines 1.1,
-#: 0.8, 1.2, with noise that the file states a third too large)
+#: readings. Drawn cabs 1.0 to 1.6; slight degressive dampers, softening and hardening springs of foreign cabs 5.6, 5.1, 6.4
+#: (mean over all lines 1.1, 0.8, 1.2, with noise that the file states a third too large)
 LARGEST_NIS = 2.5
 #: move of an error that is not determined, over what it could be, from which something else moved it; 100 normal values reach
 #: five once in 17 000 drives. Least change of a variance that is reckoned with

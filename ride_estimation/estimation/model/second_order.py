@@ -2,7 +2,8 @@
 """Second order of the kinematics and what the third adds, from the last estimated states, added as known inputs.
 
 Centripetal terms at sensors and mounts, rotation of the moving forces and of the body's specific force into bracket axes,
-Coriolis and Euler terms of the deflection, the arc of a finite rotation as a deflection of the law, the gyroscopic moment.
+Coriolis and Euler terms of the deflection, the arc of a finite rotation as a deflection of the law, the gyroscopic moment, and
+what carried bodies do that move in a body that turns.
 """
 
 from __future__ import annotations
