@@ -394,10 +394,10 @@ class JointEstimate:
             J = sensitivity.readings(segment, p, v, at)
             if len(common):
                 J[:, :, common] -= J[:, :, common].mean(axis=2, keepdims=True)
-            J = _real(np.matmul(p.free[at], J))
-            own += J.T @ J
-            cross += J.T @ _real(p.jump[at])
-            score += J.T @ _real(p.left[at, :, None])[:, 0]
+            real = _real(np.matmul(p.free[at], J))
+            own += real.T @ real
+            cross += real.T @ _real(p.jump[at])
+            score += real.T @ _real(p.left[at, :, None])[:, 0]
         return own, cross, score
 
 

@@ -238,7 +238,7 @@ class Projected:
 
     def inverse(self) -> Complex:
         """Return ``T^+``: from whitened readings to the inputs, shape (F, W, C)."""
-        return np.matmul(self.unroot, self.basis.conj().transpose(0, 2, 1))
+        return np.asarray(np.matmul(self.unroot, self.basis.conj().transpose(0, 2, 1)))
 
     @property
     def input_noise(self) -> Array:

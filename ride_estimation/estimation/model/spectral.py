@@ -121,7 +121,8 @@ def response(A: Array, lines: Lines, rate: slice, driven: int) -> Response:
     into, twice = np.linalg.inv(modes), A[last, last]
     found = np.empty((count, size, inputs + rate.stop - rate.start), dtype=np.complex128)
     right = np.hstack([A[:, size:], np.eye(size)[:, rate]])
-    once, again, across = 1.0 / laplace, 1.0 / laplace**2, into @ A[first, last]
+    once, again = 1.0 / laplace, 1.0 / laplace**2
+    across = into @ A[first, last]
     acting = into @ right[first] + once * (across @ right[last]) + again * (across @ twice @ right[last])
     np.matmul(modes, acting / (laplace - values[:, None]), out=found[:, first])
     found[:, last] = once * right[last] + again * (twice @ right[last])
@@ -129,10 +130,10 @@ def response(A: Array, lines: Lines, rate: slice, driven: int) -> Response:
     jump = np.zeros((count, size, size), dtype=np.complex128)
     follow = into @ np.asarray(sl.expm(A[:, :size] * lines.dt))[first, last]
     shift = np.exp(-laplace * lines.dt)
-    once = 1.0 / (1.0 - shift)
-    again = shift * lines.dt * once**2
+    whole = 1.0 / (1.0 - shift)
+    steps = shift * lines.dt * whole**2
     modal = 1.0 / (1.0 - shift * np.exp(values * lines.dt)[:, None])
     np.matmul(modes, modal * into, out=jump[:, first, first])
-    np.matmul(modes, modal * shift * (once * follow + again * (follow @ twice)), out=jump[:, first, last])
-    jump[:, last, last] = once * np.eye(size - driven) + again * twice
+    np.matmul(modes, modal * shift * (whole * follow + steps * (follow @ twice)), out=jump[:, first, last])
+    jump[:, last, last] = whole * np.eye(size - driven) + steps * twice
     return Response(found[:, :, :inputs], found[:, :, inputs:], jump)
