@@ -35,9 +35,6 @@ _CG_STD, _INERTIA_STD = 0.01, 0.05
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
 #: take from gravity, g theta^2 / 2
 _MEAN_STD = np.array([0.3, 0.3, 0.01])
-#: standard deviation of the share of the second order that the states do not make: cabs that move much roll and pitch by 1.5
-#: degrees
-_SECOND_ORDER_STD = 0.05
 #: smallest singular value of the wrenches of forces beside their laws, above which motion tells them apart: of four vertical ones
 #: at a rectangle of mounts it is 0
 _TOLD_APART = 0.2
@@ -168,7 +165,7 @@ class Plant:
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
                 (np.array([np.log(body.mass.value)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
                 (np.zeros(3), np.full(3, spread)), (np.zeros(len(self.carried.std)), self.carried.std),
-                (np.zeros(1), np.array([_SECOND_ORDER_STD])), (np.zeros(3), _MEAN_STD),
+                (np.zeros(3), _MEAN_STD),
             ],
             self.sensors,
         )  # fmt: skip

@@ -104,7 +104,6 @@ class Sensitivity:
         body = self._shared(_applied(self.rows, x), segment, at) + np.matmul(effect, self.pushes(segment, v, at))
         body[:, :, self.laws[0]] += np.matmul(self.model.direct, segment.second_slopes[at][:, :, self.laws[1]])
         found[:, :, : body.shape[2]] = body
-        found[:, :, self.places == plant.slow.second_order.start] = p.second[at, :, None]
         for channels, errors, rows in self.own:
             found[:, channels, errors] = _applied(rows, x)
         moving = x @ self.model.rows.T

@@ -92,8 +92,6 @@ class SlowStates:
         Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
     log_carried
         Logarithms of masses, then of stiffness and damping, of carried bodies over those of the vehicle file.
-    second_order
-        Share by which the second order of the kinematics is larger than the states make it [-]: the rest of the third.
     mean_accel
         Mean specific force of base and body beyond gravity: slope of the road, correlation of motion and attitude [m/s^2].
     sensors
@@ -109,7 +107,6 @@ class SlowStates:
     cg: slice
     log_inertia: slice
     log_carried: slice
-    second_order: slice
     mean_accel: slice
     sensors: dict[str, dict[str, slice]]
     mean: Array
