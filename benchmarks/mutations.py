@@ -170,12 +170,12 @@ MUTATIONS = (
         "how far mounts move by themselves",
     ),
     Mutation(
-        "model/segments.py", "return np.asarray(np.clip(1.0 - np.median(power, axis=1) / seen, 0.0, 1.0))",
-        "return np.ones(len(power))", "brackets follow the twist of the base and not what mounts move by themselves",
+        "model/segments.py", "share = np.clip(1.0 - np.median(power, axis=1) / seen, 0.0, 1.0)",
+        "share = np.ones(len(power))", "brackets follow the twist of the base and not what mounts move by themselves",
     ),
     Mutation(
-        "model/smoother.py", "changes = np.matmul(weighted, self._gain) + times_real(direct, self._root)",
-        "changes = 0.0 * (direct @ self._root)", "slow states in the std of smoothed forces",
+        "model/smoother.py", "changes = np.matmul(weighted, self._gain) + times_real(direct, body)",
+        "changes = 0.0 * (direct @ body)", "slow states in the std of smoothed forces",
     ),
     Mutation(
         "model/smoother.py", "self._weight = np.matmul(power, np.linalg.inv(power + total))",
