@@ -16,8 +16,10 @@ from effect_intervals import judge, pooled
 @pytest.mark.slow
 @pytest.mark.parametrize(("case", "seed"), [("base_gain", 9001), ("base_gain", 9103), ("body_misalignment", 9003)])
 def test_a_wrong_sensor_widens_forces_by_what_it_may_do_to_them(case: str, seed: int):
-    for _, middle, low, ratio in judge(case, seed).values():
+    figures = judge(case, seed)
+    for _, middle, low, ratio in figures.values():
         assert middle > 0.9 and low > 0.75 and ratio < 5.0
+    assert figures["smoothed horizontal"][0] < 0.7 * figures["live horizontal"][0]
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from ride_estimation.estimation.model.run_forces import RunForces
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
-from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder
+from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder, _Piece
 from ride_estimation.estimation.smoothing.zero_phase import EDGES, ZeroPhaseBank
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
@@ -98,6 +98,18 @@ def drawn(seed: int = 41, duration: float = 10.0, kind: str = "air"):
     run = drive(cab, Road.random(rng), duration, seed, step=1e-3)
     data = measure(run, random_sensors(cab, rng), RATE, seed, noise_share=0.01, anti_alias=0.0)
     return data, believed_vehicle(data, seed=seed), recording(data)
+
+
+def test_a_model_counts_where_it_explains_what_the_online_estimate_suspects() -> None:
+    recorder, nothing = SmootherRecorder(geometry_of(drawn()[1])), np.zeros((6, 6))
+    ordinary = dataclasses.replace(model(0.0, 0.1), misread=np.zeros((1, 3)))
+    misread, loaded = dataclasses.replace(ordinary, misread=np.ones((1, 3))), dataclasses.replace(ordinary, loaded=True)
+    kinds = [(True, ordinary), (False, ordinary), (True, misread), (True, loaded)]
+    pieces = [_Piece(i, i + 1, np.zeros((2, 1, 3)), nothing, nothing, nothing, *kind) for i, kind in enumerate(kinds)]
+    recorder._ticks, recorder._stretches = len(pieces), [(pieces, 0.01)]
+    assert recorder.ordinary(RunForces()).tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert recorder.ordinary(RunForces(findings=("a law is not linear",))).tolist() == [1.0, 0.0, 1.0, 0.0]
+    assert recorder.ordinary(RunForces(faults=("a.gain.x",))).tolist() == [1.0, 1.0, 1.0, 0.0]
 
 
 @functools.cache

@@ -107,6 +107,7 @@ class JointEstimate:
         self.theta = plant.slow.mean.copy()
         self.covariance = np.diag(plant.slow.std**2)
         self.nis = self.largest_nis = np.nan
+        self._stated = plant.slow.std
         #: part of the variances that the second order causes which is not known, shape (P,)
         self._considered = np.zeros(len(self.theta))
 
@@ -237,6 +238,15 @@ class JointEstimate:
         errors = slice(slow.mean_accel.stop, None)
         found[errors] = np.abs(self.theta[errors]) > _FAULT * slow.std[errors]
         return found
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Errors of sensors that are beyond their priors, by which they were not held."""
+        slow, far = self.plant.slow, np.abs(self.theta) > _FAULT * self._stated
+        return tuple(
+            error for name, parts in slow.sensors.items() for kind, part in parts.items()
+            for error, found in zip(slow.names(name, kind), far[part]) if found
+        )  # fmt: skip
 
     def conflicts(self) -> tuple[str, ...]:
         """Return errors of sensors that moved although the run hardly determines them: the model misses what they explain.

@@ -44,6 +44,8 @@ class RunForces:
         Sample [s], not a number where the run was not read.
     findings
         Sentences: how the vehicle differs from its file.
+    faults
+        Errors of sensors beyond their tolerances, which are in the estimate.
     parameters, mass_properties
         Stiffness and damping of the mounts; CG and inertia of the body.
     refused
@@ -55,6 +57,7 @@ class RunForces:
     segments: tuple[tuple[int, SmoothedSegment], ...] = ()
     dt: float = math.nan
     findings: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
     parameters: tuple[Estimate, ...] = ()
     mass_properties: tuple[Estimate, ...] = ()
     refused: str = ""
@@ -155,7 +158,7 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
         return RunForces(refused="the model explains the readings of no part of the run")
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
     estimates = run_parameters(joint, newest), mass_properties(joint, newest)
-    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, *estimates)
+    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, joint.faults, *estimates)
 
 
 def _loaded(joint: JointEstimate) -> RunForces:

@@ -210,15 +210,16 @@ class SmootherRecorder:
         self._stretches[-1][0].append(piece)
         self._open = []
 
-    def ordinary(self, explained: bool) -> Array:
-        """Return per tick whether the vehicle was that of the file: no load found, no sensor lost or suspect, shape (N,).
+    def ordinary(self, model: RunForces) -> Array:
+        """Return per tick whether the vehicle was one that a model describes, shape (N,).
 
-        ``explained``: a law that is not linear is known, which made readings of a base suspect.
+        No load was found, no sensor lost or suspect. Where the model has estimated a sensor's error beyond its tolerance, that is
+        why sensors are suspect; a law that is not linear makes readings of a base suspect.
         """
         found = np.ones(self._ticks)
         for piece in (p for pieces, _ in self._stretches for p in pieces):
-            suspect = not explained and np.any(piece.model.misread > 0.0)
-            if piece.model.loaded or not piece.complete or suspect:
+            misread = not (model.findings or model.faults) and np.any(piece.model.misread > 0.0)
+            if piece.model.loaded or not (piece.complete or model.faults) or misread:
                 found[piece.first : piece.end] = 0.0
         return found
 
@@ -332,11 +333,11 @@ def second_pass(
         load = 0.0 if recorder.loaded else model.load_share
         std = np.hypot(std, load * np.abs(force))
         return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model.refused, load_share=load)
-    # a force beside a law explains why the law is not valid and its base suspect
-    explained = bool(model.findings)
-    reason = "" if explained else _not_linear(parameters)
-    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(explained), force, std, deflection, 2 if reason else 3)
-    found = SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, model.findings)
+    # a force beside a law explains why the law is not valid
+    reason = "" if model.findings else _not_linear(parameters)
+    share = model.fade_in(signals["stamp_ns"], recorder.ordinary(model), force, std, deflection, 2 if reason else 3)
+    beyond = tuple(f"{error} is beyond its tolerance" for error in model.faults)
+    found = SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, (*model.findings, *beyond))
     if not share or recorder.loaded:
         return found
     known = beside_online(model.parameters, parameters, amplitude_std)
