@@ -196,9 +196,9 @@ def linear(vehicle: Vehicle) -> tuple[Plant, np.ndarray, np.ndarray]:
     return linear_readings(dataclasses.replace(vehicle, sensors=quiet), 3, 30.0, 0.002)
 
 
-def at_truth(run: tuple[Plant, np.ndarray, np.ndarray]) -> tuple[JointEstimate, np.ndarray]:
+def at_truth(linear: tuple[Plant, np.ndarray, np.ndarray]) -> tuple[JointEstimate, np.ndarray]:
     """Return the estimate at the true values and the score of every free slow state over its standard deviation, no priors."""
-    plant, readings, theta = run
+    plant, readings, theta = linear
     joint = JointEstimate(plant, [readings], DT)
     joint.theta = theta.copy()
     information, gradient, _ = joint.normal_equations(joint.model())

@@ -28,7 +28,6 @@ from ride_estimation.estimation.model.segments import (
     Projected,
     Segment,
     force_scores,
-    known_readings,
     project,
     renew,
     states_of,
@@ -242,28 +241,19 @@ class JointEstimate:
     @property
     def faults(self) -> tuple[str, ...]:
         """Errors of sensors that are beyond their priors, by which they were not held."""
-        slow, far = self.plant.slow, np.abs(self.theta) > _FAULT * self._stated
-        return tuple(
-            error for name, parts in slow.sensors.items() for kind, part in parts.items()
-            for error, found in zip(slow.names(name, kind), far[part]) if found
-        )  # fmt: skip
+        return self.plant.slow.errors(np.abs(self.theta) > _FAULT * self._stated)
 
     def conflicts(self) -> tuple[str, ...]:
         """Return errors of sensors that moved although the run hardly determines them: the model misses what they explain.
 
         And a CG that is far from where the file states it: the body carries a load, and everything is known over its mass only.
         """
-        slow, considered = self.plant.slow, self._considered
+        slow, prior, considered = self.plant.slow, self.plant.slow.std, self._considered
         std = np.sqrt(np.maximum(np.diag(self.covariance) - considered, 0.0))
-        off = np.abs(self.cg_offset()) > _FAULT * slow.std[slow.cg]
-        found = [f"{self.plant.geometry.body.name}.cg.{axis}" for axis, far in zip(AXES, off) if far]
-        for name, parts in slow.sensors.items():
-            for kind, part in parts.items():
-                prior = slow.std[part]
-                learned = np.sqrt(np.maximum(prior**2 - std[part] ** 2, (_LEAST_SHARE * prior) ** 2) + considered[part])
-                far = (np.abs(self.theta[part]) > _CONFLICT * learned) & (std[part] >= DETERMINED * prior)
-                found += [error for error, conflict in zip(slow.names(name, kind), far) if conflict]
-        return tuple(found)
+        off = np.abs(self.cg_offset()) > _FAULT * prior[slow.cg]
+        learned = np.sqrt(np.maximum(prior**2 - std**2, (_LEAST_SHARE * prior) ** 2) + considered)
+        far = (np.abs(self.theta) > _CONFLICT * learned) & (std >= DETERMINED * prior)
+        return (*(f"{self.plant.geometry.body.name}.cg.{axis}" for axis, found in zip(AXES, off) if found), *slow.errors(far))
 
     def cg_offset(self) -> Array:
         """Return where the CG is, from where the vehicle file states it, shape (3,) [m]."""
@@ -417,14 +407,13 @@ class JointEstimate:
         parameters = len(self.plant.slow.free)
         own, cross, scores = np.zeros((parameters,) * 2), np.zeros((parameters, len(p.ends))), np.zeros((parameters, 2))
         common, ends = np.searchsorted(self.plant.slow.free, self._delays), np.zeros(len(p.ends))
-        second = p.late * known_readings(sensitivity.model, segment, p.response)
         for first in range(0, len(v), _CHUNK):
             at = slice(first, first + _CHUNK)
             J = sensitivity.readings(segment, p, v, at)
             if len(common):
                 J[:, :, common] -= J[:, :, common].mean(axis=2, keepdims=True)
             real = _real(np.matmul(p.free[at], J))
-            over, left = _real(p.jump[at]), _real(np.dstack([p.left[at], np.matmul(p.free[at], second[at, :, None])[:, :, 0]]))
+            over, left = _real(p.jump[at]), _real(np.dstack([p.left[at], np.matmul(p.free[at], p.second[at, :, None])[:, :, 0]]))
             own += real.T @ real
             cross += real.T @ over
             scores += real.T @ left

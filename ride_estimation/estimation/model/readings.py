@@ -33,13 +33,13 @@ def combination(plant: Plant, sensor: Sensor, theta: Array, cg: Array) -> Array:
     if sensor.kind == "displacement":
         found[0, deflection.start + _travel(plant, sensor)] = read[0, 0]
         return found
-    moved = skew(theta[plant.slow.sensors[sensor.name]["position"]])
+    position = sensor.position + theta[plant.slow.sensors[sensor.name]["position"]]
     if i is None:
-        found[:, accel] = read @ (point_motion_matrix(sensor.position - cg) - np.hstack([np.zeros((3, 3)), moved]))
+        found[:, accel] = read @ point_motion_matrix(position - cg)
     else:
         at = 3 * i
         found[:, base.start + at : base.start + at + 3] = read
-        found[:, spin.start + at : spin.start + at + 3] = -read @ (skew(sensor.position - plant.mounts[i].position) + moved)
+        found[:, spin.start + at : spin.start + at + 3] = -read @ skew(position - plant.mounts[i].position)
     return found
 
 

@@ -200,8 +200,10 @@ class Projected:
         Effect of the ends on that residual, shape (F, C - W, X), their estimate (X,) and its information (X, X).
     basis, root, unroot
         Factors of T, shape (F, C, W) and (F, W, W), and the inverse of the latter.
+    second
+        What the second order adds to the readings, shape (F, C).
     seen
-        Readings less what is known, shape (F, C).
+        Readings less that, whitened, shape (F, C).
     jump_readings
         Effect of the ends on the readings, shape (F, C, X).
     cost
@@ -219,6 +221,7 @@ class Projected:
     basis: Complex
     root: Complex
     unroot: Complex
+    second: Complex
     seen: Complex
     jump_readings: Complex
     cost: float
@@ -294,9 +297,9 @@ def project(model: Model, segment: Segment) -> Projected:
     found = _response(model, segment)
     rows = model.rows[:, plant.states.motion]
     late = np.exp(-lines.laplace[:, None] * model.theta[plant.delay_of])
-    known = known_readings(model, segment, found)
+    second = late * _second_readings(model, segment, found)
     white = Whitening.of(np.sqrt(segment.factor)[:, None] * segment.noise, segment.wandering, model.lean)
-    seen = white.whiten((segment.moving - late * known)[:, :, None])[:, :, 0]
+    seen = white.whiten((segment.moving - second)[:, :, None])[:, :, 0]
     inputs = np.matmul(rows, found.drive) + model.rows[:, plant.states.drive]
     inputs -= (1.0 - segment.twisting)[:, None, None] * _applied(model.twist[1], found.drive)
     inputs = white.whiten(late[:, :, None] * inputs)
@@ -313,10 +316,10 @@ def project(model: Model, segment: Segment) -> Projected:
     left = left - over @ ends
     cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
     free = white.transform(free)
-    return Projected(found, late, white, free, left, over, ends, information, basis, root, unroot, seen, jump, cost)
+    return Projected(found, late, white, free, left, over, ends, information, basis, root, unroot, second, seen, jump, cost)
 
 
-def known_readings(model: Model, segment: Segment, found: Response) -> Complex:
+def _second_readings(model: Model, segment: Segment, found: Response) -> Complex:
     """Return what the second order adds to the readings, without their delays, shape (F, C)."""
     pushed = np.matmul(found.accel, segment.second_accel[:, :, None])[:, :, 0]
     rows = model.rows[:, model.plant.states.motion]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.estimation.model.readings import combination, constant
 from ride_estimation.estimation.model.segments import Model, Projected, Segment
-from ride_estimation.estimation.model.states import reading_width
+from ride_estimation.estimation.model.states import reading_width, slices_of
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -69,9 +69,9 @@ class Sensitivity:
             start = name(model)
             return np.asarray((np.array([name(m) for m in others]).reshape(errors, *start.shape) - start) / _STEP)
 
-        own, first, parts = [], 0, model.dynamics.parts
-        for sensor in plant.sensors:
-            at, found = slice(first, first + reading_width(sensor)), list(slow.sensors[sensor.name].values())
+        own, parts = [], model.dynamics.parts
+        for sensor, at in zip(plant.sensors, slices_of([reading_width(s) for s in plant.sensors])):
+            found = list(slow.sensors[sensor.name].values())
             begin, end = np.searchsorted(free, [found[0].start, found[-1].stop]).tolist()
             rows = np.zeros((end - begin, at.stop - at.start, plant.states.size))
             for n in range(begin, end):
@@ -80,7 +80,6 @@ class Sensitivity:
                 rows[n - begin] = change @ parts / _STEP
                 constants[n, at] = (constant(plant, model.constants, sensor, stepped) - model.constant[at]) / _STEP
             own.append((at, slice(begin, end), rows))
-            first = at.stop
         laws = np.flatnonzero(free < slow.log_damping.stop)
         return cls(
             model, free, slope(lambda m: m.dynamics.A[rate]), slope(lambda m: m.rows), constants, tuple(own),

@@ -117,6 +117,13 @@ class SlowStates:
         part = self.sensors[sensor][kind]
         return [f"{sensor}.{kind}{axis}" for axis in ([".x", ".y", ".z"] if part.stop - part.start == 3 else [""])]
 
+    def errors(self, found: NDArray[np.bool_]) -> tuple[str, ...]:
+        """Return the names of the errors of sensors among chosen slow states, shape (P,)."""
+        return tuple(
+            error for name, parts in self.sensors.items() for kind, part in parts.items()
+            for error, chosen in zip(self.names(name, kind), found[part]) if chosen
+        )  # fmt: skip
+
     @property
     def free(self) -> NDArray[np.int64]:
         """Return the indices of the states that are estimated."""
