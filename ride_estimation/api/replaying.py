@@ -307,8 +307,8 @@ def all_warnings(
     # the gaps of a sensor are in the findings of its data already, with what was done about them
     told = tuple(f"{name}: {words}" for name, q in quality.items() for words in (f"{q.gaps} gaps", f"{q.gaps} gap,") if q.gaps)
     found += [m for m in result.health.messages if m not in found and not m.startswith(told)]
-    if not isinstance(result.smoothed, str) and result.smoothed.load_share:
-        found.append(result.smoothed.not_modelled)
+    if not isinstance(result.smoothed, str) and result.smoothed.load:
+        found.append(result.smoothed.load)
     return tuple(found)
 
 

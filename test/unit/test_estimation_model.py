@@ -85,7 +85,8 @@ def linear_run(
     quiet = {n: dataclasses.replace(s, noise_std=0.01 * size) for n, s in vehicle.sensors.items()}
     plant = Plant(dataclasses.replace(vehicle, sensors=quiet))
     slow = plant.slow
-    theta = slow.mean + slow.std * rng.normal(size=len(slow.std))
+    products = np.random.default_rng([seed, 1]).normal(size=3)
+    theta = slow.mean + slow.std * np.insert(rng.normal(size=len(slow.std) - 3), slow.inertia_products.start, products)
     theta[slow.mean_accel] = slow.mean[slow.mean_accel]
     delays = [slow.sensors[s.name]["delay"].start for s in plant.sensors]
     theta[delays] = 0.0

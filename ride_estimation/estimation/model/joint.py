@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
+from ride_estimation.estimation.model.load import Load, LoadEvidence, moved_by_load
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.segments import (
     DEFORMS_HZ,
@@ -106,7 +107,8 @@ class JointEstimate:
         self.theta = plant.slow.mean.copy()
         self.covariance = np.diag(plant.slow.std**2)
         self.nis = self.largest_nis = np.nan
-        self._stated = plant.slow.std
+        #: slow states as the vehicle file states them
+        self.stated = plant.slow
         #: part of the variances that the second order causes which is not known, shape (P,)
         self._considered = np.zeros(len(self.theta))
 
@@ -133,7 +135,7 @@ class JointEstimate:
         self._fit_part(first)
         for _ in range(_CAUSES):
             plant, theta, segments = self.plant, self.theta, self.segments
-            if not ((self._free_forces and self._free_force()) or self._widen()):
+            if not ((self._free_forces and self._free_force()) or self._take_load(first) or self._widen()):
                 break
             try:
                 self._fit_part(first)
@@ -148,6 +150,8 @@ class JointEstimate:
         self._iterate()
         if self.plant.freed:
             self._settle_laws()
+        if self.plant.load.presence:
+            self.plant = self.plant.carrying(self._load(self.plant.load.leaning)[0])
         model = self.model()
         projected = self._projected(model)
         information, _, along = self.normal_equations(model, projected)
@@ -164,6 +168,50 @@ class JointEstimate:
         self._iterate()
         if any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments):
             raise InputDataError(_DIVERGES)
+
+    def _take_load(self, part: Array) -> bool:
+        """Take a CG beyond its standard deviation for that of a load; return whether it is.
+
+        A load on springs makes the body lean, which a levelled body and a wrong CG do not: what explains the part better counts.
+        """
+        off, plant, theta = self.cg_offset(), self.plant, self.theta
+        if plant.load.presence or np.all(np.abs(off) <= _FAULT * self.stated.std[self.stated.cg]):
+            return False
+        best = np.inf
+        for load, unlikely in [self._load(leans) for leans in (True, False)]:
+            self.plant = plant.with_load(load, off)
+            self.theta = np.where(self.plant.slow.std > 0.0, theta, self.plant.slow.mean)
+            self._fit_part(part)
+            misfit = unlikely + self._misfit()
+            if misfit < best:
+                best, found = misfit, (self.plant, self.theta, self.segments)
+        self.plant, self.theta, self.segments = found
+        return True
+
+    def _misfit(self) -> float:
+        """Return the negative logarithm of the likelihood of readings and errors of sensors, with the noise as it came out."""
+        slow, model = self.plant.slow, self.model()
+        errors = slow.free[slow.free >= slow.mean_accel.stop]
+        total = 0.5 * float(np.sum((self.theta[errors] / slow.std[errors]) ** 2))
+        for segment, p in zip(self.segments, self._projected(model)):
+            total += p.cost + (p.left.shape[1] - segment.silent) * float(np.sum(np.log(segment.factor)))
+        return total
+
+    def _load(self, leans: bool) -> tuple[Load, float]:
+        """Return the mass of a load that moves the CG to where it is, and how unlikely what tells it is."""
+        plant, slow, model = self.plant, self.stated, self.model()
+        m = model.constants
+        vertical = [i for i in range(2, len(m.stiffness), 3) if i not in plant.freed]
+        change = (self.theta - slow.mean)[slow.log_stiffness][vertical]
+        motion = moved_by_load(m.points, m.stiffness, m.cg - slow.mean[slow.cg], m.mass * plant.gravity)
+        rows = [AXES.index(s.axis) + 3 * plant.geometry.mount_names.index(s.mount) for s in plant.transducers]
+        travel = np.mean([(s.mean - s.second_mean - model.constant)[plant.travels] for s in self.segments], axis=0)
+        zero = slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]]
+        # a delivery of mounts is soft or stiff as a whole: its error is not less in the mean
+        spread = float(np.sqrt(np.mean(slow.std[slow.log_stiffness][vertical] ** 2)))
+        least, centre = plant.geometry.least_load_share(self.cg_offset()), np.mean([p.position for p in plant.mounts], axis=0)
+        evidence = LoadEvidence(least, float(change.mean()), spread, motion, m.cg, centre, m.points[rows], travel, zero)
+        return evidence.load(leans)
 
     def _free_force(self) -> bool:
         """Give the mount that explains most of what is left a force beside its law; return whether one does."""
@@ -241,23 +289,19 @@ class JointEstimate:
     @property
     def faults(self) -> tuple[str, ...]:
         """Errors of sensors that are beyond their priors, by which they were not held."""
-        return self.plant.slow.errors(np.abs(self.theta) > _FAULT * self._stated)
+        return self.plant.slow.errors(np.abs(self.theta) > _FAULT * self.stated.std)
 
     def conflicts(self) -> tuple[str, ...]:
-        """Return errors of sensors that moved although the run hardly determines them: the model misses what they explain.
-
-        And a CG that is far from where the file states it: the body carries a load, and everything is known over its mass only.
-        """
+        """Return errors of sensors that moved although the run hardly determines them: the model misses what they explain."""
         slow, prior, considered = self.plant.slow, self.plant.slow.std, self._considered
         std = np.sqrt(np.maximum(np.diag(self.covariance) - considered, 0.0))
-        off = np.abs(self.cg_offset()) > _FAULT * prior[slow.cg]
         learned = np.sqrt(np.maximum(prior**2 - std**2, (_LEAST_SHARE * prior) ** 2) + considered)
         far = (np.abs(self.theta) > _CONFLICT * learned) & (std >= DETERMINED * prior)
-        return (*(f"{self.plant.geometry.body.name}.cg.{axis}" for axis, found in zip(AXES, off) if found), *slow.errors(far))
+        return slow.errors(far)
 
     def cg_offset(self) -> Array:
         """Return where the CG is, from where the vehicle file states it, shape (3,) [m]."""
-        return np.asarray((self.theta - self.plant.slow.mean)[self.plant.slow.cg])
+        return np.asarray(self.plant.load.own(self.theta[self.stated.cg]) - self.stated.mean[self.stated.cg])
 
     def _inverse(self, information: Array) -> Array:
         """Return the inverse of an information, computed in units of the prior standard deviations."""

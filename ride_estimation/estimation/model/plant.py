@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as sl
@@ -14,6 +15,7 @@ from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.geometry import USUAL_SHARES, Geometry, geometry_of, plate_fit, relative_tilt_maps
 from ride_estimation.estimation.forces.mount_forces import share_by_stiffness, static_share, static_split
 from ride_estimation.estimation.model.carried import Carried, CarriedParts
+from ride_estimation.estimation.model.load import Load, static_with_load
 from ride_estimation.estimation.model.states import FastStates, SlowStates, reading_width, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
@@ -32,6 +34,8 @@ _DEPENDENT = 1e-6
 _STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
 #: standard deviation of the CG [m] and of the inertia where the vehicle file states none
 _CG_STD, _INERTIA_STD = 0.01, 0.05
+#: rows and columns of the products of inertia
+_PRODUCTS = np.triu_indices(3, 1)
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
 #: take from gravity, g theta^2 / 2
 _MEAN_STD = np.array([0.3, 0.3, 0.01])
@@ -107,6 +111,9 @@ class Plant:
         Accelerometers of the body, of the bases, displacement transducers: the order of the readings.
     base_of
         Name of a base sensor -> index of its mount.
+    load
+        What the body carries that its file does not contain. Slow states are those for the mass of the file: with a load of share
+        s all of mass, stiffness, damping, inertia and force are ``1 + s`` times as large.
     freed, freed_std
         Places of the mounts' axes whose force is not its law's alone, among the 3 M, and standard deviation of ln k there.
     noise, travels, delay_of
@@ -138,6 +145,7 @@ class Plant:
         #: relative standard deviation of the mass: all forces have it in common, also where the mass is held
         self.mass_std = (a.body.mass.std or 0.0) / a.body.mass.value
         self.carried = Carried(a)
+        self.load = Load()
         self.freed: tuple[int, ...] = ()
         self.freed_std: tuple[float, ...] = ()
         self.states = FastStates.of(self.patterns.shape[1], self.carried.count)
@@ -164,15 +172,34 @@ class Plant:
             [
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
                 (np.array([np.log(body.mass.value)]), np.array([mass_std])), (np.asarray(body.cg, dtype=float), cg_std),
-                (np.zeros(3), np.full(3, spread)), (np.zeros(len(self.carried.std)), self.carried.std),
+                (np.zeros(3), np.full(3, spread)), (np.zeros(3), np.full(3, spread)),
+                (np.zeros(len(self.carried.std)), self.carried.std),
                 (np.zeros(3), _MEAN_STD),
             ],
             self.sensors,
         )  # fmt: skip
 
+    def _static(self, points: Array, k: Array, weight: Array, cg: Array, own: float) -> tuple[Array, Array]:
+        """Return forces at rest (M, 3) and their covariance (3 M, 3 M); ``own``: weight of the body without what it carries."""
+        static, left = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
+        if not self.load.leaning:
+            return static, left
+        offset = cg - np.asarray(self.geometry.body.cg)
+        before = weight - np.append(np.zeros(3), np.cross(offset, [0.0, 0.0, own]))
+        level, _ = static_split(self.mounts, points.T, static_share(points.T, k, before), before)
+        # a finite rotation moves its arms too: those of half of it give its deflections to second order
+        upright = motion_of_points([m.position for m in self.geometry.mounts], self.load.own(cg))
+        return static_with_load(0.5 * (points + upright), k, offset, own, level, self.load.share), left
+
+    def _products(self, shares: Array) -> Array:
+        """Return elements xy, xz and yz of an inertia, shape (3, 3) [kg m^2], from their shares of the moments of the file."""
+        found, size = np.zeros((3, 3)), np.sqrt(np.diag(self.geometry.body.inertia))
+        found[_PRODUCTS] = shares
+        return np.asarray((found + found.T) * np.outer(size, size))
+
     def points(self, cg: Array) -> Array:
         """Return the map from rigid motion at a CG to the motion of the mounts, shape (3 M, 6)."""
-        return np.vstack([point_motion_matrix(m.position - cg) for m in self.mounts])
+        return motion_of_points([m.position for m in self.mounts], cg)
 
     def constants(self, theta: Array) -> Constants:
         """Return the constants of a vector of slow states in physical units.
@@ -181,13 +208,13 @@ class Plant:
         """
         s, body = self.slow, self.geometry.body
         k, mass, cg = np.exp(theta[s.log_stiffness]), float(np.exp(theta[s.log_mass][0])), theta[s.cg]
-        root = np.diag(np.exp(0.5 * theta[s.log_inertia]))
-        inertia = root @ body.inertia @ root * mass / body.mass.value
+        root = np.exp(0.5 * theta[s.log_inertia])
+        inertia = np.outer(root, root) * (body.inertia + self._products(theta[s.inertia_products])) * mass / body.mass.value
         points, carried = self.points(cg), self.carried.parts(theta[s.log_carried], cg)
         weight = np.array([0.0, 0.0, mass * self.gravity, 0.0, 0.0, 0.0]) + carried.weight
-        static, left = static_split(self.mounts, points.T, static_share(points.T, k, weight), weight)
-        load = np.append(mass * theta[s.mean_accel], np.zeros(3))
-        deflected = -points @ np.linalg.solve(points.T @ (k[:, None] * points), load)
+        static, left = self._static(points, k, weight, cg, mass * self.gravity)
+        pull = np.append(mass * theta[s.mean_accel], np.zeros(3))
+        deflected = -points @ np.linalg.solve(points.T @ (k[:, None] * points), pull)
         tilt = self.untwisted + sum(share * slope for share, slope in zip(theta[s.tilt_shares], self._tilt_slopes))
         c = np.exp(theta[s.log_damping])
         return Constants(k, c, tilt, mass, cg, inertia, carried, points, static, left, theta[s.mean_accel], deflected)
@@ -204,6 +231,39 @@ class Plant:
         found.slow = dataclasses.replace(slow, std=std)
         found.states = FastStates.of(self.patterns.shape[1], self.carried.count, len(found.freed))
         return found
+
+    def with_load(self, load: Load, offset: Array) -> Plant:
+        """Return the plant with a load that moves the CG by (3,) [m]: what the file states is for another mass."""
+        found, slow = copy.copy(self), self.slow
+        mean, std = slow.mean.copy(), slow.std.copy()
+        for part in (slow.log_stiffness, slow.log_damping, slow.log_carried, slow.log_inertia):
+            mean[part] -= np.log1p(load.share)
+            std[part] = np.where(std[part] > 0.0, np.hypot(std[part], load.std), 0.0)
+        for part in (slow.log_inertia, slow.inertia_products):
+            std[part] = np.hypot(std[part], load.share)
+        std[slow.cg] = np.linalg.norm(offset)
+        found.load, found.slow = load, dataclasses.replace(slow, mean=mean, std=std)
+        found.freed_std = tuple(float(np.hypot(known, load.std)) for known in self.freed_std)
+        own = {s.name for s in self.geometry.body_sensors}
+        found.sensors = tuple(load.moved_sensor(s) if s.name in own else s for s in self.sensors)
+        found.mounts = tuple(dataclasses.replace(m, position=load.moved(m.position)) for m in self.mounts)
+        return found
+
+    def carrying(self, load: Load) -> Plant:
+        """Return the plant with another mass of its load."""
+        found = copy.copy(self)
+        found.load = dataclasses.replace(self.load, share=load.share, std=load.std, presence=load.presence)
+        return found
+
+    @property
+    def mass_factor(self) -> tuple[float, float]:
+        """Return by what everything known over the mass of the file is multiplied, and its relative standard deviation.
+
+        Where the mass is a slow state its own standard deviation is in their covariance.
+        """
+        factor = 1.0 + self.load.share
+        held = self.mass_std if self.slow.std[self.slow.log_mass][0] == 0.0 else 0.0
+        return factor, float(np.hypot(held, self.load.std / factor))
 
     def with_laws_known_to(self, freed_std: tuple[float, ...]) -> Plant:
         """Return the plant with other standard deviations of ln k where there are forces beside laws."""
@@ -238,6 +298,11 @@ class Plant:
         sideways[:, :2] = np.outer(lean * m.static[:, 2], np.ones(2)) ** 2
         left = unbalanced(m.points, m.stiffness)
         return np.asarray(m.static_left + (left * sideways.ravel()) @ left.T)
+
+
+def motion_of_points(positions: Sequence[Array], cg: Array) -> Array:
+    """Return the map from rigid motion at a CG to the motion of points, shape (3 M, 6)."""
+    return np.vstack([point_motion_matrix(position - cg) for position in positions])
 
 
 def unbalanced(points: Array, stiffness: Array) -> Array:

@@ -50,8 +50,10 @@ class RunForces:
         Stiffness and damping of the mounts; CG and inertia of the body.
     refused
         Why there are no segments.
+    load
+        Sentence on a load that the vehicle file does not contain, empty where there is none. It is in the segments.
     load_share
-        Share of the mass that a load has whose CG this run shows and whose mass it does not, 0 where there is none.
+        Share of the mass that it may have, where there are no segments.
     """
 
     segments: tuple[tuple[int, SmoothedSegment], ...] = ()
@@ -61,6 +63,7 @@ class RunForces:
     parameters: tuple[Estimate, ...] = ()
     mass_properties: tuple[Estimate, ...] = ()
     refused: str = ""
+    load: str = ""
     load_share: float = 0.0
 
     def fade_in(
@@ -139,14 +142,14 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
         learn_shares(joint)
     except RideEstimationError as error:
         return RunForces(refused=str(error))
+    load = joint.plant.load
     if joint.largest_nis > LARGEST_NIS:
         words = f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
         return RunForces(refused=words)
     conflicts = joint.conflicts()
-    if conflicts and ".cg." in conflicts[0]:
-        return _loaded(joint)
     if conflicts:
-        return RunForces(refused=f"the model misses what {', '.join(conflicts[:3])} would explain")
+        words = f"the model misses what {', '.join(conflicts[:3])} would explain"
+        return RunForces(refused=words, load=load_in_words(joint), load_share=math.hypot(load.share, load.std))
     smoothed = []
     # where there are both, what needs no bridge comes last and counts
     for bridge in found.bridges:
@@ -158,20 +161,23 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
         return RunForces(refused="the model explains the readings of no part of the run")
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
     estimates = run_parameters(joint, newest), mass_properties(joint, newest)
-    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, joint.faults, *estimates)
+    return RunForces(tuple(smoothed), found.dt, joint.plant.findings, joint.faults, *estimates, load=load_in_words(joint))
 
 
-def _loaded(joint: JointEstimate) -> RunForces:
-    """Return what a run shows of a load: that there is one."""
-    geometry, offset = joint.plant.geometry, joint.cg_offset()
-    least, share = geometry.least_load_share(offset), geometry.likely_load_share(offset)
-    distance = float(np.linalg.norm(offset))
-    words = (
-        f"the CG of {geometry.body.name!r} is {1e3 * distance:.0f} mm from where the vehicle file states it: a load "
-        f"of {least * geometry.file_mass:.0f} kg or more that the file does not contain, or a wrong CG; forces, stiffness and "
-        f"damping are uncertain by {share:.0%}"
+def load_in_words(joint: JointEstimate) -> str:
+    """Return what a run shows of a load, empty where the CG is where the vehicle file states it."""
+    geometry, load = joint.plant.geometry, joint.plant.load
+    if not load.presence:
+        return ""
+    distance, mass = 1e3 * float(np.linalg.norm(joint.cg_offset())), geometry.body.mass.value
+    ways = "the place of the CG, the stiffness in the file" + " and static travel" * bool(joint.plant.transducers)
+    why = "a load that the file does not contain, by which the body leans"
+    if not load.leaning:
+        why = f"a wrong CG, or a load ({load.presence:.0%}) on springs that level the body"
+    return (
+        f"the CG of {geometry.body.name!r} is {distance:.0f} mm from where the vehicle file states it: {why}; "
+        f"mass {load.share * mass:+.0f} +- {load.std * mass:.0f} kg by {ways}"
     )
-    return RunForces(refused=words, load_share=share)
 
 
 def _smoothed(

@@ -33,15 +33,15 @@ def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
     stamp_ns
         Stamp of the newest sample.
     """
-    plant, slow = joint.plant, joint.plant.slow
+    plant, slow = joint.plant, joint.stated
     # stiffness, damping and mass are known up to a common factor: where the mass is held its error is that of all
-    held = plant.mass_std if slow.std[slow.log_mass][0] == 0.0 else 0.0
+    of_mass, held = plant.mass_factor
     found = []
     for i, mount in enumerate(plant.mounts):
         for a, axis in enumerate(AXES):
             for role, part in zip(ROLES, (slow.log_stiffness, slow.log_damping)):
                 at = part.start + 3 * i + a
-                factor = float(np.exp(joint.theta[at] - slow.mean[at]))
+                factor = of_mass * float(np.exp(joint.theta[at] - slow.mean[at]))
                 std = float(np.hypot(np.sqrt(joint.covariance[at, at]), held))
                 if 3 * i + a in plant.freed:
                     status, reason = Status.SUSPECT, _NOT_LINEAR
@@ -67,17 +67,23 @@ def mass_properties(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]
     joint, stamp_ns
         As in :func:`run_parameters`.
     """
-    plant, slow = joint.plant, joint.plant.slow
+    plant, slow, load = joint.plant, joint.stated, joint.plant.load
     body, constants = plant.geometry.body, plant.constants(joint.theta)
+    factor, held = plant.mass_factor
     std = np.sqrt(np.diag(joint.covariance))
-    moments = np.diag(constants.inertia)
-    stds = [moments * np.hypot(s[slow.log_inertia], plant.mass_std) for s in (std, slow.std)]
+    moments = factor * np.diag(constants.inertia)
+    stds = [moments * np.hypot(s[slow.log_inertia], own) for s, own in ((std, held), (slow.std, plant.mass_std))]
     columns = [(f"inertia.{axis}{axis}" for axis in AXES), moments, np.diag(body.inertia), *stds, 3 * ("kg m^2",)]
-    rows = [*zip((f"cg.{axis}" for axis in AXES), constants.cg, body.cg, std[slow.cg], slow.std[slow.cg], 3 * ("m",))]
-    return tuple(
+    rows = [*zip((f"cg.{axis}" for axis in AXES), load.own(constants.cg), body.cg, std[slow.cg], slow.std[slow.cg], 3 * ("m",))]
+    found = [
         Estimate(f"{body.name}.{name}", float(value), float(own), unit, float(prior), *_learned(own, before), stamp_ns)
         for name, value, prior, own, before, unit in [*rows, *zip(*columns)]
-    )
+    ]
+    if load.presence:
+        mass, status = body.mass.value * factor, status_of(held, np.inf)
+        words = "with a load that the vehicle file does not contain, or with a wrong CG there"
+        found.insert(0, Estimate(f"{body.name}.mass", mass, mass * held, "kg", body.mass.value, status, words, stamp_ns))
+    return tuple(found)
 
 
 def _learned(std: float, prior_std: float) -> tuple[Status, str]:

@@ -83,7 +83,7 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     error = _Errors(joint, model, segment, p)
     v = error.states()
     variance = error.variance(v)
-    held = plant.mass_std if plant.slow.std[plant.slow.log_mass][0] == 0.0 else 0.0
+    factor, held = plant.mass_factor
     v[:, plant.states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
     moving = segment.lines.back(v)
     d = model.dynamics
@@ -93,7 +93,8 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     deflection = moving @ d.deflection.T + model.constants.deflected
     # stiffness, damping and mass are known up to a common factor: where the mass is held its error is that of every force
     variance += (held * force) ** 2
-    return SmoothedSegment(force.reshape(shape), np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
+    force = plant.load.in_body_axes(force.reshape(shape))
+    return SmoothedSegment(factor * force, factor * np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
 
 
 def _settled(model: Model, segment: Segment) -> tuple[Projected, float]:

@@ -88,8 +88,9 @@ class SlowStates:
         Logarithms of k [N/m] and c [N s/m], mount by mount, x y z.
     tilt_shares
         How brackets roll and pitch with the twist of the base: two shares [-] and two shifts [m].
-    log_mass, cg, log_inertia
-        Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes.
+    log_mass, cg, log_inertia, inertia_products
+        Logarithm of the mass [kg], CG [m], logarithms of the scale of the inertia along three axes, and what its elements xy, xz
+        and yz have beyond those of the file, over the root of the product of both moments.
     log_carried
         Logarithms of masses, then of stiffness and damping, of carried bodies over those of the vehicle file.
     mean_accel
@@ -106,6 +107,7 @@ class SlowStates:
     log_mass: slice
     cg: slice
     log_inertia: slice
+    inertia_products: slice
     log_carried: slice
     mean_accel: slice
     sensors: dict[str, dict[str, slice]]

@@ -77,8 +77,8 @@ class SmoothedForces:
         Sentences: how the vehicle differs from its file by that model.
     parameters, mass_properties
         Stiffness and damping of the mounts, CG and inertia of the body by that model, none where it has no share.
-    load_share
-        Share of the mass that a load may have whose mass nothing shows; it is in ``std``.
+    load
+        Sentence on a load that the vehicle file does not contain, empty where the model found none; it is in ``std``.
     """
 
     force: Array
@@ -90,7 +90,7 @@ class SmoothedForces:
     findings: tuple[str, ...] = ()
     parameters: tuple[Estimate, ...] = ()
     mass_properties: tuple[Estimate, ...] = ()
-    load_share: float = 0.0
+    load: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,13 +213,13 @@ class SmootherRecorder:
     def ordinary(self, model: RunForces) -> Array:
         """Return per tick whether the vehicle was one that a model describes, shape (N,).
 
-        No load was found, no sensor lost or suspect. Where the model has estimated a sensor's error beyond its tolerance, that is
-        why sensors are suspect; a law that is not linear makes readings of a base suspect.
+        No load was found that the model has not, no sensor lost or suspect. Where the model has estimated a sensor's error beyond
+        its tolerance, that is why sensors are suspect; a load and a law that is not linear make readings of a base suspect.
         """
         found = np.ones(self._ticks)
         for piece in (p for pieces, _ in self._stretches for p in pieces):
-            misread = not (model.findings or model.faults) and np.any(piece.model.misread > 0.0)
-            if piece.model.loaded or not (piece.complete or model.faults) or misread:
+            misread = not (model.findings or model.faults or model.load) and np.any(piece.model.misread > 0.0)
+            if (piece.model.loaded and not model.load) or not (piece.complete or model.faults) or misread:
                 found[piece.first : piece.end] = 0.0
         return found
 
@@ -330,15 +330,17 @@ def second_pass(
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
         return "its forces are not finite: the sensors contradict each other beyond use for a time"
     if model.refused:
-        load = 0.0 if recorder.loaded else model.load_share
-        std = np.hypot(std, load * np.abs(force))
-        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model.refused, load_share=load)
-    # a force beside a law explains why the law is not valid
-    reason = "" if model.findings else _not_linear(parameters)
+        load = "" if recorder.loaded else model.load
+        std = np.hypot(std, model.load_share * np.abs(force)) if load else std
+        return SmoothedForces(force, std, deflection, float(weight.mean()), not_modelled=model.refused, load=load)
+    # a force beside a law, a load and a faulty sensor explain why laws are not valid
+    reason = "" if model.findings or model.load or model.faults else _not_linear(parameters)
     share = model.fade_in(signals["stamp_ns"], recorder.ordinary(model), force, std, deflection, 2 if reason else 3)
     beyond = tuple(f"{error} is beyond its tolerance" for error in model.faults)
-    found = SmoothedForces(force, std, deflection, float(weight.mean()), share, reason, (*model.findings, *beyond))
-    if not share or recorder.loaded:
+    found = SmoothedForces(
+        force, std, deflection, float(weight.mean()), share, reason, (*model.findings, *beyond), load=model.load
+    )
+    if not share or (recorder.loaded and not model.load):
         return found
     known = beside_online(model.parameters, parameters, amplitude_std)
     return dataclasses.replace(found, parameters=known, mass_properties=model.mass_properties)
