@@ -13,6 +13,7 @@ Jacobian: it alone tells a stiff mount on the left from one on the right, and st
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 
@@ -132,13 +133,12 @@ class JointEstimate:
 
     def _fit(self) -> None:
         first = liveliest(self._raw, round(_FIRST_S / self.dt))
-        self._fit_part(first)
+        self._begin(first)
         for _ in range(_CAUSES):
             plant, theta, segments = self.plant, self.theta, self.segments
-            if not ((self._free_forces and self._free_force()) or self._take_load(first) or self._widen()):
-                break
             try:
-                self._fit_part(first)
+                if not ((self._free_forces and self._free_force(first)) or self._take_load() or self._widen()):
+                    break
             except (np.linalg.LinAlgError, FloatingPointError, InputDataError):
                 # a force beside the law fed the second order until the numbers ran away: two drawn linear cabs of 26
                 if self.plant.freed == plant.freed:
@@ -162,26 +162,31 @@ class JointEstimate:
         self.covariance = self._relative(learned + considered)
         self._considered = np.diag(self._relative(considered))
 
-    def _fit_part(self, part: Array) -> None:
-        """Estimate from one part alone; refuse motion that the second order does not describe."""
+    def _begin(self, part: Array) -> None:
+        """Estimate from one part alone."""
         self.segments = [Segment.of(part, self.dt, self.plant)]
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Estimate from where the segments are; refuse motion that the second order does not describe."""
         self._iterate()
         if any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments):
             raise InputDataError(_DIVERGES)
 
-    def _take_load(self, part: Array) -> bool:
+    def _take_load(self) -> bool:
         """Take a CG beyond its standard deviation for that of a load; return whether it is.
 
         A load on springs makes the body lean, which a levelled body and a wrong CG do not: what explains the part better counts.
         """
-        off, plant, theta = self.cg_offset(), self.plant, self.theta
+        off, plant, theta, segments = self.cg_offset(), self.plant, self.theta, self.segments
         if plant.load.presence or np.all(np.abs(off) <= _FAULT * self.stated.std[self.stated.cg]):
             return False
         best = np.inf
         for load, unlikely in [self._load(leans) for leans in (True, False)]:
             self.plant = plant.with_load(load, off)
             self.theta = np.where(self.plant.slow.std > 0.0, theta, self.plant.slow.mean)
-            self._fit_part(part)
+            self.segments = [copy.copy(s) for s in segments]
+            self._go_on()
             misfit = unlikely + self._misfit()
             if misfit < best:
                 best, found = misfit, (self.plant, self.theta, self.segments)
@@ -189,12 +194,18 @@ class JointEstimate:
         return True
 
     def _misfit(self) -> float:
-        """Return the negative logarithm of the likelihood of readings and errors of sensors, with the noise as it came out."""
+        """Return the negative logarithm of the likelihood of readings and errors of sensors, up to a constant.
+
+        Restricted to what no input explains (Harville, Biometrika 61, 1974), with the noise as it came out.
+        """
+        self.renew()
         slow, model = self.plant.slow, self.model()
         errors = slow.free[slow.free >= slow.mean_accel.stop]
         total = 0.5 * float(np.sum((self.theta[errors] / slow.std[errors]) ** 2))
         for segment, p in zip(self.segments, self._projected(model)):
-            total += p.cost + (p.left.shape[1] - segment.silent) * float(np.sum(np.log(segment.factor)))
+            noise = (len(segment.noise) - segment.silent) * np.sum(np.log(segment.factor)) - 2.0 * np.sum(p.white.log_volume)
+            inputs = 2.0 * np.sum(np.log(np.abs(np.diagonal(p.root, axis1=1, axis2=2))))
+            total += p.cost + float(noise + inputs)
         return total
 
     def _load(self, leans: bool) -> tuple[Load, float]:
@@ -213,8 +224,8 @@ class JointEstimate:
         evidence = LoadEvidence(least, float(change.mean()), spread, motion, m.cg, centre, m.points[rows], travel, zero)
         return evidence.load(leans)
 
-    def _free_force(self) -> bool:
-        """Give the mount that explains most of what is left a force beside its law; return whether one does."""
+    def _free_force(self, part: Array) -> bool:
+        """Give the mount that explains most of what is left a force beside its law, and begin anew; return whether one does."""
         model = self.model()
         projected = self._projected(model)
         scores, spreads = (sum(x) for x in zip(*(force_scores(model, s, p) for s, p in zip(self.segments, projected))))
@@ -223,6 +234,7 @@ class JointEstimate:
             return False
         self.plant = self.plant.with_free_force(possible[0])
         self.theta = self.plant.slow.mean.copy()
+        self._begin(part)
         return True
 
     def _settle_laws(self) -> None:
@@ -269,15 +281,18 @@ class JointEstimate:
         return 0.5 * float((unit * gradient) @ np.linalg.solve(unit[:, None] * information * unit, unit * gradient))
 
     def _widen(self) -> bool:
-        """Give errors of sensors beyond all priors a prior of their size; return whether there are some.
+        """Give errors of sensors beyond all priors a prior of their size and go on; return whether there are some.
 
         A faulty sensor does not err by a normal distribution: held to it, it bends what it is read together with.
         """
         slow, found = self.plant.slow, self._faulty()
+        if not found.any():
+            return False
         std = slow.std.copy()
         std[found] = np.abs(self.theta[found])
         self.plant.slow = dataclasses.replace(slow, std=std)
-        return bool(found.any())
+        self._go_on()
+        return True
 
     def _faulty(self) -> NDArray[np.bool_]:
         """Return which errors of sensors are beyond all priors, shape (P,)."""

@@ -9,6 +9,7 @@ can lie, what the file states of the stiffness of the mounts, and the static tra
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,23 +60,26 @@ class Load:
         """Return whether the body leans by it."""
         return bool(np.any(self.leans))
 
-    def moved(self, points: Array) -> Array:
-        """Return where points of the body (..., 3) are with the load, in axes of the brackets."""
-        arms = points - self.centre
-        return np.asarray(points + self.sinks + np.cross(self.leans, arms))
+    @functools.cached_property
+    def _turn(self) -> Rotation:
+        return Rotation.from_rotvec(self.leans)
 
-    def in_body_axes(self, vectors: Array) -> Array:
-        """Return vectors (..., 3) in axes of the body from those in axes of the brackets."""
-        return np.asarray(vectors - np.cross(self.leans, vectors))
+    def moved(self, point: Array) -> Array:
+        """Return where a point of the body (3,) is with the load, in axes of the brackets."""
+        return np.asarray(self.centre + self.sinks + self._turn.apply(point - self.centre))
 
     def own(self, point: Array) -> Array:
         """Return where a point of the body (3,) is without the load, in axes of the body: the inverse of :meth:`moved`."""
-        return np.asarray(self.centre + self.in_body_axes(point - self.sinks - self.centre))
+        return np.asarray(self.centre + self._turn.inv().apply(point - self.sinks - self.centre))
 
     def moved_sensor(self, sensor: Sensor) -> Sensor:
         """Return a sensor of the body where the load has moved it."""
-        turn = Rotation.from_rotvec(self.leans).as_matrix()
-        return dataclasses.replace(sensor, position=self.moved(sensor.position), rotation=turn @ sensor.rotation)
+        rotation = self._turn.as_matrix() @ sensor.rotation
+        return dataclasses.replace(sensor, position=self.moved(sensor.position), rotation=rotation)
+
+    def in_body_axes(self, vectors: Array) -> Array:
+        """Return vectors (..., 3) in axes of the body from those in axes of the brackets."""
+        return np.asarray(vectors @ self._turn.as_matrix())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,8 +116,8 @@ class LoadEvidence:
         """Return the mass and the negative logarithm of the likelihood of what tells it.
 
         A load lies anywhere over the area between the mounts, so the density of a CG that is off by so much falls with the
-        square of the share; one time in ten it was taken away. A body that does not lean may carry one too, on air springs that level it:
-        that and a wrong CG have even odds.
+        square of the share; one time in ten it was taken away. A body that does not lean may carry one too, on air springs that
+        level it: that and a wrong CG have even odds.
 
         Parameters
         ----------

@@ -20,7 +20,6 @@ from ride_estimation.estimation.model.readings import as_read, combinations_of, 
 from ride_estimation.estimation.model.second_order import second_order, slopes_of_laws
 from ride_estimation.estimation.model.spectral import Lines, Response, response
 from ride_estimation.estimation.model.states import FastStates
-from ride_estimation.frames import point_motion_matrix
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -80,14 +79,10 @@ class Model:
         """Mean force of the mounts, shape (3 M,) [N]."""
         return np.asarray(self.constants.static.ravel() - self.constants.stiffness * self.constants.deflected)
 
-    @functools.cached_property
+    @property
     def direct(self) -> Array:
         """Effect of an acceleration of the body and of carried bodies on the readings, shape (C, 6 + Q)."""
-        found = np.zeros((len(self.rows), 6 + self.plant.carried.count))
-        for i, s in enumerate(self.plant.geometry.body_sensors):
-            read = as_read(self.plant, s, self.theta)
-            found[3 * i : 3 * i + 3, :6] = read @ point_motion_matrix(s.position - self.constants.cg)
-        return found
+        return np.pad(self.combinations[:, :6], ((0, 0), (0, self.plant.carried.count)))
 
     @functools.cached_property
     def lean(self) -> Array:
@@ -276,6 +271,11 @@ class Whitening:
         rows = lean / std[lines, :, None]
         covariance = np.eye(std.shape[1]) + wandering[lines, None, None] * np.matmul(rows, rows.transpose(0, 2, 1))
         return cls(std, lines, np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    @property
+    def log_volume(self) -> Array:
+        """Return the logarithm of the determinant of :attr:`matrix`, shape (L,)."""
+        return np.asarray(np.sum(np.log(np.diagonal(self.matrix, axis1=1, axis2=2)), axis=1))
 
     def whiten(self, values: Complex) -> Complex:
         """Return whitened columns, shape (F, C, K)."""
