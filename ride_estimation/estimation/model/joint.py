@@ -181,16 +181,19 @@ class JointEstimate:
         off, plant, theta, segments = self.cg_offset(), self.plant, self.theta, self.segments
         if plant.load.presence or np.all(np.abs(off) <= _FAULT * self.stated.std[self.stated.cg]):
             return False
-        best = np.inf
+        found = []
         for load, unlikely in [self._load(leans) for leans in (True, False)]:
             self.plant = plant.with_load(load, off)
             self.theta = np.where(self.plant.slow.std > 0.0, theta, self.plant.slow.mean)
             self.segments = [copy.copy(s) for s in segments]
-            self._go_on()
-            misfit = unlikely + self._misfit()
-            if misfit < best:
-                best, found = misfit, (self.plant, self.theta, self.segments)
-        self.plant, self.theta, self.segments = found
+            try:
+                self._go_on()
+                found.append((unlikely + self._misfit(), self.plant, self.theta, self.segments))
+            except (np.linalg.LinAlgError, FloatingPointError, InputDataError):
+                continue
+        if not found:
+            raise InputDataError(_UNFIT)
+        _, self.plant, self.theta, self.segments = min(found, key=lambda one: one[0])
         return True
 
     def _misfit(self) -> float:
