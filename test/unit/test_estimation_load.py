@@ -18,6 +18,7 @@ from worlds.vehicle_text import Belief, vehicle_yaml
 
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.forces.mount_forces import static_share, static_split
+from ride_estimation.estimation.model.drive_calibration import calibrate_drive
 from ride_estimation.estimation.model.load import Load, LoadEvidence
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
@@ -185,3 +186,15 @@ def test_static_travel_tells_the_mass_and_that_the_body_leans() -> None:
     assert load.share == pytest.approx(0.2, abs=0.01) and load.std < 0.02
     np.testing.assert_allclose(load.leans, [0.01 / (1.0 + load.share), 0.0, 0.0], atol=1e-9)
     assert evidence(**seen).load(leans=False)[1] > unlikely + 50.0
+
+
+def test_sensors_are_calibrated_from_a_drive_with_a_load() -> None:
+    data, vehicle = world(7005, stands=False, travel=True)
+    found = calibrate_drive(recording(data), vehicle)
+    assert found.usable and any("by which the body leans" in words for words in found.findings)
+    inside = []
+    for sensor in (s for s in data.sensors if s.kind == "accelerometer"):
+        errors, stds = found.sensors[sensor.name].errors, found.sensors[sensor.name].stds
+        moved = sensor.true_position - sensor.position
+        inside += list(np.abs(errors["position"] - moved) < 2.0 * stds["position"])
+    assert np.mean(inside) > 0.85

@@ -18,6 +18,7 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.joint import DETERMINED, LARGEST_NIS, JointEstimate
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.readings import axes
+from ride_estimation.estimation.model.run_parameters import load_in_words
 from ride_estimation.estimation.model.run_readings import SHORTEST_SEGMENT_S, run_readings
 from ride_estimation.estimation.model.states import error_std, reading_width
 from ride_estimation.sensors.installation import USUAL, Installation
@@ -162,7 +163,7 @@ def _result(vehicle: Vehicle, plant: Plant, joint: JointEstimate, duration: floa
     covariance, conflicts = joint.covariance[np.ix_(places, places)], joint.conflicts()
     return DriveCalibration(
         found, tuple(names), covariance, joint.nis, joint.largest_nis, duration, conflicts,
-        _findings(found, joint.largest_nis, conflicts),
+        _findings(found, joint.largest_nis, conflicts, load_in_words(joint)),
     )
 
 
@@ -186,7 +187,9 @@ def _corrected(sensor: Sensor, errors: Mapping[str, Array], stds: Mapping[str, A
     )  # fmt: skip
 
 
-def _findings(found: Mapping[str, CalibratedSensor], largest_nis: float, conflicts: Sequence[str]) -> tuple[str, ...]:
+def _findings(
+    found: Mapping[str, CalibratedSensor], largest_nis: float, conflicts: Sequence[str], load: str
+) -> tuple[str, ...]:
     words = []
     for kind in _KINDS:
         open_ = [n for n, c in found.items() if kind in c.determined and not np.any(c.determined[kind])]
@@ -195,6 +198,8 @@ def _findings(found: Mapping[str, CalibratedSensor], largest_nis: float, conflic
                          f"{', '.join(open_)}")  # fmt: skip
     words.append("delay: relative to the mean of all sensors; a delay common to all is not observable")
     words.append("gain: the part common to all sensors is observable from gravity along z only, through the bias that is stated")
+    if load:
+        words.append(f"{load}; errors of sensors do not depend on it")
     if largest_nis > LARGEST_NIS:
         words.append(
             f"do not use this: the model does not explain the readings (NIS {largest_nis:.1f} in one octave): a law that is not "

@@ -59,6 +59,8 @@ _FAULT = 4.0
 #: standard deviations from which a force beside the law of a mount shows (healthy foreign runs up to 8.5; play of a damper that a
 #: linear law hides, cab_14, 78)
 _SHOWN = 12.0
+#: how often a body leans anew by a load at most, and change of its lean from which it does, over the lean
+_LEANS, _STANDS = 3, 0.05
 #: how often causes of what is left over are looked for at most
 _CAUSES = 6
 _DIVERGES = "the motion is too large: kinematics of second order are larger than those of first"
@@ -182,19 +184,30 @@ class JointEstimate:
         if plant.load.presence or np.all(np.abs(off) <= _FAULT * self.stated.std[self.stated.cg]):
             return False
         found = []
-        for load, unlikely in [self._load(leans) for leans in (True, False)]:
-            self.plant = plant.with_load(load, off)
-            self.theta = np.where(self.plant.slow.std > 0.0, theta, self.plant.slow.mean)
-            self.segments = [copy.copy(s) for s in segments]
+        for leans in (True, False):
+            self.plant, self.theta, self.segments = plant, theta, [copy.copy(s) for s in segments]
             try:
-                self._go_on()
-                found.append((unlikely + self._misfit(), self.plant, self.theta, self.segments))
+                found.append((self._with_load(leans, off) + self._misfit(), self.plant, self.theta, self.segments))
             except (np.linalg.LinAlgError, FloatingPointError, InputDataError):
                 continue
         if not found:
             raise InputDataError(_UNFIT)
         _, self.plant, self.theta, self.segments = min(found, key=lambda one: one[0])
         return True
+
+    def _with_load(self, leans: bool, off: Array) -> float:
+        """Estimate with a load until the body leans as it makes it; return how unlikely what tells its mass is."""
+        plant, before = self.plant, np.zeros(3)
+        for _ in range(_LEANS):
+            load, unlikely = self._load(leans)
+            if leans and np.linalg.norm(load.leans - before) < _STANDS * np.linalg.norm(load.leans):
+                break
+            self.plant, before = plant.with_load(load, off), load.leans
+            self.theta = np.where(self.plant.slow.std > 0.0, self.theta, self.plant.slow.mean)
+            self._go_on()
+            if not leans:
+                break
+        return unlikely
 
     def _misfit(self) -> float:
         """Return the negative logarithm of the likelihood of readings and errors of sensors, up to a constant.

@@ -14,7 +14,7 @@ from ride_estimation.errors import RideEstimationError
 from ride_estimation.estimation.common.estimate import Estimate
 from ride_estimation.estimation.model.bracket_shares import learn_shares
 from ride_estimation.estimation.model.joint import LARGEST_NIS, JointEstimate, liveliest
-from ride_estimation.estimation.model.run_parameters import mass_properties, run_parameters
+from ride_estimation.estimation.model.run_parameters import load_in_words, mass_properties, run_parameters
 from ride_estimation.estimation.model.run_readings import run_readings
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
 from ride_estimation.signals.recording import Recording
@@ -142,13 +142,13 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
         learn_shares(joint)
     except RideEstimationError as error:
         return RunForces(refused=str(error))
-    load = joint.plant.load
     if joint.largest_nis > LARGEST_NIS:
         words = f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
         return RunForces(refused=words)
     conflicts = joint.conflicts()
     if conflicts:
         words = f"the model misses what {', '.join(conflicts[:3])} would explain"
+        load = joint.plant.load
         return RunForces(refused=words, load=load_in_words(joint), load_share=math.hypot(load.share, load.std))
     smoothed = []
     # where there are both, what needs no bridge comes last and counts
@@ -162,22 +162,6 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
     estimates = run_parameters(joint, newest), mass_properties(joint, newest)
     return RunForces(tuple(smoothed), found.dt, joint.plant.findings, joint.faults, *estimates, load=load_in_words(joint))
-
-
-def load_in_words(joint: JointEstimate) -> str:
-    """Return what a run shows of a load, empty where the CG is where the vehicle file states it."""
-    geometry, load = joint.plant.geometry, joint.plant.load
-    if not load.presence:
-        return ""
-    distance, mass = 1e3 * float(np.linalg.norm(joint.cg_offset())), geometry.body.mass.value
-    ways = "the place of the CG, the stiffness in the file" + " and static travel" * bool(joint.plant.transducers)
-    why = "a load that the file does not contain, by which the body leans"
-    if not load.leaning:
-        why = f"a wrong CG, or a load ({load.presence:.0%}) on springs that level the body"
-    return (
-        f"the CG of {geometry.body.name!r} is {distance:.0f} mm from where the vehicle file states it: {why}; "
-        f"mass {load.share * mass:+.0f} +- {load.std * mass:.0f} kg by {ways}"
-    )
 
 
 def _smoothed(

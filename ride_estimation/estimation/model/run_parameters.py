@@ -93,6 +93,22 @@ def _learned(std: float, prior_std: float) -> tuple[Status, str]:
     return Status.NOT_IDENTIFIABLE, "the run says little more than the vehicle file"
 
 
+def load_in_words(joint: JointEstimate) -> str:
+    """Return what a run shows of a load, empty where the CG is where the vehicle file states it."""
+    geometry, load = joint.plant.geometry, joint.plant.load
+    if not load.presence:
+        return ""
+    distance, mass = 1e3 * float(np.linalg.norm(joint.cg_offset())), geometry.body.mass.value
+    ways = "the place of the CG, the stiffness in the file" + " and static travel" * bool(joint.plant.transducers)
+    why = "a load that the file does not contain, by which the body leans"
+    if not load.leaning:
+        why = f"a wrong CG, or a load ({load.presence:.0%}) on springs that level the body"
+    return (
+        f"the CG of {geometry.body.name!r} is {distance:.0f} mm from where the vehicle file states it: {why}; "
+        f"mass {load.share * mass:+.0f} +- {load.std * mass:.0f} kg by {ways}"
+    )
+
+
 def beside_online(
     found: Sequence[Estimate], online: Sequence[Estimate], amplitude_std: Mapping[str, float]
 ) -> tuple[Estimate, ...]:
