@@ -159,7 +159,8 @@ def evidence(**changed: object) -> LoadEvidence:
     """Return the evidence of a load of a tenth at least, that nothing but the place of the CG tells, unless changed."""
     motion = np.zeros((6, 2))
     motion[2, 0], motion[3, 1] = -0.1, 0.01
-    nothing = LoadEvidence(0.1, 0.0, 1e3, motion, np.zeros(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0), np.zeros(0))
+    none, nowhere = np.zeros(0), np.zeros(3)
+    nothing = LoadEvidence(np.array([0.0, 0.07, 0.0]), 0.1, 0.0, 1e3, motion, nowhere, nowhere, np.zeros((0, 6)), none, none)
     return dataclasses.replace(nothing, **changed)  # type: ignore[arg-type]
 
 

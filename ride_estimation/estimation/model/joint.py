@@ -59,6 +59,8 @@ _FAULT = 4.0
 #: standard deviations from which a force beside the law of a mount shows (healthy foreign runs up to 8.5; play of a damper that a
 #: linear law hides, cab_14, 78)
 _SHOWN = 12.0
+#: standard deviations of the CG from which a load is looked for, and least of these [m]
+_LOOKS, _LEAST_CG = 2.5, 1e-3
 #: how often a body leans anew by a load at most, and change of its lean from which it does, over the lean
 _LEANS, _STANDS = 3, 0.05
 #: how often causes of what is left over are looked for at most
@@ -176,24 +178,25 @@ class JointEstimate:
             raise InputDataError(_DIVERGES)
 
     def _take_load(self) -> bool:
-        """Take a CG beyond its standard deviation for that of a load; return whether it is.
+        """Take a CG far from the file for that of a load; return whether it is.
 
-        A load on springs makes the body lean, which a levelled body and a wrong CG do not: what explains the part better counts.
+        A load on springs makes the body lean, which a levelled body and a wrong CG do not, and a CG may err by what the file
+        states: of the three the likeliest counts.
         """
         off, plant, theta, segments = self.cg_offset(), self.plant, self.theta, self.segments
-        if plant.load.presence or np.all(np.abs(off) <= _FAULT * self.stated.std[self.stated.cg]):
+        std = np.maximum(self.stated.std[self.stated.cg], _LEAST_CG)
+        if plant.load.presence or np.all(np.abs(off) <= _LOOKS * std) or not np.any(off[:2]):
             return False
-        found = []
+        as_stated = 0.5 * float(np.sum((off / std) ** 2)) + float(np.log(2.0 * np.pi * std[0] * std[1]))
+        found = [(self._misfit() + as_stated, plant, theta, segments)]
         for leans in (True, False):
             self.plant, self.theta, self.segments = plant, theta, [copy.copy(s) for s in segments]
             try:
                 found.append((self._with_load(leans, off) + self._misfit(), self.plant, self.theta, self.segments))
             except (np.linalg.LinAlgError, FloatingPointError, InputDataError):
                 continue
-        if not found:
-            raise InputDataError(_UNFIT)
         _, self.plant, self.theta, self.segments = min(found, key=lambda one: one[0])
-        return True
+        return self.plant.load.presence > 0.0
 
     def _with_load(self, leans: bool, off: Array) -> float:
         """Estimate with a load until the body leans as it makes it; return how unlikely what tells its mass is."""
@@ -236,8 +239,9 @@ class JointEstimate:
         zero = slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]]
         # a delivery of mounts is soft or stiff as a whole: its error is not less in the mean
         spread = float(np.sqrt(np.mean(slow.std[slow.log_stiffness][vertical] ** 2)))
-        least, centre = plant.geometry.least_load_share(self.cg_offset()), np.mean([p.position for p in plant.mounts], axis=0)
-        evidence = LoadEvidence(least, float(change.mean()), spread, motion, m.cg, centre, m.points[rows], travel, zero)
+        off = self.cg_offset()
+        least, centre = plant.geometry.least_load_share(off), np.mean([p.position for p in plant.mounts], axis=0)
+        evidence = LoadEvidence(off, least, float(change.mean()), spread, motion, m.cg, centre, m.points[rows], travel, zero)
         return evidence.load(leans)
 
     def _free_force(self, part: Array) -> bool:

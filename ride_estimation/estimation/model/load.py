@@ -88,6 +88,8 @@ class LoadEvidence:
 
     Attributes
     ----------
+    offset
+        Of the CG from the file, shape (3,) [m].
     least_share
         Share of the mass that a load at the edge of the mounts has.
     log_stiffness, stiffness_std
@@ -102,6 +104,7 @@ class LoadEvidence:
         Static travel of the transducers and standard deviation of their zero, shape (T,) [m].
     """
 
+    offset: Array
     least_share: float
     log_stiffness: float
     stiffness_std: float
@@ -113,7 +116,7 @@ class LoadEvidence:
     travel_std: Array
 
     def load(self, leans: bool) -> tuple[Load, float]:
-        """Return the mass and the negative logarithm of the likelihood of what tells it.
+        """Return the mass and the negative logarithm of the likelihood of what tells it and of the offset of the CG.
 
         A load lies anywhere over the area between the mounts, so the density of a CG that is off by so much falls with the
         square of the share; one time in ten it was taken away. A body that does not lean may carry one too, on air springs that
@@ -135,7 +138,9 @@ class LoadEvidence:
         score += np.sum(((self.travel[:, None] - travel) / self.travel_std[:, None]) ** 2, axis=0)
         least = float(score.min())
         weight = odds * np.exp(-0.5 * (score - least))
-        unlikely = 0.5 * least - float(np.log(weight.sum()))
+        # density of an offset by a load of any share up to the largest
+        density = self.least_share / (_LARGEST * np.pi * float(np.sum(self.offset[:2] ** 2)))
+        unlikely = 0.5 * least - float(np.log(weight.sum() * density))
         weight /= weight.sum()
         mean = float(weight @ share)
         load = Load(mean, float(np.sqrt(weight @ (share - mean) ** 2)), float(1.0 - weight[0]))
