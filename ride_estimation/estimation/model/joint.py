@@ -61,6 +61,8 @@ _FAULT = 4.0
 _SHOWN = 12.0
 #: standard deviations of the CG from which a load is looked for, and least of these [m]
 _LOOKS, _LEAST_CG = 2.5, 1e-3
+#: odds that a body is what its file states: one drive in four has a load, or a file with a wrong CG
+_ODDS = 3.0
 #: how often a body leans anew by a load at most, and change of its lean from which it does, over the lean
 _LEANS, _STANDS = 3, 0.05
 #: how often causes of what is left over are looked for at most
@@ -187,7 +189,7 @@ class JointEstimate:
         std = np.maximum(self.stated.std[self.stated.cg], _LEAST_CG)
         if plant.load.presence or np.all(np.abs(off) <= _LOOKS * std) or not np.any(off[:2]):
             return False
-        as_stated = 0.5 * float(np.sum((off / std) ** 2)) + float(np.log(2.0 * np.pi * std[0] * std[1]))
+        as_stated = 0.5 * float(np.sum((off / std) ** 2)) + float(np.log(2.0 * np.pi * std[0] * std[1] / _ODDS))
         found = [(self._misfit() + as_stated, plant, theta, segments)]
         for leans in (True, False):
             self.plant, self.theta, self.segments = plant, theta, [copy.copy(s) for s in segments]
