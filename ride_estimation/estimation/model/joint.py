@@ -13,7 +13,6 @@ Jacobian: it alone tells a stiff mount on the left from one on the right, and st
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 from collections.abc import Sequence
 
@@ -47,6 +46,8 @@ _FIRST_S, _LONGEST_S = 15.0, 60.0
 #: scoring steps at most; converged when the largest step is this share of its standard deviation; how often the second order of
 #: the whole run is renewed before
 _STEPS, _CONVERGED, _RENEWALS = 12, 0.1, 3
+#: shortest and longest of the shares that are taken of steps
+_RELAX = 0.2, 1.0
 #: times a step is halved at most while it does not lower the cost by more than its rounding
 _HALVINGS, _NOISE_OF_COST = 4, 0.5
 #: share of the second order that is not known: a factor on it, estimated with all else, is 0.3 to 1.4 % less than one in drawn
@@ -150,14 +151,12 @@ class JointEstimate:
                 if self.plant.freed == plant.freed:
                     raise
                 self.plant, self.theta, self.segments, self._free_forces = plant, theta, segments, False
-        self.segments = [Segment.of(s, self.dt, self.plant) for s in self._raw]
-        for _ in range(_RENEWALS):
-            self.renew()
-        self._iterate()
+        self._whole()
         if self.plant.freed:
             self._settle_laws()
         if self.plant.load.presence:
-            self.plant = self.plant.carrying(self._load(self.plant.load.leaning)[0])
+            load = self._load(self.plant.load.leaning)[0]
+            self.plant = self.plant.carrying(dataclasses.replace(self.plant.load, share=load.share, std=load.std))
         model = self.model()
         projected = self._projected(model)
         information, _, along = self.normal_equations(model, projected)
@@ -173,6 +172,13 @@ class JointEstimate:
         self.segments = [Segment.of(part, self.dt, self.plant)]
         self._go_on()
 
+    def _whole(self) -> None:
+        """Estimate from the whole run."""
+        self.segments = [Segment.of(s, self.dt, self.plant) for s in self._raw]
+        for _ in range(_RENEWALS):
+            self.renew()
+        self._iterate()
+
     def _go_on(self) -> None:
         """Estimate from where the segments are; refuse motion that the second order does not describe."""
         self._iterate()
@@ -183,22 +189,28 @@ class JointEstimate:
         """Take a CG far from the file for that of a load; return whether it is.
 
         A load on springs makes the body lean, which a levelled body and a wrong CG do not, and a CG may err by what the file
-        states: of the three the likeliest counts.
+        states: of the three the likeliest counts, by the whole run.
         """
         off, plant, theta, segments = self.cg_offset(), self.plant, self.theta, self.segments
         std = np.maximum(self.stated.std[self.stated.cg], _LEAST_CG)
         if plant.load.presence or np.all(np.abs(off) <= _LOOKS * std) or not np.any(off[:2]):
             return False
+        self._whole()
         as_stated = 0.5 * float(np.sum((off / std) ** 2)) + float(np.log(2.0 * np.pi * std[0] * std[1] / _ODDS))
         found = [(self._misfit() + as_stated, plant, theta, segments)]
         for leans in (True, False):
-            self.plant, self.theta, self.segments = plant, theta, [copy.copy(s) for s in segments]
+            self.plant, self.theta = plant, theta
             try:
                 found.append((self._with_load(leans, off) + self._misfit(), self.plant, self.theta, self.segments))
             except (np.linalg.LinAlgError, FloatingPointError, InputDataError):
                 continue
-        _, self.plant, self.theta, self.segments = min(found, key=lambda one: one[0])
-        return self.plant.load.presence > 0.0
+        best, self.plant, self.theta, self.segments = min(found, key=lambda one: one[0])
+        if not self.plant.load.presence:
+            return False
+        odds = [(np.exp(best - misfit), one.load.presence) for misfit, one, *_ in found if one.load.presence]
+        presence = sum(weight * one for weight, one in odds) / sum(weight for weight, _ in odds)
+        self.plant = self.plant.carrying(dataclasses.replace(self.plant.load, presence=float(presence)))
+        return True
 
     def _with_load(self, leans: bool, off: Array) -> float:
         """Estimate with a load until the body leans as it makes it; return how unlikely what tells its mass is."""
@@ -209,7 +221,7 @@ class JointEstimate:
                 break
             self.plant, before = plant.with_load(load, off), load.leans
             self.theta = np.where(self.plant.slow.std > 0.0, self.theta, self.plant.slow.mean)
-            self._go_on()
+            self._whole()
             if not leans:
                 break
         return unlikely
@@ -354,11 +366,16 @@ class JointEstimate:
         return np.asarray(turn @ covariance @ turn.T)
 
     def _iterate(self) -> None:
-        """Repeat Gauss-Newton steps until they are small against their standard deviation."""
+        """Repeat Gauss-Newton steps until they are small against their standard deviation.
+
+        Second order and noise, renewed between them, may turn a step back: steps that go to and fro are shortened (Aitken's
+        relaxation for vectors: Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969).
+        """
         slow, free = self.plant.slow, self.plant.slow.free
         laws = free < slow.log_damping.stop
         model = self.model()
         projected = self._projected(model)
+        relax, last = 1.0, np.zeros(len(free))
         for _ in range(_STEPS):
             information, gradient, _ = self.normal_equations(model, projected)
             if not (np.all(np.isfinite(information)) and np.all(np.isfinite(gradient))):
@@ -366,10 +383,14 @@ class JointEstimate:
             inverse = self._inverse(information)
             change = -inverse @ gradient
             scale = min(1.0, _LARGEST_STEP / max(float(np.abs(change[laws]).max()), 1e-12))
+            size = change / np.sqrt(np.diag(inverse))
+            turned = size - last
+            relax = float(np.clip(-relax * (last @ turned) / max(float(turned @ turned), 1e-12), *_RELAX)) if last.any() else 1.0
+            last = size
             before, start = self.cost(model, projected), self.theta.copy()
             for halved in range(_HALVINGS):
                 self.theta = start.copy()
-                self.theta[free] += 0.5**halved * scale * change
+                self.theta[free] += 0.5**halved * relax * scale * change
                 moved_model = self.model()
                 moved_projected = self._projected(moved_model)
                 if self.cost(moved_model, moved_projected) < before + _NOISE_OF_COST:
@@ -377,9 +398,8 @@ class JointEstimate:
                     break
             else:
                 self.theta = start
-            moved = np.abs(self.theta - start)[free] / np.sqrt(np.diag(inverse))
             self._renew(model, projected)
-            if scale == 1.0 and moved.max() < _CONVERGED:
+            if (scale == 1.0 and np.abs(size).max() < _CONVERGED) or np.array_equal(self.theta, start):
                 break
             projected = self._projected(model)
 

@@ -250,9 +250,9 @@ class Plant:
         return found
 
     def carrying(self, load: Load) -> Plant:
-        """Return the plant with another mass of its load."""
+        """Return the plant with other numbers of its load, which moves the body as before."""
         found = copy.copy(self)
-        found.load = dataclasses.replace(self.load, share=load.share, std=load.std, presence=load.presence)
+        found.load = load
         return found
 
     @property

@@ -100,12 +100,11 @@ def load_in_words(joint: JointEstimate) -> str:
         return ""
     distance, mass = 1e3 * float(np.linalg.norm(joint.cg_offset())), geometry.body.mass.value
     ways = "the place of the CG, the stiffness in the file" + " and static travel" * bool(joint.plant.transducers)
-    why = "a load that the file does not contain, by which the body leans"
-    if not load.leaning:
-        why = f"a wrong CG, or a load ({load.presence:.0%}) on springs that level the body"
+    stands = f"leans by {np.degrees(np.linalg.norm(load.leans)):.1f} degrees" if load.leaning else "stands level"
     return (
-        f"the CG of {geometry.body.name!r} is {distance:.0f} mm from where the vehicle file states it: {why}; "
-        f"mass {load.share * mass:+.0f} +- {load.std * mass:.0f} kg by {ways}"
+        f"the CG of {geometry.body.name!r} is {distance:.0f} mm from where the vehicle file states it: a load that the file does "
+        f"not contain ({load.presence:.0%}) or a wrong CG; mass {load.share * mass:+.0f} +- {load.std * mass:.0f} kg by {ways}, "
+        f"the body {stands}"
     )
 
 
