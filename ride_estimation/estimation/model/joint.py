@@ -60,8 +60,10 @@ _FAULT = 4.0
 #: standard deviations from which a force beside the law of a mount shows (healthy foreign runs up to 8.5; play of a damper that a
 #: linear law hides, cab_14, 78)
 _SHOWN = 12.0
-#: standard deviations of the CG from which a load is looked for, and least of these [m]
-_LOOKS, _LEAST_CG = 2.5, 1e-3
+#: standard deviations of the CG from which a load is looked for
+_LOOKS = 2.5
+#: least standard deviations that are believed: CG and zero of a transducer [m], ln k
+_LEAST_CG, _LEAST_ZERO, _LEAST_SPREAD = 1e-3, 1e-4, 0.01
 #: odds that a body is what its file states: one drive in four has a load, or a file with a wrong CG
 _ODDS = 3.0
 #: how often a body leans anew by a load at most, and change of its lean from which it does, over the lean
@@ -246,16 +248,18 @@ class JointEstimate:
         plant, slow, model = self.plant, self.stated, self.model()
         m = model.constants
         vertical = [i for i in range(2, len(m.stiffness), 3) if i not in plant.freed]
-        change = (self.theta - slow.mean)[slow.log_stiffness][vertical]
         motion = moved_by_load(m.points, m.stiffness, m.cg - slow.mean[slow.cg], m.mass * plant.gravity)
         rows = [AXES.index(s.axis) + 3 * plant.geometry.mount_names.index(s.mount) for s in plant.transducers]
         travel = np.mean([(s.mean - s.second_mean - model.constant)[plant.travels] for s in self.segments], axis=0)
-        zero = slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]]
-        # a delivery of mounts is soft or stiff as a whole: its error is not less in the mean
-        spread = float(np.sqrt(np.mean(slow.std[slow.log_stiffness][vertical] ** 2)))
+        zero = np.maximum(slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]], _LEAST_ZERO)
+        change, spread = 0.0, np.inf
+        if vertical:
+            change = float(np.mean((self.theta - slow.mean)[slow.log_stiffness][vertical]))
+            # a delivery of mounts is soft or stiff as a whole: its error is not less in the mean
+            spread = max(float(np.sqrt(np.mean(slow.std[slow.log_stiffness][vertical] ** 2))), _LEAST_SPREAD)
         off = self.cg_offset()
         least, centre = plant.geometry.least_load_share(off), np.mean([p.position for p in plant.mounts], axis=0)
-        evidence = LoadEvidence(off, least, float(change.mean()), spread, motion, m.cg, centre, m.points[rows], travel, zero)
+        evidence = LoadEvidence(off, least, change, spread, motion, m.cg, centre, m.points[rows], travel, zero)
         return evidence.load(leans)
 
     def _free_force(self, part: Array) -> bool:
