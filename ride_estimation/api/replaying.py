@@ -336,11 +336,11 @@ def summary(
     ]
     whole = {p.name: with_std(p.value, p.std) for p in result.smoothed_parameters}
     reasons: dict[tuple[str, str], list[str]] = {}
-    for p in result.parameters:
+    for p, best in zip(result.parameters, result.best_parameters, strict=True):
         later = "".join(f"{text:>{width}}" for text, width in zip(whole.get(p.name, ("", "")), (12, 10))) if whole else ""
-        lines.append(_estimate_line(p, later))
-        if p.reason:
-            reasons.setdefault((p.status.value, p.reason), []).append(p.name)
+        lines.append(_estimate_line(dataclasses.replace(p, status=best.status), later))
+        if best.reason:
+            reasons.setdefault((best.status.value, best.reason), []).append(p.name)
     lines += [f"{status} ({len(names)}): {', '.join(names)}: {reason}" for (status, reason), names in reasons.items()]
     if result.mass_properties:
         lines.append(f"{'mass properties, whole run':<34}{'value':>12}{'std':>10}{'prior':>12}  unit    status")

@@ -24,7 +24,7 @@ _OPEN = {
 
 
 def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
-    """Return stiffness and damping of every mount and axis.
+    """Return stiffness and damping of every mount and axis, and the mass with a load that the file does not contain.
 
     Parameters
     ----------
@@ -53,6 +53,11 @@ def run_parameters(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]:
                         prior = float(getattr(mount.elements[axis], p.name))
                         name, value = f"{mount.name}.{axis}.{p.name}", prior * factor
                         found.append(Estimate(name, value, abs(value) * std, p.unit, prior, status, reason, stamp_ns))
+    if plant.load.presence:
+        body = plant.geometry.body
+        mass, status = body.mass.value * of_mass, status_of(held, np.inf)
+        words = "with a load that the vehicle file does not contain, or with a wrong CG there"
+        found.append(Estimate(f"{body.name}.mass", mass, mass * held, "kg", body.mass.value, status, words, stamp_ns))
     return tuple(found)
 
 
@@ -67,23 +72,19 @@ def mass_properties(joint: JointEstimate, stamp_ns: int) -> tuple[Estimate, ...]
     joint, stamp_ns
         As in :func:`run_parameters`.
     """
-    plant, slow, load = joint.plant, joint.stated, joint.plant.load
+    plant, slow = joint.plant, joint.stated
     body, constants = plant.geometry.body, plant.constants(joint.theta)
     factor, held = plant.mass_factor
     std = np.sqrt(np.diag(joint.covariance))
     moments = factor * np.diag(constants.inertia)
     stds = [moments * np.hypot(s[slow.log_inertia], own) for s, own in ((std, held), (slow.std, plant.mass_std))]
     columns = [(f"inertia.{axis}{axis}" for axis in AXES), moments, np.diag(body.inertia), *stds, 3 * ("kg m^2",)]
-    rows = [*zip((f"cg.{axis}" for axis in AXES), load.own(constants.cg), body.cg, std[slow.cg], slow.std[slow.cg], 3 * ("m",))]
-    found = [
+    cg = plant.load.own(constants.cg)
+    rows = [*zip((f"cg.{axis}" for axis in AXES), cg, body.cg, std[slow.cg], slow.std[slow.cg], 3 * ("m",))]
+    return tuple(
         Estimate(f"{body.name}.{name}", float(value), float(own), unit, float(prior), *_learned(own, before), stamp_ns)
         for name, value, prior, own, before, unit in [*rows, *zip(*columns)]
-    ]
-    if load.presence:
-        mass, status = body.mass.value * factor, status_of(held, np.inf)
-        words = "with a load that the vehicle file does not contain, or with a wrong CG there"
-        found.insert(0, Estimate(f"{body.name}.mass", mass, mass * held, "kg", body.mass.value, status, words, stamp_ns))
-    return tuple(found)
+    )
 
 
 def _learned(std: float, prior_std: float) -> tuple[Status, str]:
