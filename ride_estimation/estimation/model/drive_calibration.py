@@ -198,7 +198,7 @@ def _findings(
                          f"{', '.join(open_)}")  # fmt: skip
     words.append("delay: relative to the mean of all sensors; a delay common to all is not observable")
     words.append("gain: the part common to all sensors is observable from gravity along z only, through the bias that is stated")
-    if load:
+    if load and largest_nis <= LARGEST_NIS:
         words.append(f"{load}; errors of sensors do not depend on it")
     if largest_nis > LARGEST_NIS:
         words.append(

@@ -180,12 +180,17 @@ class JointEstimate:
         for _ in range(_RENEWALS):
             self.renew()
         self._iterate()
+        if self._diverges():
+            raise InputDataError(_UNFIT)
 
     def _go_on(self) -> None:
         """Estimate from where the segments are; refuse motion that the second order does not describe."""
         self._iterate()
-        if any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments):
+        if self._diverges():
             raise InputDataError(_DIVERGES)
+
+    def _diverges(self) -> bool:
+        return any(np.linalg.norm(s.second_readings) > np.linalg.norm(s.moving) for s in self.segments)
 
     def _take_load(self) -> bool:
         """Take a CG far from the file for that of a load; return whether it is.
@@ -197,15 +202,20 @@ class JointEstimate:
         std = np.maximum(self.stated.std[self.stated.cg], _LEAST_CG)
         if plant.load.presence or np.all(np.abs(off) <= _LOOKS * std) or not np.any(off[:2]):
             return False
-        self._whole()
         as_stated = 0.5 * float(np.sum((off / std) ** 2)) + float(np.log(2.0 * np.pi * std[0] * std[1] / _ODDS))
-        found = [(self._misfit() + as_stated, plant, theta, segments)]
-        for leans in (True, False):
+        found = []
+        for leans in (None, True, False):
             self.plant, self.theta = plant, theta
             try:
-                found.append((self._with_load(leans, off) + self._misfit(), self.plant, self.theta, self.segments))
+                if leans is None:
+                    self._whole()
+                    found.append((self._misfit() + as_stated, plant, theta, segments))
+                else:
+                    found.append((self._with_load(leans, off) + self._misfit(), self.plant, self.theta, self.segments))
             except (np.linalg.LinAlgError, FloatingPointError, InputDataError):
                 continue
+        if not found:
+            raise InputDataError(_UNFIT)
         best, self.plant, self.theta, self.segments = min(found, key=lambda one: one[0])
         if not self.plant.load.presence:
             return False
