@@ -1,217 +1,192 @@
 # Copyright 2026 ride_estimation contributors
-"""A load that the vehicle file does not contain: its statics against finite rotations, what tells its mass, forces of a run."""
+"""A load that is on the vehicle from the start and not in its file: found by static travel, by where the CG lies, or said."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import optimize
-from scipy.spatial.transform import Rotation
-from test_estimation_run_forces import FOLLOW, KINDS, judged
-from worlds.adapters import believed_vehicle, recording, vehicle_of_text
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+from judging import run_pipeline, scored_forces, true_parameters
+from worlds.adapters import believed_vehicle
 from worlds.cab import CabVehicle, Measurement, drive, measure, random_sensors, random_vehicle
-from worlds.installation import installed
 from worlds.roads import Road
-from worlds.vehicle_text import Belief, vehicle_yaml
+from worlds.vehicle_text import Belief
 
 from ride_estimation.estimation.common.estimate import Status
-from ride_estimation.estimation.forces.mount_forces import static_share, static_split
-from ride_estimation.estimation.model.drive_calibration import calibrate_drive
-from ride_estimation.estimation.model.joint import JointEstimate
-from ride_estimation.estimation.model.load import Load, LoadEvidence
-from ride_estimation.estimation.model.plant import Plant
-from ride_estimation.estimation.model.run_forces import RunForces, run_forces
-from ride_estimation.estimation.model.run_readings import run_readings
-from ride_estimation.sensors.installation import USUAL
+from ride_estimation.estimation.common.geometry import geometry_of
+from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
+from ride_estimation.estimation.parameters.static_travel import StaticTravel
+from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.vehicle import Vehicle
 
-BELIEF = Belief(stiffness_off=0.05, stiffness_std=0.1, mass_std=0.005, cg_std=0.0075, inertia_std=0.04)
-#: share of the mass, arm from the CG [m], edge of the box [m]
-SHARE, ARM, EDGE = 0.15, np.array([0.1, -0.45, 0.1]), 0.5
+#: share of the load in the mass and its place from the CG of the loaded body [m]
+SHARE, PLACE = 0.1, np.array([0.15, 0.45, 0.1])
+#: from when on forces are judged [s]
+SETTLED = 10.0
 
 
-def loaded(cab: CabVehicle, stands: bool, share: float) -> CabVehicle:
-    """Return a cab with a load: put on a cab that stood level, or on one that stands level with it (``stands``)."""
-    load = share * cab.mass
-    mass = cab.mass + load
-    apart = cab.mass * load / mass * (ARM @ ARM * np.eye(3) - np.outer(ARM, ARM))
-    inertia, cg = cab.inertia + apart + load * EDGE**2 / 6.0 * np.eye(3), cab.cg + load / mass * ARM
-    if stands:
-        return dataclasses.replace(cab, mass=mass, cg=cg, inertia=inertia)
-    return dataclasses.replace(cab, hidden=dataclasses.replace(cab.hidden, mass_after=(0.0, mass, cg, inertia), mass_over_s=0.0))
-
-
-def world(seed: int, stands: bool, travel: bool, share: float = SHARE) -> tuple[Measurement, Vehicle]:
-    """Return a drive of a cab with a load and the vehicle file without it."""
+@functools.cache
+def measured(seed: int, travel: bool) -> Measurement:
+    """A cab that carries the load, 17 s at 100 Hz; transducers read zero at rest without it."""
     rng = np.random.default_rng(seed)
-    cab = random_vehicle(rng, "air" if seed % 2 == 0 else "rubber")
-    drawn = random_sensors(cab, rng, displacement=tuple((name, "z") for name in cab.mount_names) if travel else ())
-    bad = installed(drawn, seed, **{kind: getattr(USUAL, kind) for kind in KINDS})
-    sensors = tuple(exact if exact.kind == "displacement" else s for exact, s in zip(drawn, bad))
-    run = drive(loaded(cab, stands, share), dataclasses.replace(Road.random(rng), follow=FOLLOW), 30.0, seed, step=1e-3)
-    data = measure(run, sensors, 100.0, seed, noise_share=0.01)
-    unloaded = dataclasses.replace(data, run=dataclasses.replace(data.run, vehicle=cab))
-    return data, believed_vehicle(unloaded, BELIEF, seed)
+    cab = random_vehicle(rng, "any")
+    pairs = tuple((name, "z") for name in cab.mount_names) if travel else ()
+    run = drive(cab, Road.random(rng), 17.0, seed, step=1e-3)
+    found = measure(run, random_sensors(cab, rng, displacement=pairs), 100.0, seed, noise_share=0.01)
+    truth = {**found.truth, "mount_force": found.truth["mount_force"] + sideways(cab)}
+    return dataclasses.replace(found, truth=truth, data={n: v + sag(cab).get(n, 0.0) for n, v in found.data.items()})
 
 
-LEVEL = pytest.param((7003, True, False), marks=pytest.mark.slow)
+def strained(cab: CabVehicle, stiffness: np.ndarray) -> np.ndarray:
+    """Forces of mounts of this stiffness (M, 3) that carry the load, shape (M, 3)."""
+    push = SHARE * cab.mass * 9.80665 * np.array([0.0, 0.0, 1.0, PLACE[1], -PLACE[0], 0.0])
+    wrench = np.hstack([np.vstack([np.eye(3), np.cross(arm, np.eye(3)).T]) for arm in cab.mounts - cab.cg])
+    return (share_by_stiffness(wrench, stiffness.ravel()) @ push).reshape(stiffness.shape)
 
 
-@pytest.fixture(scope="module", params=[(7001, False, True), (7002, False, False), LEVEL], ids=str)
-def drive_with_load(request: pytest.FixtureRequest) -> tuple[Measurement, Vehicle, RunForces, bool, bool]:
-    seed, stands, travel = request.param
-    data, vehicle = world(seed, stands, travel)
-    return data, vehicle, run_forces(recording(data), vehicle), stands, travel
+def sag(cab: CabVehicle) -> dict[str, float]:
+    """How far the load compresses the mounts."""
+    heights = -(strained(cab, cab.stiffness) / cab.stiffness)[:, 2]
+    return {f"displacement_{n}_z": float(h) for n, h in zip(cab.mount_names, heights)}
 
 
-def test_forces_with_a_load_are_as_near_as_is_stated(drive_with_load: tuple[Measurement, Vehicle, RunForces, bool, bool]) -> None:
-    data, _, found, _, travel = drive_with_load
-    error, std, spread = judged(data, found)
-    inside = np.mean(np.abs(error) <= 2.0 * std, axis=0)
-    assert inside.min() > 0.75 and inside.mean() > 0.9
-    relative = np.sqrt(np.mean(error**2, axis=0)) / spread
-    assert np.median(relative[:, :2]) < 0.2
-    assert np.median(relative[:, 2]) < (0.1 if travel else 0.6)
+def sideways(cab: CabVehicle) -> np.ndarray:
+    """How the forces at rest differ from those of the drive, in which vertical forces alone carry the load, shape (M, 3)."""
+    return strained(cab, cab.stiffness) - strained(cab, cab.stiffness * [1e-9, 1e-9, 1.0])
 
 
-def test_mass_and_place_of_a_load_are_as_near_as_is_stated(
-    drive_with_load: tuple[Measurement, Vehicle, RunForces, bool, bool],
-) -> None:
-    data, vehicle, found, stands, travel = drive_with_load
-    body = vehicle.bodies["cab"]
-    known = {e.name: e for e in (*found.parameters, *found.mass_properties)}
-    mass = known["cab.mass"]
-    assert abs(mass.value - (1.0 + SHARE) * body.mass.value) < 2.0 * mass.std
-    assert (mass.status is Status.VALID) is travel and (mass.std < 0.05 * mass.value) is travel
-    moved = SHARE / (1.0 + SHARE) * ARM
-    for axis, place, own in zip("xyz", np.asarray(body.cg) + moved, body.cg_std):
-        assert abs(known[f"cab.cg.{axis}"].value - place) < np.hypot(4.0 * known[f"cab.cg.{axis}"].std, 2.0 * own * 1e-3)
-    assert ("the body leans by" in found.load) or stands
-    assert f"mass {mass.value - body.mass.value:+.0f} +- " in found.load
-    outside = 0
-    for e in (e for e in found.parameters if e is not mass):
-        place, axis, kind = e.name.split(".")
-        true = getattr(data.run.vehicle, kind)[data.run.vehicle.mount_names.index(place), "xyz".index(axis)]
-        outside += abs(e.value - true) > 2.0 * e.std
-    assert outside <= 3
+def unloaded(data: Measurement, seed: int, std: float) -> Vehicle:
+    """The file of the cab without the load."""
+    cab = data.run.vehicle
+    off = -PLACE * SHARE / (1.0 - SHARE)
+    arm, reduced = PLACE - off, cab.mass * SHARE * (1.0 - SHARE)
+    belief = Belief(mass_off=-SHARE, mass_std=0.005, cg_off=tuple(off), cg_std=std, stiffness_std=0.1, stiffness_off=0.05)
+    vehicle = believed_vehicle(data, belief, seed)
+    inertia = cab.inertia - reduced * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return dataclasses.replace(vehicle, bodies={"cab": dataclasses.replace(vehicle.bodies["cab"], inertia=inertia)})
 
 
-def test_a_wrong_cg_is_told_from_a_load_and_widens_the_mass() -> None:
-    data, vehicle = world(7010, stands=True, travel=False, share=0.0)
-    body = vehicle.bodies["cab"]
-    moved = dataclasses.replace(body, cg=np.asarray(body.cg) + np.array([0.0, 0.06, 0.0]))
-    found = run_forces(recording(data), dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": moved}))
-    assert "or a wrong CG" in found.load and "stands level" in found.load
-    error, std, spread = judged(data, found)
-    assert np.mean(np.abs(error) <= 2.0 * std) > 0.9
-    assert np.median(np.sqrt(np.mean(error[:, :, 2] ** 2, axis=0)) / spread[:, 2]) < 0.35
-    straight = run_forces(recording(data), vehicle)
-    assert not straight.load and not straight.refused
-
-
-def cab_plant(seed: int) -> Plant:
-    rng = np.random.default_rng(seed)
-    cab = random_vehicle(rng, "rubber")
-    return Plant(vehicle_of_text(vehicle_yaml(cab, random_sensors(cab, rng))))
-
-
-@pytest.mark.parametrize("softer", [1.0, 0.3])
-def test_static_forces_with_a_load_are_those_of_a_finite_rotation(softer: float) -> None:
-    plant = cab_plant(5)
-    slow, body = plant.slow, plant.geometry.body
-    k = softer * np.exp(slow.mean[slow.log_stiffness])
-    weight, cg = body.mass.value * plant.gravity, np.asarray(body.cg)
-    points = plant.points(cg)
-    wrench = np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0])
-    level, _ = static_split(plant.mounts, points.T, static_share(points.T, k, wrench), wrench)
-    arms, moved = points[:, 3:], cg + SHARE / (1.0 + SHARE) * ARM
-    arms = np.array([m.position for m in plant.mounts]) - cg
-
-    def force(motion: np.ndarray) -> np.ndarray:
-        turned = Rotation.from_rotvec(motion[3:]).apply(arms)
-        return level - k.reshape(-1, 3) * (motion[:3] + turned - arms)
-
-    def unbalanced(motion: np.ndarray) -> np.ndarray:
-        turn, f = Rotation.from_rotvec(motion[3:]), force(motion)
-        down = np.array([0.0, 0.0, -(1.0 + SHARE) * weight])
-        moments = np.cross(turn.apply(arms), f).sum(axis=0) + np.cross(turn.apply(moved - cg), down)
-        return np.r_[f.sum(axis=0) + down, moments] / weight
-
-    motion = optimize.fsolve(unbalanced, np.zeros(6), xtol=1e-13)
-    exact = force(motion)
-    centre = np.mean([m.position for m in plant.mounts], axis=0)
-    turn = Rotation.from_rotvec(motion[3:])
-    load = Load(SHARE, 0.0, 1.0, motion[:3] + turn.apply(centre - cg) - (centre - cg), motion[3:], centre)
-    found = plant.with_load(load, moved - cg)
-    theta = found.slow.mean.copy()
-    theta[slow.cg] = cg + motion[:3] + turn.apply(moved - cg)
-    theta[slow.log_stiffness] = np.log(k / (1.0 + SHARE))
-    static = (1.0 + SHARE) * found.constants(theta).static
-    sideways = np.abs(exact[:, :2]).max()
-    np.testing.assert_allclose(static[:, :2], exact[:, :2], atol=0.06 * sideways)
-    np.testing.assert_allclose(static[:, 2], exact[:, 2], rtol=5e-3)
-    np.testing.assert_allclose(load.own(load.moved(moved)), moved, atol=1e-12)
-
-
-def evidence(**changed: object) -> LoadEvidence:
-    """Return the evidence of a load of a tenth at least, that nothing but the place of the CG tells, unless changed."""
-    motion = np.zeros((6, 2))
-    motion[2, 0], motion[3, 1] = -0.1, 0.01
-    none, nowhere = np.zeros(0), np.zeros(3)
-    nothing = LoadEvidence(np.array([0.0, 0.07, 0.0]), 0.1, 0.0, 1e3, motion, nowhere, nowhere, np.zeros((0, 6)), none, none)
-    return dataclasses.replace(nothing, **changed)  # type: ignore[arg-type]
-
-
-def test_without_evidence_a_load_is_anywhere_and_a_wrong_cg_as_likely() -> None:
-    load, _ = evidence().load(leans=True)
-    assert load.presence == 1.0 and 0.1 < load.share < 0.2 and 0.07 < load.std < 0.2
-    level, _ = evidence().load(leans=False)
-    assert level.presence == pytest.approx(0.5) and not level.leaning
-    assert level.share == pytest.approx(0.5 * load.share, rel=1e-6)
-
-
-def test_soft_mounts_are_a_heavy_load_and_mounts_as_in_the_file_a_wrong_cg() -> None:
-    heavy, unlikely = evidence(log_stiffness=-np.log(1.25), stiffness_std=0.03).load(leans=False)
-    assert heavy.share == pytest.approx(0.25, abs=0.04) and heavy.presence > 0.99
-    right, likely = evidence(stiffness_std=0.03).load(leans=False)
-    assert right.presence < 0.05 and right.share < 0.01 and likely < unlikely
-    taken, _ = evidence(log_stiffness=0.2, stiffness_std=0.03).load(leans=True)
-    assert taken.share == pytest.approx(np.exp(-0.2) - 1.0, abs=0.04)
-
-
-def test_static_travel_tells_the_mass_and_that_the_body_leans() -> None:
-    seen = {"points": np.eye(6)[2:3], "travel": np.array([-0.1 * 0.2 / 1.2]), "travel_std": np.array([1e-3])}
-    load, unlikely = evidence(**seen).load(leans=True)
-    assert load.share == pytest.approx(0.2, abs=0.01) and load.std < 0.02
-    np.testing.assert_allclose(load.leans, [0.01 / (1.0 + load.share), 0.0, 0.0], atol=1e-9)
-    assert evidence(**seen).load(leans=False)[1] > unlikely + 50.0
+@functools.cache
+def estimated(seed: int, travel: bool, std: float = 0.0075):
+    """Forces, last estimates and sentences of a run with the file of the unloaded cab."""
+    data = measured(seed, travel)
+    out, snapshots, _, pipeline = run_pipeline(data, unloaded(data, seed, std))
+    return out, {e.name: e for e in snapshots[-1][1]}, pipeline.health().messages
 
 
 @pytest.mark.slow
-def test_sensors_are_calibrated_from_a_drive_with_a_load() -> None:
-    data, vehicle = world(7005, stands=False, travel=True)
-    found = calibrate_drive(recording(data), vehicle)
-    assert found.usable and any("the body leans by" in words for words in found.findings)
-    inside = []
-    for sensor in (s for s in data.sensors if s.kind == "accelerometer"):
-        errors, stds = found.sensors[sensor.name].errors, found.sensors[sensor.name].stds
-        moved = sensor.true_position - sensor.position
-        inside += list(np.abs(errors["position"] - moved) < 2.0 * stds["position"])
-    assert np.mean(inside) > 0.85
+def test_a_load_that_hardly_shows_leaves_nothing_valid_that_is_wrong():
+    # soft mounts on a smooth road: too little motion to learn anything from
+    assert np.all(np.abs(valid_scores(8111, False)[1:]) <= 2.5)
 
 
-def test_products_of_inertia_that_the_file_lacks_are_found() -> None:
-    data, vehicle = world(7021, stands=False, travel=False, share=0.0)
-    body, cab = vehicle.bodies["cab"], data.run.vehicle
-    size = np.sqrt(np.diag(cab.inertia))
-    skewed = np.array([[0.0, 0.05, -0.04], [0.05, 0.0, 0.03], [-0.04, 0.03, 0.0]]) * np.outer(size, size)
-    wrong = dataclasses.replace(body, inertia=np.asarray(body.inertia) - skewed)
-    found = run_readings(recording(data), dataclasses.replace(vehicle, bodies={**vehicle.bodies, "cab": wrong}))
-    joint = JointEstimate(found.plant, [found.segments[0]], found.dt)
-    joint.fit()
-    products = joint.plant.slow.inertia_products
-    error = joint.theta[products] - np.array([0.05, -0.04, 0.03])
-    std = np.sqrt(np.diag(joint.covariance)[products])
-    assert np.all(np.abs(error) < 3.0 * std) and np.all(std < 0.5 * joint.stated.std[products])
+def valid_scores(seed: int, travel: bool, std: float = 0.0075) -> np.ndarray:
+    true, found = true_parameters(measured(seed, travel).run.vehicle), estimated(seed, travel, std)[1]
+    return np.array([(e.value - true[n]) / e.std for n, e in found.items() if e.status is Status.VALID and n in true])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [8101, 8102])
+def test_static_travel_finds_mass_and_place_of_a_load(seed):
+    cab, (out, found, said) = measured(seed, True).run.vehicle, estimated(seed, True)
+    mass = found["cab.mass"]
+    assert mass.status is Status.VALID and abs(mass.value - cab.mass) < 2.5 * mass.std < 0.15 * cab.mass
+    assert any(found[f"{n}.z.stiffness"].status is Status.VALID for n in cab.mount_names)
+    coverage = scored_forces(out, measured(seed, True), SETTLED).coverage
+    assert np.median(coverage[:, 2]) >= 0.9 and coverage[:, 2].min() > 0.7
+    # the load strains the mounts sideways too
+    assert np.median(coverage[:, :2]) >= 0.9 and coverage[:, :2].min() > 0.7
+    (words,) = [m for m in said if "carries a load" in m]
+    assert abs(float(words.split("not know: ")[1].split()[0]) / (SHARE * cab.mass) - 1.0) < 0.25
+    for told, true in zip(words.split("mounts, at ")[1].split(";")[0].split(", "), cab.cg + PLACE):
+        _, value, _, std, _ = told.split()
+        assert abs(float(value) - true) < 2.5 * float(std) + 0.03 and float(std) < 0.2
+
+
+@pytest.mark.slow
+def test_what_is_valid_beside_a_load_found_by_static_travel_is_within_its_interval():
+    scores = np.concatenate([valid_scores(seed, True) for seed in (8101, 8102)])
+    assert len(scores) >= 10 and np.mean(np.abs(scores) <= 2.0) >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "std"), [(8112, 0.0075), (8113, 0.0)])
+def test_without_transducers_the_place_of_the_cg_makes_mass_and_parameters_suspect(seed, std):
+    check_suspect(seed, False, std)
+
+
+@pytest.mark.slow
+def test_a_load_too_small_for_the_zeros_of_transducers_at_stiff_mounts_is_found_by_the_place_of_the_cg():
+    check_suspect(8103, True, 0.0075)
+
+
+def check_suspect(seed: int, travel: bool, std: float) -> None:
+    """Mass suspect and wide, parameters not valid or right, forces wide enough, the CG in the sentence where it is."""
+    cab, (out, found, said) = measured(seed, travel).run.vehicle, estimated(seed, travel, std)
+    mass = found["cab.mass"]
+    assert mass.status is Status.SUSPECT and abs(mass.value - cab.mass) < 2.5 * mass.std < 0.4 * cab.mass
+    assert np.all(np.abs(valid_scores(seed, travel, std)) <= 2.5)
+    coverage = scored_forces(out, measured(seed, travel), SETTLED).coverage[:, 2]
+    assert np.median(coverage) >= 0.88 and coverage.min() > 0.7
+    (words,) = [m for m in said if "differs from the vehicle file" in m]
+    off = 1e3 * PLACE * SHARE / (1.0 - SHARE)
+    numbers = words.split("vehicle file: ")[1].split(". Cause")[0].split(", ")
+    for number, true in zip(numbers[:2], off):
+        value, spread = float(number.split()[1]), float(number.split()[3])
+        assert abs(value - true) < 3.0 * spread + 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "travel"), [(8121, False), (8122, True), (8123, False)])
+def test_a_file_that_is_right_has_no_load(seed, travel):
+    data = dataclasses.replace(measured(seed, travel))
+    level = {n: v - sag(data.run.vehicle).get(n, 0.0) for n, v in data.data.items()}
+    data = dataclasses.replace(data, data=level)
+    _, snapshots, _, pipeline = run_pipeline(data, believed_vehicle(data, Belief(cg_std=0.0075), seed))
+    assert not [m for m in pipeline.health().messages if "load" in m]
+    assert snapshots[-1][1][0].status is Status.VALID
+
+
+# -- static travel by itself ------------------------------------------------------------------------------------------------
+
+
+def lowered(mass: float, place: tuple[float, float]) -> StaticTravel:
+    """What the mounts carry beyond rest under a load [kg] at a place from the CG [m], looked at for ten seconds."""
+    vehicle = load_vehicle("truck_cab_transducers")
+    geometry = geometry_of(vehicle)
+    weight = mass * vehicle.gravity
+    total = geometry.body.mass.value + mass
+    push = np.array([0.0, 0.0, weight, weight * place[1], -weight * place[0], 0.0])
+    travel = StaticTravel(geometry)
+    # for the file's mass all forces are smaller by the ratio of the masses
+    travel.observe(np.tile(-push * geometry.body.mass.value / total, (3, 1)), np.zeros((3, len(geometry.mounts))), 10.0)
+    return travel
+
+
+@pytest.mark.parametrize("mass", [150.0, -150.0])
+def test_a_load_by_hand(mass):
+    found = lowered(mass, (0.2, -0.4)).found()
+    body = load_vehicle("truck_cab_transducers").bodies["cab"].mass.value
+    assert found is not None and found.log == pytest.approx(np.log1p(mass / body), rel=1e-6)
+    np.testing.assert_allclose(found.offset, mass / (mass + body) * np.array([0.2, -0.4, 0.0]), atol=1e-9)
+    assert 0.0 < found.std < 0.3 * abs(found.log)
+
+
+def test_what_zeros_of_transducers_may_hide_is_no_load_and_a_load_does_not_flicker():
+    assert lowered(4.0, (0.2, -0.4)).found() is None
+    travel = lowered(150.0, (0.2, -0.4))
+    assert travel.found() is not None
+    least = next(mass for mass in range(5, 150, 5) if lowered(mass, (0.2, -0.4)).found())
+    less = lowered(0.7 * least, (0.2, -0.4))
+    assert less.found() is None
+    less.load({**less.save(), "loaded": travel.save()["loaded"]})
+    assert less.found() is not None
+    travel.reset()
+    assert not travel.decided
