@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.model.load import Load, LoadEvidence, moved_by_load
 from ride_estimation.estimation.model.plant import Plant
+from ride_estimation.estimation.model.readings import travel_place
 from ride_estimation.estimation.model.segments import (
     DEFORMS_HZ,
     ENDS_HZ,
@@ -34,7 +35,6 @@ from ride_estimation.estimation.model.segments import (
     states_of,
 )  # fmt: skip
 from ride_estimation.estimation.model.sensitivity import Sensitivity
-from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -259,7 +259,7 @@ class JointEstimate:
         m = model.constants
         vertical = [i for i in range(2, len(m.stiffness), 3) if i not in plant.freed]
         motion = moved_by_load(m.points, m.stiffness, m.cg - slow.mean[slow.cg], m.mass * plant.gravity)
-        rows = [AXES.index(s.axis) + 3 * plant.geometry.mount_names.index(s.mount) for s in plant.transducers]
+        rows = [travel_place(plant, s) for s in plant.transducers]
         travel = np.mean([(s.mean - s.second_mean - model.constant)[plant.travels] for s in self.segments], axis=0)
         zero = np.maximum(slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]], _LEAST_ZERO)
         change, spread = 0.0, np.inf
@@ -268,8 +268,8 @@ class JointEstimate:
             # a delivery of mounts is soft or stiff as a whole: its error is not less in the mean
             spread = max(float(np.sqrt(np.mean(slow.std[slow.log_stiffness][vertical] ** 2))), _LEAST_SPREAD)
         off = self.cg_offset()
-        least, centre = plant.geometry.least_load_share(off), np.mean([p.position for p in plant.mounts], axis=0)
-        evidence = LoadEvidence(off, least, change, spread, motion, m.cg, centre, m.points[rows], travel, zero)
+        least = plant.geometry.least_load_share(off)
+        evidence = LoadEvidence(off, least, change, spread, motion, m.cg, plant.centre, m.points[rows], travel, zero)
         return evidence.load(leans)
 
     def _free_force(self, part: Array) -> bool:

@@ -197,6 +197,11 @@ class Plant:
         found[_PRODUCTS] = shares
         return np.asarray((found + found.T) * np.outer(size, size))
 
+    @property
+    def centre(self) -> Array:
+        """Return the point between the mounts, shape (3,) [m]."""
+        return np.asarray(np.mean([m.position for m in self.mounts], axis=0))
+
     def points(self, cg: Array) -> Array:
         """Return the map from rigid motion at a CG to the motion of the mounts, shape (3 M, 6)."""
         return motion_of_points([m.position for m in self.mounts], cg)
@@ -273,7 +278,7 @@ class Plant:
 
     def may_free(self, place: int) -> bool:
         """Return whether the motion of the body tells one more force beside its law from those there are."""
-        arms = self.points(np.mean([p.position for p in self.mounts], axis=0))[[*self.freed, place]]
+        arms = self.points(self.centre)[[*self.freed, place]]
         size = np.sqrt(np.mean(np.sum(arms[:, 3:] ** 2, axis=1)))
         arms[:, 3:] /= size
         return bool(np.linalg.svd(arms, compute_uv=False)[-1] > _TOLD_APART)

@@ -31,7 +31,7 @@ def combination(plant: Plant, sensor: Sensor, theta: Array, cg: Array) -> Array:
     found = np.zeros((reading_width(sensor), deflection.stop))
     read, i = as_read(plant, sensor, theta), plant.base_of.get(sensor.name)
     if sensor.kind == "displacement":
-        found[0, deflection.start + _travel(plant, sensor)] = read[0, 0]
+        found[0, deflection.start + travel_place(plant, sensor)] = read[0, 0]
         return found
     position = sensor.position + theta[plant.slow.sensors[sensor.name]["position"]]
     if i is None:
@@ -52,7 +52,7 @@ def constant(plant: Plant, m: Constants, sensor: Sensor, theta: Array) -> Array:
     """Return what a sensor reads of a vehicle that stands, shape (C,): gravity and bias."""
     bias = theta[plant.slow.sensors[sensor.name]["bias"]]
     if sensor.kind == "displacement":
-        place = _travel(plant, sensor)
+        place = travel_place(plant, sensor)
         still = m.deflected[place : place + 1]
     else:
         still = np.array([0.0, 0.0, plant.gravity]) + m.mean + _leaning(plant, m, sensor)
@@ -85,6 +85,6 @@ def _leaning(plant: Plant, m: Constants, sensor: Sensor) -> Array:
     return np.asarray(plant.gravity * np.array([turn[1], -turn[0], 0.0]))
 
 
-def _travel(plant: Plant, sensor: Sensor) -> int:
+def travel_place(plant: Plant, sensor: Sensor) -> int:
     """Return which of the 3 M deflections a transducer measures."""
     return 3 * next(i for i, m in enumerate(plant.mounts) if m.name == sensor.mount) + AXES.index(sensor.axis)
