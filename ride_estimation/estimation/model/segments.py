@@ -79,7 +79,7 @@ class Model:
         """Mean force of the mounts, shape (3 M,) [N]."""
         return np.asarray(self.constants.static.ravel() - self.constants.stiffness * self.constants.deflected)
 
-    @property
+    @functools.cached_property
     def direct(self) -> Array:
         """Effect of an acceleration of the body and of carried bodies on the readings, shape (C, 6 + Q)."""
         return np.pad(self.combinations[:, :6], ((0, 0), (0, self.plant.carried.count)))
