@@ -31,6 +31,7 @@ _OF_SENSORS = ("gain", "misalignment", "position", "delay")
 BY_CHANCE = 0.01  # chance that a good installation lies beyond a limit: one of its errors, or all of them together
 _HELD = 1e-3  # factor on the standard deviation of a coefficient that is held
 _DAMPED_STD = 0.02  # standard deviation of a damped step of ln k and ln c
+_TRUSTED = 3  # steps at full weight until they have to explain the run
 _DAMPED = 3  # largest number of damped steps in which errors of sensors, tilts and bodies are found
 
 
@@ -308,8 +309,14 @@ def calibrate(data: RunData, blocks: IntArray | None = None, iterations: int = 1
     In a rough run two centimetres of CG matter to second order. Where much is left, CG and inertia are taken to all orders
     only if every step with them explains half of it: else the cause of it bends them, and no fit of that cause could take
     it back.
+
+    What a model misses weighs less the more it misses (:func:`temper_of`), and with so little weight nothing may move that would
+    explain it: weight and misfit agree with each other at more than one place. Where the first that is found leaves much, steps
+    at full weight are taken from there; where those end at what noise and a good installation leave, that is the model.
     """
     found = _gauss_newton(data, blocks, iterations)
+    if not _explains(found) and (trusted := _at_full_weight(data, found)) is not None:
+        return _gauss_newton(data, blocks, iterations, trusted)
     moved = found
     while not _explains(moved):
         further = _gauss_newton(data, blocks, 1, moved)
@@ -317,6 +324,20 @@ def calibrate(data: RunData, blocks: IntArray | None = None, iterations: int = 1
             return found
         moved = further
     return found if moved is found else _gauss_newton(data, blocks, iterations, moved)
+
+
+def _at_full_weight(data: RunData, start: Calibrated) -> Calibrated | None:
+    """Return the model that some steps at full weight lead to, None where it does not explain the run."""
+    prior = file_parameters(data.plant)
+    for _ in range(_TRUSTED):
+        plant, state = _advanced(start, data.settings, _explains(start))
+        view = RunView(data.with_plant(plant), state)
+        table, adjustables, regression = build_regression(view, prior)
+        fit = regression.fit(regression.grams, start.blocks)
+        start = Calibrated(view, table, adjustables, regression, fit, start.blocks)
+        if _explains(start):
+            return None if start.strained else start
+    return None
 
 
 def calibrated_at(view: RunView, blocks: IntArray) -> Calibrated:

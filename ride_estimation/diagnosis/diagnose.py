@@ -16,7 +16,7 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.gain import FLOOR, gain_over, measured_gain, refusal, remaining_energy, usable_runs
+from ride_estimation.diagnosis.gain import FLOOR, discrepancy, gain_over, measured_gain, refusal, remaining_energy, usable_runs
 from ride_estimation.diagnosis.gyros import unused_rates, wrong_gyros
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
@@ -48,6 +48,7 @@ from ride_estimation.diagnosis.stability import stability
 from ride_estimation.diagnosis.validation_evidence import weighed
 from ride_estimation.diagnosis.verdict import (
     describe,
+    force_laws,
     gained_nothing,
     left_elsewhere,
     name_causes,
@@ -414,9 +415,10 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
         reason = gained_nothing(gain, settings) if accepted.in_band else ""
         refuted = bool(reason)
         _, remaining = remaining_energy(work, base, gain)
-        known = within_library(len(accepted.fitted), remaining, law, settings)
-        # most of the residual remains: to name the best candidate would mislead unless its gain is beyond doubt
-        if not reason and known < 0.5 and remaining > _MOSTLY_UNEXPLAINED and not proven(gain, settings):
+        known = within_library(force_laws(accepted.fitted), remaining, law, settings)
+        # most of the residual remains: to name the best candidate would mislead unless something is wrong and its gain proven
+        doubtful = not proven(gain, settings) or not discrepancy(work, base, gain)
+        if not reason and known < 0.5 and remaining > _MOSTLY_UNEXPLAINED and doubtful:
             reason = f"leave {100 * remaining:.0f} % of the residual energy and gain nothing that is beyond doubt"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
@@ -439,12 +441,16 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     remains lowers its confidence and is stated. Several that rather mimic one effect outside the library may predict as well.
     """
     left, remaining = (1.0, 1.0) if judged.refuted else remaining_energy(work, base, judged.gain)
-    elsewhere = left_elsewhere(judged.gain)
-    share = max(remaining if left > FLOOR else 0.0, elsewhere or 0.0)
-    known = within_library(len(named), share, judged.law, work.settings)
+    # in the run every frequency weighs against its noise; what a prediction misses elsewhere weighs by what it is of the motion
+    elsewhere = left_elsewhere(judged.gain, work.settings)
+    share = elsewhere if elsewhere is not None and not judged.refuted else remaining if left > FLOOR else 0.0
+    accepted = judged.work.selection.accepted
+    laws = force_laws(accepted.fitted) if accepted is not None else 0
+    laws += sum(c.id == SOFT_MOUNT for c in named)
+    known = within_library(laws, share, judged.law, work.settings)
     if not named:
         return (UNEXPLAINED if remaining > 0.0 else NO_DISCREPANCY), remaining, known
-    enough = len(named) == 1 and elsewhere is not None and elsewhere < work.settings.unexplained
+    enough = laws == 1 and elsewhere is not None and elsewhere < work.settings.unexplained
     return (EXPLAINED if known >= 0.5 or enough else UNEXPLAINED), remaining, known
 
 

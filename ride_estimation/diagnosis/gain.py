@@ -213,17 +213,23 @@ def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, f
     excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
     accepted = work.selection.accepted
     if accepted is None:
-        errors, signal = block_squares(base)
-        nrmse = pooled_nrmse(errors, signal, work.splits.train)
-        floor = noise_floor(base.view, signal, work.splits.train)
-        missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
-        wrong = excess > FLOOR and missed > MISSED * work.settings.adequacy and shows_elsewhere(gain, work.settings)
-        return (excess, 1.0) if wrong else (0.0, 0.0)
+        return (excess, 1.0) if discrepancy(work, base, gain) else (0.0, 0.0)
     # a calibration strained far beyond a tolerance hides the fault and leaves no residual that the cause could remove
     excess = max(_misfit_within_tolerance(work, accepted) / dof - 1.0, excess)
     inherent = inherent_misfit(accepted, work.splits.train, work.settings.seed) / dof
     left = max(accepted.misfit / dof - 1.0 - inherent, 0.0)
     return left, (left / max(excess - inherent, left, 1e-9) if excess > 0.02 else 0.0)
+
+
+def discrepancy(work: Work, base: Prediction, gain: Gain) -> bool:
+    """Return whether the calibrated model misses more than one that counts as right, in the run and elsewhere."""
+    dof = float(work.calibrated.view.block_dof[work.splits.train].sum())
+    errors, signal = block_squares(base)
+    nrmse = pooled_nrmse(errors, signal, work.splits.train)
+    floor = noise_floor(base.view, signal, work.splits.train)
+    missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
+    wrong = work.selector.base_misfit / dof - 1.0 > FLOOR and missed > MISSED * work.settings.adequacy
+    return wrong and shows_elsewhere(gain, work.settings)
 
 
 def _misfit_within_tolerance(work: Work, accepted: FullFit) -> float:

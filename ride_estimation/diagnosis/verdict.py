@@ -231,16 +231,30 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
     return ""
 
 
-def left_elsewhere(gain: Gain) -> float | None:
+def left_elsewhere(gain: Gain, settings: Settings) -> float | None:
     """Return the share of the energy above the noise floor that named causes leave where nothing was fitted.
 
-    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts. None where there is little
-    to leave: a fault that shows in mean readings or strained tolerances.
+    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts; nothing of one on which they
+    leave what a model without causes may miss. None where there is little to leave: a fault that shows in mean readings or
+    strained tolerances.
     """
     judged = [v.in_range or (v.baseline, v.extended, v.noise_floor) for v in gain.validation]
-    before, after, floor = np.array(judged).T ** 2
-    removable = float(np.sum(before - floor))
-    return float(np.sum(np.maximum(after - floor, 0.0))) / removable if removable > float(np.sum(floor)) else None
+    missed = [(_beyond(before, floor), _beyond(after, floor)) for before, after, floor in judged]
+    least = MISSED * settings.adequacy
+    removable = sum(before**2 for before, _ in missed if before > least)
+    left = sum(after**2 for before, after in missed if before > least and after > least)
+    return left / removable if removable > 0.0 else None
+
+
+def force_laws(fitted: Sequence[Fitted]) -> int:
+    """Return the number of named causes; force laws of one kind at mounts that they share are one law, described in parts."""
+    parts: list[tuple[object, str, set[int]]] = []
+    for f in fitted:
+        law, ports = library()[f.hypothesis.cause].LAW, set(f.hypothesis.ports)
+        same = [p for p in parts if law is not None and p[0] is law and p[1] == f.hypothesis.axis and p[2] & ports]
+        parts = [p for p in parts if p not in same]
+        parts.append((law, f.hypothesis.axis, ports.union(*(p[2] for p in same))))
+    return len(parts)
 
 
 def proven(gain: Gain, settings: Settings) -> bool:
@@ -301,7 +315,7 @@ def describe(verdict: str, causes: Sequence[NamedCause], gain: Gain | None, rema
         plain, better, _ = judged.in_range
         effect += f", within the strokes and rates of the fitted run from {100 * plain:.1f} % to {100 * better:.1f} %"
     rest = ""
-    if judged.extended > MISSED * judged.noise_floor and _FORM_LEFT < _energy(judged) < 1.0:
+    if judged.extended > _NEAR * judged.noise_floor and _FORM_LEFT < _energy(judged) < 1.0:
         rest = f"; {100 * _energy(judged):.0f} % of the error energy above the noise floor remain unexplained{_left_to(law)}"
     if verdict == EXPLAINED:
         if all(c.id == "one_soft_mount" for c in causes):  # it is in the calibrated model: nothing is extended
