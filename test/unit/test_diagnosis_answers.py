@@ -34,7 +34,7 @@ from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import turned_column
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.verdict import gained_nothing, left_elsewhere, proven, unexplained_run
+from ride_estimation.diagnosis.verdict import force_laws, gained_nothing, left_elsewhere, proven, unexplained_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import rotation_matrices
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -139,11 +139,41 @@ def test_only_a_significant_gain_on_every_run_is_proven():
 
 
 def test_what_is_left_elsewhere_is_a_share_of_what_could_be_removed():
-    assert left_elsewhere(gain_of((0.2, 0.1, 0.0, (0.0, 0.2)))) == pytest.approx(0.25)
-    assert left_elsewhere(gain_of((0.02, 0.02, 0.019, (0.0, 0.0)))) is None
+    settings = Settings()
+    assert left_elsewhere(gain_of((0.2, 0.1, 0.0, (0.0, 0.2))), settings) == pytest.approx(0.25)
+    assert left_elsewhere(gain_of((0.02, 0.02, 0.019, (0.0, 0.0))), settings) is None
     # beyond the strokes of the fitted run nobody knows the law: within them, four per cent are left
     rougher = dataclasses.replace(gain_of((0.3, 0.2, 0.0, (0.0, 0.2))).validation[0], in_range=(0.2, 0.04, 0.0))
-    assert left_elsewhere(Gain("", 0.1, 0.1, 0.01, (rougher,))) == pytest.approx(0.04)
+    assert left_elsewhere(Gain("", 0.1, 0.1, 0.01, (rougher,)), settings) == pytest.approx(0.04)
+
+
+def test_what_a_model_without_causes_may_miss_named_causes_may_miss_too():
+    settings = Settings()
+    least = 2.5 * settings.adequacy
+    for beyond, left in ((0.9, 0.0), (1.1, (1.1 * least) ** 2 / 0.04**2)):
+        floor, after = 0.005, float(np.hypot(0.005, beyond * least))
+        gain = gain_of((float(np.hypot(0.04, floor)), after, floor, (0.0, 0.1)))
+        assert left_elsewhere(gain, settings) == pytest.approx(left)
+    # a noisy run on which much of the error is noise tells all the same
+    assert left_elsewhere(gain_of((0.042, 0.039, 0.037, (0.0, 0.1))), settings) == pytest.approx(0.385, abs=0.005)
+
+
+def part(cause: str, axis: str, *ports: int) -> SimpleNamespace:
+    return SimpleNamespace(hypothesis=SimpleNamespace(cause=cause, axis=axis, ports=ports))
+
+
+@pytest.mark.parametrize(
+    ("fitted", "count"),
+    [
+        ([part("stiffness_nonlinearity", "z", 2, 5), part("bump_stop", "z", 5)], 1),
+        ([part("stiffness_nonlinearity", "z", 2), part("bump_stop", "z", 5)], 2),
+        ([part("stiffness_nonlinearity", "z", 2), part("bump_stop", "z", 5), part("backlash", "z", 2, 5)], 1),
+        ([part("stiffness_nonlinearity", "z", 2), part("coulomb_friction", "z", 2)], 2),
+        ([part("sensor_gain", "z"), part("sensor_gain", "z")], 2),
+    ],
+)
+def test_laws_of_one_kind_at_shared_mounts_are_one_force_law(fitted: list[SimpleNamespace], count: int):
+    assert force_laws(fitted) == count
 
 
 def test_a_validation_run_far_above_its_floor_is_unexplained_whatever_the_fitted_run_says():
@@ -211,12 +241,27 @@ def test_what_the_form_of_a_law_leaves_open_is_in_stiffness_and_damping() -> Non
     assert np.all(found[:, 0] == 0.0) and np.all(form_variance(None, 2) == 0.0)
 
 
+def verdict_of(monkeypatch, elsewhere: float | None, remaining: float, law: FreeLaw, *fitted: SimpleNamespace):
+    """Return verdict, share that remains and probability of the library for causes that leave so much."""
+    monkeypatch.setattr(chain, "remaining_energy", lambda work, base, gain: (remaining, remaining))
+    monkeypatch.setattr(chain, "left_elsewhere", lambda gain, settings: elsewhere)
+    work = SimpleNamespace(settings=Settings(), selection=SimpleNamespace(accepted=SimpleNamespace(fitted=fitted)))
+    judged = SimpleNamespace(refuted=False, gain=None, law=law, work=work)
+    return chain._verdict(work, None, judged, tuple(SimpleNamespace(id=f.hypothesis.cause) for f in fitted))
+
+
 def test_several_causes_that_rather_mimic_one_unlisted_effect_explain_nothing(monkeypatch):
-    monkeypatch.setattr(chain, "remaining_energy", lambda work, base, gain: (0.0, 0.0))
-    monkeypatch.setattr(chain, "left_elsewhere", lambda gain: 0.001)
-    work = SimpleNamespace(settings=Settings())
-    judged = SimpleNamespace(refuted=False, gain=None, law=FreeLaw("all", "x", 0.075))
     # a law of another form explains 7.5 % more: one cause may have that form, two have less than one in five
-    assert chain._verdict(work, None, judged, (None,))[0] == "explained"
-    verdict, _, known = chain._verdict(work, None, judged, (None, None))
+    law, friction, bent = FreeLaw("all", "x", 0.075), part("coulomb_friction", "x", 0), part("stiffness_nonlinearity", "x", 0)
+    assert verdict_of(monkeypatch, 0.001, 0.0, law, friction)[0] == "explained"
+    verdict, _, known = verdict_of(monkeypatch, 0.001, 0.0, law, friction, bent)
     assert verdict == "unexplained" and known < 0.2
+    # two descriptions of one force are one cause
+    assert verdict_of(monkeypatch, 0.001, 0.0, law, bent, part("bump_stop", "x", 0))[0] == "explained"
+
+
+def test_what_is_left_where_nothing_was_fitted_decides_over_what_is_left_beyond_the_noise_of_the_run(monkeypatch):
+    law, play = FreeLaw("", "", 0.0), part("backlash", "z", 2)
+    assert verdict_of(monkeypatch, 0.18, 0.48, law, play)[0] == "explained"
+    assert verdict_of(monkeypatch, None, 0.48, law, play)[0] == "unexplained"
+    assert verdict_of(monkeypatch, 0.6, 0.02, law, play)[0] == "unexplained"

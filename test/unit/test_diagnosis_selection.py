@@ -19,7 +19,7 @@ from ride_estimation.diagnosis.fitting import with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.screening import Score
-from ride_estimation.diagnosis.selection import Candidate, Selector
+from ride_estimation.diagnosis.selection import Candidate, Selector, _evidence
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.shape_search import searched_shape
 from ride_estimation.diagnosis.verdict import reversal_odds
@@ -195,3 +195,16 @@ def test_a_law_of_its_own_takes_the_place_of_a_group_law_at_its_mount(gained: fl
         ]  # fmt: skip
     other = sited("damping_nonlinearity", "rear", 8, 11)
     assert selector._split(fit_of(50.0, 1.5, front, other), fit_of(0.0, 2.0, front)) is None
+
+
+@pytest.mark.parametrize(("moves", "place", "needed"), [(True, 1, 15.0), (False, 1, 3.0), (False, 0, 15.0)])
+def test_a_fault_that_shows_in_mean_readings_alone_needs_less_evidence(moves: bool, place: int, needed: float):
+    law = Hypothesis("backlash", "s", "z", lambda view, shape: [])
+    bias = Hypothesis("sensor_bias", "s", "z", lambda view, shape: [], shows_in_means=True)
+    rows = np.zeros((2, 3, 2))
+    rows[..., 0] = 1.0
+    rows[..., 1] = float(moves)
+    fitted = tuple(types.SimpleNamespace(hypothesis=h, coefficients=np.ones(1)) for h in (law, bias))
+    fit = types.SimpleNamespace(rows=rows, fitted=fitted, part=lambda n: slice(n, n + 1))
+    assert _evidence(Candidate(fit, 0.0, place), Settings()) == needed
+    assert _evidence(Candidate(fit, 0.0, place - 2), Settings()) == needed
