@@ -53,6 +53,7 @@ from ride_estimation.diagnosis.verdict import (
     left_elsewhere,
     name_causes,
     proven,
+    right_elsewhere,
     unexplained_run,
     within_library,
 )
@@ -443,7 +444,9 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     left, remaining = (1.0, 1.0) if judged.refuted else remaining_energy(work, base, judged.gain)
     # in the run every frequency weighs against its noise; what a prediction misses elsewhere weighs by what it is of the motion
     elsewhere = left_elsewhere(judged.gain, work.settings)
-    share = elsewhere if elsewhere is not None and not judged.refuted else remaining if left > FLOOR else 0.0
+    share = remaining if left > FLOOR else 0.0
+    if elsewhere is not None and not judged.refuted:
+        share = 0.0 if right_elsewhere(judged.gain, work.settings) else elsewhere
     accepted = judged.work.selection.accepted
     laws = force_laws(accepted.fitted) if accepted is not None else 0
     laws += sum(c.id == SOFT_MOUNT for c in named)

@@ -234,16 +234,23 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
 def left_elsewhere(gain: Gain, settings: Settings) -> float | None:
     """Return the share of the energy above the noise floor that named causes leave where nothing was fitted.
 
-    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts; nothing of one on which they
-    leave what a model without causes may miss. None where there is little to leave: a fault that shows in mean readings or
-    strained tolerances.
+    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts. None where there is little
+    to leave: a fault that shows in mean readings or strained tolerances.
     """
+    judged = [run for run in _missed_within_range(gain) if run[0] > MISSED * settings.adequacy]
+    removable, left = (float(np.sum(np.square(part))) for part in zip(*judged)) if judged else (0.0, 0.0)
+    return left / removable if judged else None
+
+
+def right_elsewhere(gain: Gain, settings: Settings) -> bool:
+    """Return whether named causes leave nowhere more than a model that counts as right, with causes or without, may miss."""
+    return all(after <= MISSED * settings.adequacy for _, after in _missed_within_range(gain))
+
+
+def _missed_within_range(gain: Gain) -> list[tuple[float, float]]:
+    """Return what both models miss of every run beyond the noise, within the strokes that causes were fitted on."""
     judged = [v.in_range or (v.baseline, v.extended, v.noise_floor) for v in gain.validation]
-    missed = [(_beyond(before, floor), _beyond(after, floor)) for before, after, floor in judged]
-    least = MISSED * settings.adequacy
-    removable = sum(before**2 for before, _ in missed if before > least)
-    left = sum(after**2 for before, after in missed if before > least and after > least)
-    return left / removable if removable > 0.0 else None
+    return [(_beyond(before, floor), _beyond(after, floor)) for before, after, floor in judged]
 
 
 def force_laws(fitted: Sequence[Fitted]) -> int:

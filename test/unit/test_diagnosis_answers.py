@@ -34,7 +34,7 @@ from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
 from ride_estimation.diagnosis.sensor_column import turned_column
 from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.verdict import force_laws, gained_nothing, left_elsewhere, proven, unexplained_run
+from ride_estimation.diagnosis.verdict import force_laws, gained_nothing, left_elsewhere, proven, right_elsewhere, unexplained_run
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import rotation_matrices
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -150,10 +150,11 @@ def test_what_is_left_elsewhere_is_a_share_of_what_could_be_removed():
 def test_what_a_model_without_causes_may_miss_named_causes_may_miss_too():
     settings = Settings()
     least = 2.5 * settings.adequacy
-    for beyond, left in ((0.9, 0.0), (1.1, (1.1 * least) ** 2 / 0.04**2)):
-        floor, after = 0.005, float(np.hypot(0.005, beyond * least))
-        gain = gain_of((float(np.hypot(0.04, floor)), after, floor, (0.0, 0.1)))
-        assert left_elsewhere(gain, settings) == pytest.approx(left)
+    for beyond in (0.9, 1.1):
+        after = float(np.hypot(0.005, beyond * least))
+        gain = gain_of((float(np.hypot(0.04, 0.005)), after, 0.005, (0.0, 0.1)))
+        assert left_elsewhere(gain, settings) == pytest.approx((beyond * least / 0.04) ** 2)
+        assert right_elsewhere(gain, settings) == (beyond < 1.0)
     # a noisy run on which much of the error is noise tells all the same
     assert left_elsewhere(gain_of((0.042, 0.039, 0.037, (0.0, 0.1))), settings) == pytest.approx(0.385, abs=0.005)
 
@@ -241,10 +242,11 @@ def test_what_the_form_of_a_law_leaves_open_is_in_stiffness_and_damping() -> Non
     assert np.all(found[:, 0] == 0.0) and np.all(form_variance(None, 2) == 0.0)
 
 
-def verdict_of(monkeypatch, elsewhere: float | None, remaining: float, law: FreeLaw, *fitted: SimpleNamespace):
+def verdict_of(monkeypatch, elsewhere: float | None, remaining: float, law: FreeLaw, *fitted: SimpleNamespace, right=False):
     """Return verdict, share that remains and probability of the library for causes that leave so much."""
     monkeypatch.setattr(chain, "remaining_energy", lambda work, base, gain: (remaining, remaining))
     monkeypatch.setattr(chain, "left_elsewhere", lambda gain, settings: elsewhere)
+    monkeypatch.setattr(chain, "right_elsewhere", lambda gain, settings: right)
     work = SimpleNamespace(settings=Settings(), selection=SimpleNamespace(accepted=SimpleNamespace(fitted=fitted)))
     judged = SimpleNamespace(refuted=False, gain=None, law=law, work=work)
     return chain._verdict(work, None, judged, tuple(SimpleNamespace(id=f.hypothesis.cause) for f in fitted))
@@ -265,3 +267,6 @@ def test_what_is_left_where_nothing_was_fitted_decides_over_what_is_left_beyond_
     assert verdict_of(monkeypatch, 0.18, 0.48, law, play)[0] == "explained"
     assert verdict_of(monkeypatch, None, 0.48, law, play)[0] == "unexplained"
     assert verdict_of(monkeypatch, 0.6, 0.02, law, play)[0] == "unexplained"
+    assert verdict_of(monkeypatch, 0.6, 0.02, law, play, right=True)[0] == "explained"
+    # a law elsewhere that explains a fifth more speaks against the cause however little is left
+    assert verdict_of(monkeypatch, 0.32, 0.02, FreeLaw("fl", "y", 0.21, 0.03), play, right=True)[0] == "unexplained"

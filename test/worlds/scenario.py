@@ -135,14 +135,18 @@ def make_scenario(
 
 def _installed(sensors: tuple[CabSensor, ...], rng: np.random.Generator, scale: float) -> tuple[CabSensor, ...]:
     """Return sensors with the errors of a good installation on top of what was planted."""
+    def drawn(*shape: int) -> np.ndarray:
+        # beyond three standard deviations an installation is not good: such an error is a fault, and naming it no false alarm
+        return scale * np.clip(rng.standard_normal(shape), -3.0, 3.0)
+
     out = []
     for s in sensors:
         channels = 1 if s.kind == "displacement" else 3
-        gain = 1.0 + scale * _INSTALLED["gain"] * rng.standard_normal(channels)
-        turn = rotation_of_degrees(np.degrees(scale * _INSTALLED["misalignment"] * rng.standard_normal(3)))
-        offset = scale * _INSTALLED["position"] * rng.standard_normal(3)
-        bias = scale * (_INSTALLED["bias"] if channels == 3 else _INSTALLED["travel_zero"]) * rng.standard_normal(channels)
-        late = scale * _INSTALLED["delay"] * float(rng.standard_normal())
+        gain = 1.0 + _INSTALLED["gain"] * drawn(channels)
+        turn = rotation_of_degrees(np.degrees(_INSTALLED["misalignment"] * drawn(3)))
+        offset = _INSTALLED["position"] * drawn(3)
+        bias = (_INSTALLED["bias"] if channels == 3 else _INSTALLED["travel_zero"]) * drawn(channels)
+        late = _INSTALLED["delay"] * float(drawn())
         if channels == 1:
             out.append(dataclasses.replace(s, gain=s.gain * gain, bias=s.bias + bias, delay_s=s.delay_s + late))
             continue
