@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.causes.flexible_mode import _drive_weights, _modal, _resonance, compliant_peaks
+from ride_estimation.diagnosis.causes.flexible_mode import _AROUND, _drive_weights, _modal, _resonance, compliant_peaks
 from ride_estimation.diagnosis.hypothesis import Fitted
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.model_run import ModelState
@@ -21,6 +21,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import UniformRun
 
 MOUNTED_HZ, MOUNTED_RATIO, PEAK_HZ = 14.0, 0.12, 12.5
+WIDE, NARROW = _AROUND
 
 
 @pytest.fixture(scope="module")
@@ -47,12 +48,12 @@ def rows_of(view: RunView) -> list[int]:
 
 
 def test_a_mode_is_driven_with_the_phase_that_its_mounts_give_it(view):
-    frequency, ratio, weights = _resonance(view, rows_of(view), PEAK_HZ)
+    frequency, ratio, weights = _resonance(view, rows_of(view), PEAK_HZ, WIDE)
     assert frequency == pytest.approx(MOUNTED_HZ, rel=0.03) and ratio == 0.1
     vertical = np.array([p.axis == "z" for p in view.plant.ports])
     assert np.abs(weights[~vertical]).max() < 0.1 * np.abs(weights[vertical]).min()
-    assert _drive_weights(view, rows_of(view), PEAK_HZ, MOUNTED_HZ, MOUNTED_RATIO)[1] < 1e-6
-    assert _drive_weights(view, rows_of(view), PEAK_HZ, PEAK_HZ, 0.02)[1] > 0.05
+    assert _drive_weights(view, rows_of(view), PEAK_HZ, WIDE, MOUNTED_HZ, MOUNTED_RATIO)[1] < 1e-6
+    assert _drive_weights(view, rows_of(view), PEAK_HZ, WIDE, PEAK_HZ, 0.02)[1] > 0.05
 
 
 def test_a_mode_that_dampers_at_its_corners_hold_is_found_with_their_damping(view):
@@ -60,14 +61,27 @@ def test_a_mode_that_dampers_at_its_corners_hold_is_found_with_their_damping(vie
     twist = np.array([(1.0 if i % 2 else -1.0) * (p.axis == "z") for i, p in enumerate(view.plant.ports)])
     modal = _modal(view, MOUNTED_HZ, 0.35) @ twist
     held.residual_spectrum = modal[:, None] * np.linspace(-1.0, 1.0, len(view.plant.outputs))
-    frequency, ratio, _ = _resonance(held, rows_of(view), PEAK_HZ)
+    frequency, ratio, _ = _resonance(held, rows_of(view), PEAK_HZ, WIDE)
     assert frequency == pytest.approx(MOUNTED_HZ, rel=0.06) and ratio == 0.4
+
+
+def test_a_light_mode_beside_a_louder_resonance_is_looked_at_alone(view):
+    both = copy.copy(view)
+    vertical = np.array([float(p.axis == "z") for p in view.plant.ports])
+    twist = np.array([(1.0 if i % 2 else -1.0) * v for i, v in enumerate(vertical)])
+    light, loud = _modal(view, MOUNTED_HZ, 0.05) @ twist, _modal(view, 10.5, 0.05) @ vertical
+    patterns = np.linspace(-1.0, 1.0, len(view.plant.outputs)), np.cos(np.arange(len(view.plant.outputs)))
+    size = np.linalg.norm(light) / np.linalg.norm(loud)
+    both.residual_spectrum = light[:, None] * patterns[0] + 2.0 * size * loud[:, None] * patterns[1]
+    found = [_resonance(both, rows_of(view), MOUNTED_HZ, around)[0] for around in (WIDE, NARROW)]
+    assert found[1] == pytest.approx(MOUNTED_HZ, rel=0.03)
+    assert abs(found[0] - MOUNTED_HZ) > 0.1 * MOUNTED_HZ  # the louder one takes all of the wide look
 
 
 @pytest.mark.parametrize(("answered", "damped"), [(0.0, 0.0), (0.3, 0.3), (0.1, 0.4)])
 def test_free_of_its_mounts_a_mode_is_slower_by_what_they_give_it(view, answered, damped):
     (hypothesis, *_) = library()["flexible_mode"].hypotheses(view)
-    drive = _resonance(view, rows_of(view), compliant_peaks(view, rows_of(view))[0])[2]
+    drive = _resonance(view, rows_of(view), compliant_peaks(view, rows_of(view))[0], WIDE)[2]
     stiffness, damping = view.state.stiffness @ drive**2, view.state.damping @ drive**2
     w = 2.0 * np.pi * MOUNTED_HZ
     # a structure has 2 % of its own, mounts give stiffness and damping in the ratio of theirs

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import final
 
@@ -28,7 +29,8 @@ _OF_STRUCTURES = 0.02  # damping ratio of welded structures
 #: it on nine drawn and foreign cabs, a tenth where a sprung mass was taken for one
 _UNAIDED, _ANSWERED = 0.15, 0.3
 _MOST = 0.8  # of the squared frequency that mounts can give a mode: beyond, it is a motion on them
-_AROUND = 0.6  # of a peak, where its residual is looked at: half of the width of a mode that its mounts damp
+#: of a peak, where its residual is looked at: half of the width of a mode that its mounts damp, and of a light one beside another
+_AROUND = (0.6, 0.15)
 
 
 @final
@@ -52,8 +54,8 @@ class FlexibleMode(Cause):
             rows, rates = (_channels(view, body, kind) for kind in ("acceleration", "rate"))
             if len(rows) <= len(view.plant.coordinate_rows(body)):
                 continue
-            for peak in compliant_peaks(view, rows):
-                frequency, damping, drive = _resonance(view, rows, peak)
+            for peak, around in itertools.product(compliant_peaks(view, rows), _AROUND):
+                frequency, damping, drive = _resonance(view, rows, peak, around)
 
                 def columns(
                     view: RunView, shape: Shapes, r: list[int] = rows, g: list[int] = rates, w: Array = drive
@@ -205,7 +207,7 @@ def _mount_shares(given: tuple[float, float], shape: Shapes, reaction: float) ->
     return -stiffness * reaction / w**2, damped
 
 
-def _resonance(view: RunView, rows: list[int], peak_hz: float) -> tuple[float, float, Array]:
+def _resonance(view: RunView, rows: list[int], peak_hz: float, around: float) -> tuple[float, float, Array]:
     """Return frequency [Hz], damping ratio and drive of the mode that leaves least of the residual around a peak.
 
     What the mounts that it moves add makes a mode stiffer and more damped: driven with another phase than that of the residual
@@ -213,18 +215,20 @@ def _resonance(view: RunView, rows: list[int], peak_hz: float) -> tuple[float, f
     or less.
     """
     trials = [(peak_hz * s, z) for z in _RATIOS for s in np.geomspace(1.0 / _REACH, _REACH, _TRIALS)]
-    frequency, ratio = min(trials, key=lambda t: _drive_weights(view, rows, peak_hz, *t)[1])
-    weights = _drive_weights(view, rows, peak_hz, frequency, ratio)[0]
+    frequency, ratio = min(trials, key=lambda t: _drive_weights(view, rows, peak_hz, around, *t)[1])
+    weights = _drive_weights(view, rows, peak_hz, around, frequency, ratio)[0]
     size = float(np.std(view.grid.signal(_modal(view, frequency, ratio) @ weights)))
     return frequency, ratio, np.asarray(weights / max(size, 1e-300))
 
 
-def _drive_weights(view: RunView, rows: list[int], peak_hz: float, frequency_hz: float, ratio: float) -> tuple[Array, float]:
+def _drive_weights(
+    view: RunView, rows: list[int], peak_hz: float, around: float, frequency_hz: float, ratio: float
+) -> tuple[Array, float]:
     """Return how much every port drives a mode and the share of the residual around a peak that it leaves.
 
     Alternating least squares of the pattern in the channels and of the drive.
     """
-    near = np.abs(view.grid.frequency - peak_hz) < _AROUND * peak_hz
+    near = np.abs(view.grid.frequency - peak_hz) < around * peak_hz
     residual = view.residual_spectrum[near][:, rows]
     modal = _modal(view, frequency_hz, ratio)[near]
     scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=0)) + 1e-300
