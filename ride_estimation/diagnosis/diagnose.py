@@ -438,8 +438,9 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
 def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCause, ...]) -> tuple[str, float, float]:
     """Return the verdict, the share of the residual energy that remains and the probability that the library explains the run.
 
-    A cause that leaves little where nothing was fitted explains the run even if its law has not the form of the real one; what
-    remains lowers its confidence and is stated. Several that rather mimic one effect outside the library may predict as well.
+    A cause that leaves little where nothing was fitted explains the run even if its law has not the form of the real one, which a
+    law of general form at its mounts shows; what remains lowers its confidence and is stated. Several that rather mimic one
+    effect outside the library may predict as well, and so may one cause where a law at another mount explains more.
     """
     left, remaining = (1.0, 1.0) if judged.refuted else remaining_energy(work, base, judged.gain)
     # in the run every frequency weighs against its noise; what a prediction misses elsewhere weighs by what it is of the motion
@@ -453,7 +454,9 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     known = within_library(laws, share, judged.law, work.settings)
     if not named:
         return (UNEXPLAINED if remaining > 0.0 else NO_DISCREPANCY), remaining, known
-    enough = laws == 1 and elsewhere is not None and elsewhere < work.settings.unexplained
+    ports = {p for f in accepted.fitted for p in f.hypothesis.ports} if accepted is not None else set()
+    form = laws == 1 and not ports.isdisjoint(judged.law.ports)
+    enough = form and elsewhere is not None and elsewhere < work.settings.unexplained
     return (EXPLAINED if known >= 0.5 or enough else UNEXPLAINED), remaining, known
 
 

@@ -45,12 +45,15 @@ class FreeLaw:
         Energy it explains, on blocks that took no part in its fit too, over the energy that the named causes explain [-].
     left
         Energy above the noise floor that the named causes leave, over the same [-].
+    ports
+        The mounts as ports.
     """
 
     location: str
     axis: str
     share: float
     left: float = 0.0
+    ports: tuple[int, ...] = ()
 
 
 #: nothing explains more
@@ -91,7 +94,7 @@ def free_law(view: RunView, table: MeanTable, problem: Regression, explained: fl
         return NO_LAW
     # where one block holds most of the energy, folds without it are far off with any law: no more than in its own fit counts
     energy = min(_predicted(view, problem, law, best), most)
-    return FreeLaw(best.location, best.axis, energy / explained, max(left, 0.0) / explained)
+    return FreeLaw(best.location, best.axis, energy / explained, max(left, 0.0) / explained, tuple(best.ports))
 
 
 def _general(view: RunView, x: Array, v: Array, x_rms: float, v_rms: float) -> list[Array]:

@@ -268,5 +268,7 @@ def test_what_is_left_where_nothing_was_fitted_decides_over_what_is_left_beyond_
     assert verdict_of(monkeypatch, None, 0.48, law, play)[0] == "unexplained"
     assert verdict_of(monkeypatch, 0.6, 0.02, law, play)[0] == "unexplained"
     assert verdict_of(monkeypatch, 0.6, 0.02, law, play, right=True)[0] == "explained"
-    # a law elsewhere that explains a fifth more speaks against the cause however little is left
-    assert verdict_of(monkeypatch, 0.32, 0.02, FreeLaw("fl", "y", 0.21, 0.03), play, right=True)[0] == "unexplained"
+    # a law at another mount that explains a fifth more speaks against a cause however little that leaves, one at its own does not
+    assert verdict_of(monkeypatch, 0.02, 0.02, FreeLaw("fl", "y", 0.21, 0.03, (1,)), play)[0] == "unexplained"
+    assert verdict_of(monkeypatch, 0.02, 0.02, FreeLaw("fl", "z", 0.21, 0.03, (2, 5)), play)[0] == "explained"
+    assert verdict_of(monkeypatch, 0.3, 0.02, FreeLaw("fl", "z", 0.21, 0.03, (2, 5)), play)[0] == "unexplained"
