@@ -93,8 +93,38 @@ def test_cg_and_inertia_enter_a_model_that_misses_much_only_where_they_explain_i
     steps = iter([SimpleNamespace(number=i, left=value) for i, value in enumerate(left)])
     monkeypatch.setattr(calibration, "_gauss_newton", lambda *_: next(steps))
     monkeypatch.setattr(calibration, "_excess", lambda found: found.left)
+    monkeypatch.setattr(calibration, "_at_full_weight", lambda data, start: None)
     assert calibrate(None).number == answer
     assert next(steps, None) is None
+
+
+def test_a_model_that_explains_the_run_at_full_weight_is_settled_from_there(monkeypatch):
+    first, trusted, settled = (SimpleNamespace(left=value) for value in (1.4, 0.04, 0.06))
+    started = []
+    monkeypatch.setattr(calibration, "_excess", lambda found: found.left)
+    monkeypatch.setattr(calibration, "_at_full_weight", lambda data, start: trusted if start is first else None)
+    take = lambda *given: started.append(given[3:]) or (settled if given[3:] else first)  # noqa: E731
+    monkeypatch.setattr(calibration, "_gauss_newton", take)
+    assert calibrate(None) is settled
+    assert started == [(), (trusted,)]
+
+
+@pytest.mark.parametrize(
+    ("left", "strain", "found"), [([1.1, 0.04], False, 1), ([1.1, 0.04], True, None), ([1.1] * 3, False, None)]
+)
+def test_steps_at_full_weight_have_to_explain_the_run_with_a_good_installation(monkeypatch, left, strain, found):
+    steps = [SimpleNamespace(left=value, strained=strain, blocks=None, number=i) for i, value in enumerate(left)]
+    made = iter(steps)
+    regression = SimpleNamespace(grams=None, fit=lambda grams, blocks: None)
+    for name, value in {
+        "file_parameters": lambda plant: None, "_advanced": lambda start, settings, bodies: (None, None),
+        "RunView": lambda data, state: None, "build_regression": lambda view, prior: (None, (), regression),
+        "Calibrated": lambda *parts: next(made), "_excess": lambda calibrated: calibrated.left,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(calibration, name, value)
+    data = SimpleNamespace(plant=None, settings=None, with_plant=lambda plant: data)
+    answer = calibration._at_full_weight(data, SimpleNamespace(left=1.4, blocks=None))
+    assert answer is (None if found is None else steps[found])
 
 
 def test_a_transducer_measures_along_an_axis_that_turns_with_its_base():
