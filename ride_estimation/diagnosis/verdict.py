@@ -234,11 +234,12 @@ def gained_nothing(gain: Gain, settings: Settings) -> str:
 def left_elsewhere(gain: Gain, settings: Settings) -> float | None:
     """Return the share of the energy above the noise floor that named causes leave where nothing was fitted.
 
-    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts. None where there is little
-    to leave: a fault that shows in mean readings or strained tolerances.
+    Of a run that goes beyond the strokes and rates of the fitted one, what is within them counts. None where there is less to
+    remove than a right model may leave: a fault that shows in mean readings or strained tolerances.
     """
-    judged = [run for run in _missed_within_range(gain) if run[0] > MISSED * settings.adequacy]
-    removable, left = (float(np.sum(np.square(part))) for part in zip(*judged)) if judged else (0.0, 0.0)
+    least = MISSED * settings.adequacy
+    judged = [run for run in _missed_within_range(gain) if run[0] ** 2 > 2.0 * least**2]
+    removable, left = (sum(missed**2 for missed in part) for part in zip(*judged)) if judged else (0.0, 0.0)
     return left / removable if judged else None
 
 
