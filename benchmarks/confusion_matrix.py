@@ -8,6 +8,7 @@ matrix can be stopped, resumed and subsampled. Cases are ordered seed by seed: a
     python benchmarks/confusion_matrix.py --summary-only --out matrix.jsonl
     python benchmarks/confusion_matrix.py --per-cause 2 --leave-one-out --out without.jsonl
     python benchmarks/confusion_matrix.py --per-cause 2 --gain-coverage --out coverage.jsonl
+    python benchmarks/confusion_matrix.py --per-cause 1 --copies --out copies.jsonl
 """
 
 from __future__ import annotations
@@ -86,7 +87,9 @@ def stored_case(case: Case, folder: pathlib.Path) -> StoredCase:
     return load_case(path)
 
 
-def run_case(case: Case, folder: pathlib.Path, only_make: bool = False, halves: bool = False) -> dict[str, Any]:
+def run_case(
+    case: Case, folder: pathlib.Path, only_make: bool = False, halves: bool = False, copies: bool = False
+) -> dict[str, Any]:
     """Make or read the world, diagnose it, return one JSON-ready record."""
     record: dict[str, Any] = {"key": case.record_key, "causes": list(case.causes), "seed": case.seed, "without": case.without}
     record |= {"wanted_residual": case.residual, "noise": case.noise}
@@ -96,6 +99,7 @@ def run_case(case: Case, folder: pathlib.Path, only_make: bool = False, halves: 
         return record | {"verdict": "made", "found": []}
     from ride_estimation.diagnosis.causes import library
     from ride_estimation.diagnosis.diagnose import diagnose
+    from ride_estimation.diagnosis.settings import Settings
 
     validation = list(stored.validation)
     if halves:
@@ -103,7 +107,8 @@ def run_case(case: Case, folder: pathlib.Path, only_make: bool = False, halves: 
     known = set(library()) - set(case.causes) if case.without else None
     began, processor = time.perf_counter(), time.process_time()
     try:
-        diagnosis = diagnose(stored.vehicle, stored.run, validation=validation, causes=known)
+        settings = Settings(stability=copies)
+        diagnosis = diagnose(stored.vehicle, stored.run, validation=validation, settings=settings, causes=known)
     except Exception as error:  # a crash is a result of the benchmark, and it is counted
         return record | {"verdict": "error", "found": [], "error": f"{type(error).__name__}: {error}"}
     record |= {"seconds": time.perf_counter() - began, "processor_seconds": time.process_time() - processor}
@@ -124,6 +129,8 @@ def run_case(case: Case, folder: pathlib.Path, only_make: bool = False, halves: 
         for name in record["bias"]
         if (long := name.replace(".k", ".stiffness").replace(".c", ".damping")) in stated and stated[long].value > 0.0
     }
+    if copies:
+        record["copies"] = diagnosis.stability.counts if diagnosis.stability is not None else (0, 0)
     record["warnings"] = [str(w) for w in getattr(diagnosis, "warnings", ())][:5]
     return record
 
@@ -403,6 +410,9 @@ def summary(records: list[dict[str, Any]]) -> str:
             lines.append(f"{name:78s} {100 * np.quantile(values, pick):6.1f} % of {len(values):4d}   target {target}")
     for name, axes in (("vertical", "z"), ("horizontal", "xy")):
         lines.append(_line(f"k and c within two stated standard deviations, {name}", _within(right + clean, axes), "about 95 %"))
+    copies = [agrees for r in every if "copies" in r for agrees in _agreeing(*r["copies"])]
+    if copies:
+        lines.append(_line("perturbed copies of a run that give the same answer", copies, ">= 98 %"))
     error, count = calibration_error(records)
     lines.append(f"{'expected calibration error of the stated confidence':78s} {error:8.3f} of {count:4d}   target <= 0.05")
     lines += reliability(every)
@@ -418,6 +428,11 @@ def summary(records: list[dict[str, Any]]) -> str:
     for r in crashed[:5]:
         lines.append(f"ERROR {r['key']}: {r['error']}")
     return "\n".join(lines)
+
+
+def _agreeing(same: int, copies: int) -> list[bool]:
+    """Return one entry per copy, whether it gives the answer of the run."""
+    return [True] * same + [False] * (copies - same)
 
 
 def misses(records: list[dict[str, Any]]) -> str:
@@ -490,6 +505,7 @@ def main() -> None:
     parser.add_argument("--cases", type=pathlib.Path, default=pathlib.Path("out/cases"), help="folder of made cases")
     parser.add_argument("--leave-one-out", action="store_true", help="single effects with their cause taken out of the library")
     parser.add_argument("--gain-coverage", action="store_true", help="measure the gain on both halves of the other road as well")
+    parser.add_argument("--copies", action="store_true", help="repeat every answer on perturbed copies of its run")
     parser.add_argument("--only-make", action="store_true", help="fill the folder of cases and stop")
     parser.add_argument("--summary-only", action="store_true")
     arguments = parser.parse_args()
@@ -512,7 +528,8 @@ def main() -> None:
                     case = next(queue, None)
                     if case is None:
                         break
-                    waiting.add(pool.submit(run_case, case, arguments.cases, arguments.only_make, arguments.gain_coverage))
+                    asked = arguments.only_make, arguments.gain_coverage, arguments.copies
+                    waiting.add(pool.submit(run_case, case, arguments.cases, *asked))
                 if not waiting:
                     break
                 ready, waiting = concurrent.futures.wait(waiting, return_when=concurrent.futures.FIRST_COMPLETED)

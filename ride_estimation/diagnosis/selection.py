@@ -53,8 +53,9 @@ _BENT = 0.5
 _FREE = 1e12
 #: rounds of further passes of accepted causes, and the share of the misfit that each has to remove
 _ROUNDS, _LESS = 3, 0.02
-#: log odds for a fault that shows in mean readings alone [nat]: twenty to one, no model of anything that moves errs there
-_IN_MEANS = 3.0
+#: log odds for a fault that shows in mean readings alone [nat]: a thousand to one, for two dozen channels are asked; no model of
+#: anything that moves errs there. Offset and gain of an axis at three standard deviations each stay below
+_IN_MEANS = 7.0
 
 Build = Callable[[RunView], Sequence[Hypothesis]]
 

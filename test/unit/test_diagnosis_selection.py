@@ -197,7 +197,7 @@ def test_a_law_of_its_own_takes_the_place_of_a_group_law_at_its_mount(gained: fl
     assert selector._split(fit_of(50.0, 1.5, front, other), fit_of(0.0, 2.0, front)) is None
 
 
-@pytest.mark.parametrize(("moves", "place", "needed"), [(True, 1, 15.0), (False, 1, 3.0), (False, 0, 15.0)])
+@pytest.mark.parametrize(("moves", "place", "needed"), [(True, 1, 15.0), (False, 1, 7.0), (False, 0, 15.0)])
 def test_a_fault_that_shows_in_mean_readings_alone_needs_less_evidence(moves: bool, place: int, needed: float):
     law = Hypothesis("backlash", "s", "z", lambda view, shape: [])
     bias = Hypothesis("sensor_bias", "s", "z", lambda view, shape: [], shows_in_means=True)
