@@ -16,7 +16,16 @@ from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.extension import set_linear, with_knowledge
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.gain import FLOOR, discrepancy, gain_over, measured_gain, refusal, remaining_energy, usable_runs
+from ride_estimation.diagnosis.gain import (
+    FLOOR,
+    discrepancy,
+    gain_over,
+    judged_in_band,
+    measured_gain,
+    refusal,
+    remaining_energy,
+    usable_runs,
+)
 from ride_estimation.diagnosis.gyros import unused_rates, wrong_gyros
 from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
 from ride_estimation.diagnosis.in_line import loss_without
@@ -418,9 +427,11 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
         _, remaining = remaining_energy(work, base, gain)
         known = within_library(force_laws(accepted.fitted), remaining, law, settings)
         # most of the residual remains: to name the best candidate would mislead unless something is wrong and its gain proven
-        doubtful = not proven(gain, settings) or not discrepancy(work, base, gain)
-        if not reason and known < 0.5 and remaining > _MOSTLY_UNEXPLAINED and doubtful:
-            reason = f"leave {100 * remaining:.0f} % of the residual energy and gain nothing that is beyond doubt"
+        if not reason and judged_in_band(work) and known < 0.5 and remaining > _MOSTLY_UNEXPLAINED:
+            if not discrepancy(work, base, gain):
+                reason = f"leave {100 * remaining:.0f} % of what a model misses that counts as right without them"
+            elif not proven(gain, settings):
+                reason = f"leave {100 * remaining:.0f} % of the residual energy and gain nothing that is beyond doubt"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
     refused = f"{', '.join(accepted.causes)} {reason}: not named"

@@ -51,6 +51,16 @@ def refusal(work: Work, base: Prediction, extended: Prediction) -> str:
     return ""
 
 
+def judged_in_band(work: Work) -> bool:
+    """Return whether accepted causes have to show in the residual of the band.
+
+    Not those that show in mean readings, and not those without which the model needs more than a good installation has.
+    """
+    accepted = work.selection.accepted
+    relieved = work.calibrated.strained and accepted is not None and not accepted.strained
+    return _in_band(accepted) and not relieved
+
+
 def _in_band(accepted: FullFit | None) -> bool:
     return accepted is not None and accepted.in_band
 
@@ -69,8 +79,7 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     With little noise and a long run the score tests see errors of a thousandth, which every model has. Judged where nothing
     was fitted. A model that explains the run with more than a good installation has says nothing about what the causes explain.
     """
-    accepted = work.selection.accepted
-    if not _in_band(accepted) or (work.calibrated.strained and accepted is not None and not accepted.strained):
+    if not judged_in_band(work):
         return True
     inside = base.view.data.block_window(extended.told(work.splits.judge))[:, None]
     parts = (base.residual(), extended.residual(), base.measured())

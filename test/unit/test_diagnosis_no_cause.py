@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
@@ -13,6 +15,7 @@ from worlds.vehicle_text import Belief
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import calibrate
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.gain import judged_in_band
 from ride_estimation.diagnosis.installation import installation_remarks
 from ride_estimation.diagnosis.measurement import measurement
 from ride_estimation.diagnosis.noise import gross_power
@@ -93,3 +96,24 @@ def test_a_law_that_leaves_most_of_very_little_is_not_named():
         believed_vehicle(case.fit, case.belief), uniform_run(case.fit), [uniform_run(run) for run in case.validation]
     )
     assert answer.verdict == NO_DISCREPANCY and not answer.causes
+
+
+@pytest.mark.parametrize(
+    ("in_band", "strained_before", "strained_after", "judged"),
+    [(True, False, False, True), (True, True, True, True), (True, True, False, False), (False, False, False, False)],
+)
+def test_what_shows_in_mean_readings_or_strained_tolerances_is_not_judged_by_the_residual(
+    in_band, strained_before, strained_after, judged
+):
+    accepted = SimpleNamespace(in_band=in_band, strained=strained_after)
+    calibrated, selection = SimpleNamespace(strained=strained_before), SimpleNamespace(accepted=accepted)
+    assert judged_in_band(SimpleNamespace(calibrated=calibrated, selection=selection)) is judged
+
+
+@pytest.mark.slow
+def test_an_offset_that_leaves_the_residual_as_it_is_is_named_all_the_same():
+    case = make_scenario(("sensor_bias",), 4100, residual=0.15, noise=0.02, duration=40.0)
+    answer = diagnose(
+        believed_vehicle(case.fit, case.belief), uniform_run(case.fit), [uniform_run(run) for run in case.validation]
+    )
+    assert [(c.id, c.location, c.axis) for c in answer.causes] == [("sensor_bias", "cab_rear_right", "y")]

@@ -181,7 +181,7 @@ def _magnitudes(e: Effect, size: float, plain: CabVehicle, sensors: tuple[CabSen
     if e.cause == "cg_offset":
         return {"CG offset": float(cg_off[axis])}
     if e.cause == "flexible_mode" and hidden.elastic is not None:
-        return {"natural frequency": float(hidden.elastic[0])}
+        return {"natural frequency free": float(hidden.elastic[0])}
     if e.cause == "missing_degree_of_freedom" and hidden.suspended is not None:
         return {"moving mass": float(hidden.suspended[0]), "natural frequency": float(hidden.suspended[1])}
     if e.cause == "harmonic_disturbance" and hidden.push is not None:
