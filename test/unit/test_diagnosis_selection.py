@@ -208,3 +208,17 @@ def test_a_fault_that_shows_in_mean_readings_alone_needs_less_evidence(moves: bo
     fit = types.SimpleNamespace(rows=rows, fitted=fitted, part=lambda n: slice(n, n + 1))
     assert _evidence(Candidate(fit, 0.0, place), Settings()) == needed
     assert _evidence(Candidate(fit, 0.0, place - 2), Settings()) == needed
+
+
+@pytest.mark.parametrize(
+    ("misfits", "rounds", "kept"),
+    [([1.4, 0.9], 0, 0), ([5.0, 4.4, 4.39, 1.0], 2, 1), ([5.0, 4.0, 3.0, 2.5, 1.0], 3, 3), ([5.0, 6.0], 1, 0)],
+)
+def test_accepted_causes_are_fitted_until_a_round_removes_little(misfits: list[float], rounds: int, kept: int):
+    fits = [types.SimpleNamespace(misfit=m, fitted=(), number=i) for i, m in enumerate(misfits)]
+    asked = iter(fits[1:])
+    selector = object.__new__(Selector)
+    selector._dof, selector._fits, selector._settings = 1.0, 0, Settings()
+    selector.fitter = types.SimpleNamespace(fit=lambda fitted, passes, after: next(asked))
+    assert selector._converged(fits[0]) is fits[kept]
+    assert selector._fits == rounds
