@@ -40,6 +40,7 @@ MAGNITUDES = {
 }
 #: what the runs call an effect -> cause id, where they differ
 NAMES = {"cab_flexible_mode": "flexible_mode"}
+ANGLES = {"x": "roll", "y": "pitch", "z": "yaw"}
 _NEAR_M = 0.15  # distance at which a load still is at the seat where it was put [m]
 AXLES = {"front": ("fl", "fr"), "rear": ("rl", "rr"), "left": ("fl", "rl"), "right": ("fr", "rr")}
 
@@ -123,7 +124,9 @@ def judged(record: dict[str, Any], truth: dict[str, Any]) -> dict[str, Any]:
     out["exact"] = len(causes) == len(effects) and all(any(right_cause(e, c) for c in causes) for e in effects)
     if hit is not None:
         out["place"] = right_place(hit, causes)
-        out["axis"] = hit.get("axis") in (None, first["axis"]) if first is not None else False
+        # a shape (torsion) is no axis, and a rotation about z is a yaw
+        axis = hit.get("axis") if hit.get("axis") in ANGLES else None
+        out["axis"] = axis in (None, first["axis"]) or ANGLES[axis] == first["axis"] if first is not None else False
         out["magnitude"] = magnitudes(hit, causes)
     return out
 
