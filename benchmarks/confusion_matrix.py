@@ -410,7 +410,7 @@ def summary(records: list[dict[str, Any]]) -> str:
             lines.append(f"{name:78s} {100 * np.quantile(values, pick):6.1f} % of {len(values):4d}   target {target}")
     for name, axes in (("vertical", "z"), ("horizontal", "xy")):
         lines.append(_line(f"k and c within two stated standard deviations, {name}", _within(right + clean, axes), "about 95 %"))
-    copies = [agrees for r in every if "copies" in r for agrees in _agreeing(*r["copies"])]
+    copies = [n < r["copies"][0] for r in every if "copies" in r for n in range(r["copies"][1])]
     if copies:
         lines.append(_line("perturbed copies of a run that give the same answer", copies, ">= 98 %"))
     error, count = calibration_error(records)
@@ -428,11 +428,6 @@ def summary(records: list[dict[str, Any]]) -> str:
     for r in crashed[:5]:
         lines.append(f"ERROR {r['key']}: {r['error']}")
     return "\n".join(lines)
-
-
-def _agreeing(same: int, copies: int) -> list[bool]:
-    """Return one entry per copy, whether it gives the answer of the run."""
-    return [True] * same + [False] * (copies - same)
 
 
 def misses(records: list[dict[str, Any]]) -> str:

@@ -24,6 +24,8 @@ from typing import Any
 
 import yaml
 
+from ride_estimation.frames import COORDINATES
+
 QUIET = ("no_discrepancy", "insufficient_data")
 #: cause -> (key of the true magnitude, part of the name of the parameter that states it, factor to the unit stated)
 MAGNITUDES = {
@@ -40,7 +42,7 @@ MAGNITUDES = {
 }
 #: what the runs call an effect -> cause id, where they differ
 NAMES = {"cab_flexible_mode": "flexible_mode"}
-ANGLES = {"x": "roll", "y": "pitch", "z": "yaw"}
+ANGLES = dict(zip(COORDINATES[:3], COORDINATES[3:]))
 _NEAR_M = 0.15  # distance at which a load still is at the seat where it was put [m]
 AXLES = {"front": ("fl", "fr"), "rear": ("rl", "rr"), "left": ("fl", "rl"), "right": ("fr", "rr")}
 
@@ -125,8 +127,8 @@ def judged(record: dict[str, Any], truth: dict[str, Any]) -> dict[str, Any]:
     if hit is not None:
         out["place"] = right_place(hit, causes)
         # a shape (torsion) is no axis, and a rotation about z is a yaw
-        axis = hit.get("axis") if hit.get("axis") in ANGLES else None
-        out["axis"] = axis in (None, first["axis"]) or ANGLES[axis] == first["axis"] if first is not None else False
+        axis = hit.get("axis")
+        out["axis"] = first is not None and (axis not in ANGLES or first["axis"] in (axis, ANGLES[axis]))
         out["magnitude"] = magnitudes(hit, causes)
     return out
 

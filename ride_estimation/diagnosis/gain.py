@@ -218,11 +218,11 @@ def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, f
 
     Without causes both are zero unless the calibrated model misses more than one that counts as right, here and elsewhere.
     """
-    dof = float(work.calibrated.view.block_dof[work.splits.train].sum())
-    excess = max(work.selector.base_misfit / dof - 1.0, 0.0)
+    excess = max(work.selector.base_excess - 1.0, 0.0)
     accepted = work.selection.accepted
     if accepted is None:
         return (excess, 1.0) if discrepancy(work, base, gain) else (0.0, 0.0)
+    dof = float(work.calibrated.view.block_dof[work.splits.train].sum())
     # a calibration strained far beyond a tolerance hides the fault and leaves no residual that the cause could remove
     excess = max(_misfit_within_tolerance(work, accepted) / dof - 1.0, excess)
     inherent = inherent_misfit(accepted, work.splits.train, work.settings.seed) / dof
@@ -232,12 +232,11 @@ def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, f
 
 def discrepancy(work: Work, base: Prediction, gain: Gain) -> bool:
     """Return whether the calibrated model misses more than one that counts as right, in the run and elsewhere."""
-    dof = float(work.calibrated.view.block_dof[work.splits.train].sum())
     errors, signal = block_squares(base)
     nrmse = pooled_nrmse(errors, signal, work.splits.train)
     floor = noise_floor(base.view, signal, work.splits.train)
     missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
-    wrong = work.selector.base_misfit / dof - 1.0 > FLOOR and missed > MISSED * work.settings.adequacy
+    wrong = work.selector.base_excess - 1.0 > FLOOR and missed > MISSED * work.settings.adequacy
     return wrong and shows_elsewhere(gain, work.settings)
 
 

@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.fitting import FullFit
 from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Reported
+from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Law, Reported
 from ride_estimation.diagnosis.isolability import separation
 from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY, Gain, NamedCause, Rival, ValidationGain
 from ride_estimation.diagnosis.run_view import RunView
@@ -239,8 +239,9 @@ def left_elsewhere(gain: Gain, settings: Settings) -> float | None:
     """
     least = MISSED * settings.adequacy
     judged = [run for run in _missed_within_range(gain) if run[0] ** 2 > 2.0 * least**2]
-    removable, left = (sum(missed**2 for missed in part) for part in zip(*judged)) if judged else (0.0, 0.0)
-    return left / removable if judged else None
+    if not judged:
+        return None
+    return sum(after**2 for _, after in judged) / sum(before**2 for before, _ in judged)
 
 
 def right_elsewhere(gain: Gain, settings: Settings) -> bool:
@@ -256,13 +257,13 @@ def _missed_within_range(gain: Gain) -> list[tuple[float, float]]:
 
 def force_laws(fitted: Sequence[Fitted]) -> int:
     """Return the number of named causes; force laws of one kind at mounts that they share are one law, described in parts."""
-    parts: list[tuple[object, str, set[int]]] = []
+    found: list[tuple[Law | None, set[int]]] = []
     for f in fitted:
         law, ports = library()[f.hypothesis.cause].LAW, set(f.hypothesis.ports)
-        same = [p for p in parts if law is not None and p[0] is law and p[1] == f.hypothesis.axis and p[2] & ports]
-        parts = [p for p in parts if p not in same]
-        parts.append((law, f.hypothesis.axis, ports.union(*(p[2] for p in same))))
-    return len(parts)
+        same = [part for part in found if law is not None and part[0] is law and part[1] & ports]
+        found = [part for part in found if part not in same]
+        found.append((law, ports.union(*(part[1] for part in same))))
+    return len(found)
 
 
 def proven(gain: Gain, settings: Settings) -> bool:

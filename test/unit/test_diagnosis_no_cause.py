@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
-from worlds.adapters import believed_vehicle, uniform_run
+from worlds.adapters import product_inputs
 from worlds.scenario import Scenario, make_scenario
-from worlds.vehicle_text import Belief
 
 from ride_estimation.diagnosis.baseline import Adjustable
 from ride_estimation.diagnosis.calibration import calibrate
@@ -78,10 +77,9 @@ def healthy(seed: int) -> Scenario:
 def test_a_cab_that_moves_far_on_soft_mounts_is_calibrated_down_to_its_noise():
     # stiffness, tilt of brackets and sensors are bilinear: with the little weight of a model that misses much nothing moves,
     # and 1.4 times the noise would be left, on a third road 3.2 % against a floor of 1.7 %
-    run = healthy(700006).fit
-    vehicle = believed_vehicle(run, Belief())
+    vehicle, run, _ = product_inputs(healthy(700006))
     plant = build_plant(vehicle, {name: np.shape(values)[1] for name, values in run.data.items()})
-    data = RunData(plant, measurement(plant, uniform_run(run)), Settings())
+    data = RunData(plant, measurement(plant, run), Settings())
     found = calibrate(data, make_splits(data.blocks.count).train)
     misfit = found.regression.misfit(found.regression.grams, found.blocks, found.fit.coefficients)
     assert misfit < 1.1 * float(found.view.block_dof[found.blocks].sum())
@@ -91,10 +89,7 @@ def test_a_cab_that_moves_far_on_soft_mounts_is_calibrated_down_to_its_noise():
 @pytest.mark.slow
 def test_a_law_that_leaves_most_of_very_little_is_not_named():
     # 23 N of friction would take a fifth of what a model misses that explains the run to 2 % of the noise power
-    case = healthy(700000)
-    answer = diagnose(
-        believed_vehicle(case.fit, case.belief), uniform_run(case.fit), [uniform_run(run) for run in case.validation]
-    )
+    answer = diagnose(*product_inputs(healthy(700000)))
     assert answer.verdict == NO_DISCREPANCY and not answer.causes
 
 
@@ -112,8 +107,5 @@ def test_what_shows_in_mean_readings_or_strained_tolerances_is_not_judged_by_the
 
 @pytest.mark.slow
 def test_an_offset_that_leaves_the_residual_as_it_is_is_named_all_the_same():
-    case = make_scenario(("sensor_bias",), 4100, residual=0.15, noise=0.02, duration=40.0)
-    answer = diagnose(
-        believed_vehicle(case.fit, case.belief), uniform_run(case.fit), [uniform_run(run) for run in case.validation]
-    )
+    answer = diagnose(*product_inputs(make_scenario(("sensor_bias",), 4100, residual=0.15, noise=0.02, duration=40.0)))
     assert [(c.id, c.location, c.axis) for c in answer.causes] == [("sensor_bias", "cab_rear_right", "y")]
