@@ -151,10 +151,10 @@ class Selection:
     spent: bool = False
 
 
-def _evidence(candidate: Candidate, settings: Settings) -> float:
-    """Return the gain in penalised log-likelihood that a candidate must bring [nat]."""
-    fit, own = candidate.fit, candidate.fit.part(candidate.contested % len(candidate.fit.fitted))
-    moves = np.any(fit.rows[:, :, own]) if fit.rows.size else not candidate.hypothesis.shows_in_means
+def required_evidence(fit: FullFit, place: int, settings: Settings) -> float:
+    """Return the gain in penalised log-likelihood that the hypothesis at a place of a fit must bring [nat]."""
+    own = fit.part(place % len(fit.fitted))
+    moves = np.any(fit.rows[:, :, own]) if fit.rows.size else not fit.fitted[place].hypothesis.shows_in_means
     return settings.significance if moves else min(_IN_MEANS, settings.significance)
 
 
@@ -567,7 +567,7 @@ class Selector:
         much where the evidence is that no installation is as far off as the tolerances of that model would have it.
         """
         best = current.candidates[0]
-        significance = _evidence(best, self._settings)
+        significance = required_evidence(best.fit, best.contested, self._settings)
         if current.own * (best.log_likelihood - current.reference) < significance:
             return False
         before = self.base_misfit if accepted is None else accepted.misfit
@@ -602,16 +602,17 @@ class Selector:
         """Return the fit without hypotheses that the others make unnecessary (backward check)."""
         while len(fit.fitted) > 1:
             temper = temper_of(fit.misfit / self._dof, fit.inefficiency)
-            enough = fit.log_likelihood(temper) - self._settings.significance
             # a fit along the trajectory of the full model is a lower bound of what the others reach on their own
             needed = 2.0 * temper * (_CLEARLY * self._settings.significance) + fit.misfit
             drops = [i for i in range(len(fit.fitted)) if fit.misfit_without(i, self._blocks) <= needed]
             rests = [[f for i, f in enumerate(fit.fitted) if i != drop] for drop in drops]
             trials = self._fitted(rests, 2, fit)
-            best = max(trials, key=lambda t: t.log_likelihood(temper), default=None)
-            if best is None or enough > best.log_likelihood(temper):
+            idle = [
+                t.log_likelihood(temper) + required_evidence(fit, drop, self._settings) for drop, t in zip(drops, trials)
+            ]
+            if not idle or max(idle) < fit.log_likelihood(temper):
                 return fit
-            fit = best
+            fit = trials[int(np.argmax(idle))]
         return fit
 
     def _narrowed(self, fit: FullFit) -> FullFit:

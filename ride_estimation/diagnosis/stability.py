@@ -26,7 +26,7 @@ from ride_estimation.diagnosis.prediction import predict
 from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
 from ride_estimation.diagnosis.run_data import RunData
 from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.selection import Round, Selection, Selector
+from ride_estimation.diagnosis.selection import Round, Selection, Selector, required_evidence
 from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
 from ride_estimation.diagnosis.wording import title
 from ride_estimation.diagnosis.work import Work
@@ -146,7 +146,7 @@ class _Copy:
     def __init__(self, work: Work, calibrated: Calibrated, splits: Splits, selector: Selector, lacks: float) -> None:
         self._work, self._calibrated, self._splits, self._lacks = work, calibrated, splits, lacks
         self._selection, self._view, self._fitter = work.selection, calibrated.view, selector.fitter
-        self._selector, self._significance = selector, work.settings.significance
+        self._selector = selector
         self._whole = len(calibrated.view.plant.outputs) == len(work.plant.outputs)
         self._built: dict[str, Sequence[Hypothesis]] = {}
         self._named: FullFit | None = None
@@ -155,7 +155,7 @@ class _Copy:
         """Return what the copy says instead of one of the causes of the run, empty where it says the same."""
         named = accepted.fitted[place]
         first = contest.candidates[0]
-        near = max(self._lacks * (first.log_likelihood - contest.reference), self._significance)
+        near = max(self._lacks * (first.log_likelihood - contest.reference), self._work.settings.significance)
         rivals = [
             c for c in contest.candidates if not overlap(c.hypothesis, named.hypothesis) and c.behind(first) < near
         ][:_RIVALS]
@@ -175,7 +175,8 @@ class _Copy:
         best = max(found.candidates, key=lambda c: c.log_likelihood - elsewhere[id(c.fit)])
         if best.fit is not fits[0]:
             return f"{_name(best.hypothesis)} instead of {_name(named.hypothesis)}"
-        enough = best.log_likelihood - found.reference >= self._significance if others else self._selector.names(found)
+        needed = required_evidence(best.fit, best.contested, self._work.settings)
+        enough = best.log_likelihood - found.reference >= needed if others else self._selector.names(found)
         return "" if enough else f"too little evidence for {_name(named.hypothesis)}"
 
     def named(self) -> str:

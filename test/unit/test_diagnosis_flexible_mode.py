@@ -96,3 +96,14 @@ def test_free_of_its_mounts_a_mode_is_slower_by_what_they_give_it(view, answered
     free = stated["natural frequency free of the mounts"]
     assert free.value == pytest.approx(MOUNTED_HZ * np.sqrt(1.0 - 0.5 * (answered + damped)), rel=0.02)
     assert (free.std > 0.8) == (answered != damped)
+
+
+def test_a_pattern_that_the_rigid_body_shows_alone_is_no_elastic_mode(view):
+    (hypothesis, *_) = library()["flexible_mode"].hypotheses(view)
+    rows = rows_of(view)
+    rigid = view.plant.out_acceleration[rows] @ np.array([0.3, -0.2, 1.0, 0.4, 0.1, 0.2])
+    twist = np.array([(-1.0) ** i for i in range(len(rows))])
+    shape = {"frequency": MOUNTED_HZ, "damping": 0.05}
+    size = np.linalg.norm(rigid) / np.linalg.norm(twist)
+    for share, elastic in ((0.0, False), (0.02, False), (0.5, True)):
+        assert hypothesis.plausible(np.array([*(rigid + share * size * twist), 0.0]), shape) is elastic

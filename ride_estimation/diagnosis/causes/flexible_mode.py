@@ -28,6 +28,9 @@ _OF_STRUCTURES = 0.02  # damping ratio of welded structures
 #: damping ratio beyond which the mounts must hold a mode, and the least share of that with which they answer it: 0.7 to 1.5 of
 #: it on nine drawn and foreign cabs, a tenth where a sprung mass was taken for one
 _UNAIDED, _ANSWERED = 0.15, 0.3
+#: least share of the squared pattern in the accelerometers that no rigid motion shows: 0.3 to 0.9 of five drawn modes, 6e-5 where
+#: an inertance in a mount was taken for one; an alignment error of one degree turns 3e-4 of a rigid pattern into that
+_ELASTIC = 0.01
 _MOST = 0.8  # of the squared frequency that mounts can give a mode: beyond, it is a motion on them
 #: of a peak, where its residual is looked at: half of the width of a mode that its mounts damp, and of a light one beside another
 _AROUND = (0.6, 0.15)
@@ -54,6 +57,7 @@ class FlexibleMode(Cause):
             rows, rates = (_channels(view, body, kind) for kind in ("acceleration", "rate"))
             if len(rows) <= len(view.plant.coordinate_rows(body)):
                 continue
+            rigid = view.plant.out_acceleration[rows]
             for peak, around in itertools.product(compliant_peaks(view, rows), _AROUND):
                 frequency, damping, drive = _resonance(view, rows, peak, around)
 
@@ -73,7 +77,9 @@ class FlexibleMode(Cause):
                 grid = tuple({"frequency": frequency * s, "damping": z} for s in (0.95, 1.0, 1.05) for z in (light, damping))
                 given = float(view.state.stiffness @ drive**2), float(view.state.damping @ drive**2)
 
-                def held(coefficients: Array, shape: Shapes, given: tuple[float, float] = given) -> bool:
+                def held(coefficients: Array, shape: Shapes, given: tuple[float, float] = given, a: Array = rigid) -> bool:
+                    if _elastic_share(coefficients[: len(a)], a) < _ELASTIC:
+                        return False
                     answered, damped = _mount_shares(given, shape, float(coefficients[-1]))
                     return float(shape["damping"]) <= _UNAIDED or answered >= _ANSWERED * damped
 
@@ -189,6 +195,12 @@ def _given_by_mounts(view: RunView, fitted: Fitted) -> tuple[float, float]:
         drive = float(np.real(np.vdot(of_unit, force))) / max(float(np.sum(np.abs(of_unit) ** 2)), 1e-300)
         total += np.array([stiffness, damping]) * drive**2
     return float(total[0]), float(total[1])
+
+
+def _elastic_share(pattern: Array, rigid: Array) -> float:
+    """Return the share of a squared pattern, shape (R,), that no combination of rigid motions, shape (R, C), shows."""
+    rest = pattern - rigid @ np.linalg.lstsq(rigid, pattern, rcond=None)[0]
+    return float(rest @ rest) / max(float(pattern @ pattern), 1e-300)
 
 
 def _mount_shares(given: tuple[float, float], shape: Shapes, reaction: float) -> tuple[float, float]:
